@@ -1,0 +1,90 @@
+"""curvescan: 2D laser scan matching, laser odometry and the tools around them.
+
+Names are loaded on first use (PEP 562): ``import curvescan`` reads no file and imports neither NumPy,
+Numba nor Matplotlib.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from curvescan import se2
+    from curvescan.errors import (
+        CurvescanError,
+        InvalidArgumentError,
+        LogFileError,
+        LogFormatError,
+        MissingPackageError,
+        OutputError,
+    )
+    from curvescan.io import read_log
+    from curvescan.matching import PreparedScan, match, prepare
+    from curvescan.matching.result import MatchResult, Outcome
+    from curvescan.odometry import Odometry, OdometryStep, StepOutcome
+    from curvescan.scan import LaserScan
+    from curvescan.simulation import simulate
+    from curvescan.types import Trajectory
+
+_HOMES = {
+    "CurvescanError": "curvescan.errors",
+    "InvalidArgumentError": "curvescan.errors",
+    "LaserScan": "curvescan.scan",
+    "LogFileError": "curvescan.errors",
+    "LogFormatError": "curvescan.errors",
+    "MatchResult": "curvescan.matching.result",
+    "MissingPackageError": "curvescan.errors",
+    "Odometry": "curvescan.odometry",
+    "OdometryStep": "curvescan.odometry",
+    "Outcome": "curvescan.matching.result",
+    "OutputError": "curvescan.errors",
+    "PreparedScan": "curvescan.matching",
+    "StepOutcome": "curvescan.odometry",
+    "Trajectory": "curvescan.types",
+    "match": "curvescan.matching",
+    "prepare": "curvescan.matching",
+    "read_log": "curvescan.io",
+    "se2": "curvescan",
+    "simulate": "curvescan.simulation",
+}
+
+__all__ = [
+    "CurvescanError",
+    "InvalidArgumentError",
+    "LaserScan",
+    "LogFileError",
+    "LogFormatError",
+    "MatchResult",
+    "MissingPackageError",
+    "Odometry",
+    "OdometryStep",
+    "Outcome",
+    "OutputError",
+    "PreparedScan",
+    "StepOutcome",
+    "Trajectory",
+    "__version__",
+    "match",
+    "prepare",
+    "read_log",
+    "se2",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> object:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'curvescan' has no attribute {name!r}")
+    if home == "curvescan":
+        return importlib.import_module(f"curvescan.{name}")
+    value = getattr(importlib.import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,32 @@
+"""The errors curvescan raises: one root, and each also the builtin it refines.
+
+A message names the rule that was broken, the value that broke it and, where there is one, the remedy.
+A *reading* that is NaN, infinite, zero or out of range is data and never an error; a *match* that finds
+no pose is a result (:class:`curvescan.Outcome`) and never an error.
+"""
+
+from __future__ import annotations
+
+
+class CurvescanError(Exception):
+    """Root of all errors raised on purpose by curvescan."""
+
+
+class InvalidArgumentError(CurvescanError, ValueError):
+    """An argument or a configuration value breaks a stated rule."""
+
+
+class LogFileError(CurvescanError, OSError):
+    """A log cannot be opened: missing, a directory, not readable."""
+
+
+class LogFormatError(CurvescanError, ValueError):
+    """A log can be opened but holds no scans of a format that curvescan reads."""
+
+
+class OutputError(CurvescanError, OSError):
+    """Results cannot be written where they were asked for."""
+
+
+class MissingPackageError(CurvescanError, ImportError):
+    """An optional package is needed for what was asked; the message gives the pip command."""

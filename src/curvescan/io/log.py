@@ -1,0 +1,62 @@
+"""What every source of scans offers, whether a file or a simulated world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from curvescan.scan import LaserScan
+from curvescan.types import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One kind of fault met while reading a log: counted, reported, not fatal.
+
+    Attributes
+    ----------
+    rule : str
+        What was broken, as a phrase: ``"FLASER line cut short"``.
+    count : int
+        How often.
+    first : str
+        Where it was met first: ``"line 17"``.
+    """
+
+    rule: str
+    count: int
+    first: str
+
+
+@runtime_checkable
+class Log(Protocol):
+    """A finite sequence of scans in the order they were recorded, which can be read again and again."""
+
+    @property
+    def name(self) -> str:
+        """Name for titles and messages: the file's name or the world's."""
+        ...
+
+    @property
+    def format(self) -> str:
+        """Format in words: ``"CARMEN log"``."""
+        ...
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry: pose of the *sensor* at each scan in the odometry's own frame; None without."""
+        ...
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults of the whole log, most frequent first; empty for a sound one."""
+        ...
+
+    def __len__(self) -> int:
+        """Return the number of scans."""
+        ...
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        """Yield the scans in file order, one in memory at a time."""
+        ...

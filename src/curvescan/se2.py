@@ -1,0 +1,189 @@
+"""Poses in the plane: the group SE(2).
+
+A pose is ``[x, y, theta]``; ``pose_a_b`` is the pose of frame b in frame a, so that a point moves by
+``p_a = R(theta) p_b + t`` and ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``: inner letters cancel.
+All functions broadcast over leading dimensions and return new float64 arrays.
+
+First-order propagation of covariances follows Smith, Self and Cheeseman, "Estimating uncertain spatial
+relationships in robotics", 1990.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.types import Cov, Floats, Points, Pose
+
+
+def wrap(angle: ArrayLike) -> Floats:
+    """Return angles brought into (-pi, pi].
+
+    Parameters
+    ----------
+    angle : (...) array_like
+        Radians. NaN and infinities come back as NaN.
+
+    Returns
+    -------
+    (...) float64
+        Radians in (-pi, pi].
+    """
+    angle = np.asarray(angle, dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        remainder = np.remainder(angle + np.pi, 2.0 * np.pi)
+    # the seam (remainder 0) belongs to +pi; what lies inside already keeps all its digits
+    wrapped = np.where(remainder == 0.0, np.pi, remainder - np.pi)
+    return cast(Floats, np.where((angle > -np.pi) & (angle <= np.pi), angle, wrapped))
+
+
+def identity() -> Pose:
+    """Return the pose of a frame in itself: zeros of shape (3,)."""
+    return np.zeros(3)
+
+
+def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> Pose:
+    """Return pose_a_c, the pose of frame c in frame a (eq. 1 for a pair of relative poses).
+
+    Parameters
+    ----------
+    pose_a_b, pose_b_c : (..., 3) array_like
+        [x, y, theta]; metres, metres, radians. NaN propagates.
+
+    Returns
+    -------
+    (..., 3) float64
+        [x, y, theta], theta in (-pi, pi].
+    """
+    first, second = _as_pose(pose_a_b, "pose_a_b"), _as_pose(pose_b_c, "pose_b_c")
+    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
+    x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
+    y = first[..., 1] + sin * second[..., 0] + cos * second[..., 1]
+    return np.stack([x, y, wrap(first[..., 2] + second[..., 2])], axis=-1)
+
+
+def inverse(pose_a_b: ArrayLike) -> Pose:
+    """Return pose_b_a, the pose of frame a in frame b.
+
+    Parameters
+    ----------
+    pose_a_b : (..., 3) array_like
+        [x, y, theta]; metres, metres, radians. NaN propagates.
+
+    Returns
+    -------
+    (..., 3) float64
+        [x, y, theta], theta in (-pi, pi].
+    """
+    pose = _as_pose(pose_a_b, "pose_a_b")
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x = -cos * pose[..., 0] - sin * pose[..., 1]
+    y = sin * pose[..., 0] - cos * pose[..., 1]
+    return np.stack([x, y, wrap(-pose[..., 2])], axis=-1)
+
+
+def between(pose_w_a: ArrayLike, pose_w_b: ArrayLike) -> Pose:
+    """Return pose_a_b from the poses of a and b in a common frame w.
+
+    Parameters
+    ----------
+    pose_w_a, pose_w_b : (..., 3) array_like
+        [x, y, theta]; metres, metres, radians. NaN propagates.
+
+    Returns
+    -------
+    (..., 3) float64
+        [x, y, theta], theta in (-pi, pi].
+    """
+    return compose(inverse(pose_w_a), pose_w_b)
+
+
+def transform(pose_a_b: ArrayLike, points_b: ArrayLike) -> Points:
+    """Return points of frame b expressed in frame a: R(theta) p + t.
+
+    Parameters
+    ----------
+    pose_a_b : (3,) array_like
+        Pose of frame b in frame a.
+    points_b : (..., 2) array_like
+        Metres, frame b. NaN rows stay NaN.
+
+    Returns
+    -------
+    (..., 2) float64
+        Metres, frame a.
+    """
+    pose = _as_pose(pose_a_b, "pose_a_b")
+    points = np.asarray(points_b, dtype=np.float64)
+    if points.ndim == 0 or points.shape[-1] != 2:
+        raise InvalidArgumentError(f"points must have shape (..., 2), got {points.shape}")
+    return cast(Points, points @ rotation(pose[2]).T + pose[:2])
+
+
+def rotation(theta: float) -> Floats:
+    """Return the (2, 2) rotation matrix of an angle in radians."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+def compose_covariance(pose_a_b: ArrayLike, cov_a_b: Cov, pose_b_c: ArrayLike, cov_b_c: Cov) -> Cov:
+    """Return the covariance of compose(pose_a_b, pose_b_c), the two being independent.
+
+    Parameters
+    ----------
+    pose_a_b, pose_b_c : (3,) array_like
+        [x, y, theta]; metres, metres, radians.
+    cov_a_b, cov_b_c : (3, 3) float64
+        Their covariances.
+
+    Returns
+    -------
+    (3, 3) float64
+        Symmetric; to first order.
+    """
+    first, second = _as_pose(pose_a_b, "pose_a_b"), _as_pose(pose_b_c, "pose_b_c")
+    cos, sin = np.cos(first[2]), np.sin(first[2])
+    jacobian_first = np.eye(3)
+    jacobian_first[0, 2] = -sin * second[0] - cos * second[1]
+    jacobian_first[1, 2] = cos * second[0] - sin * second[1]
+    jacobian_second = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    cov = (
+        jacobian_first @ cov_a_b @ jacobian_first.T + jacobian_second @ cov_b_c @ jacobian_second.T
+    )
+    return cast(Cov, 0.5 * (cov + cov.T))
+
+
+def inverse_covariance(pose_a_b: ArrayLike, cov_a_b: Cov) -> Cov:
+    """Return the covariance of inverse(pose_a_b), to first order.
+
+    Parameters
+    ----------
+    pose_a_b : (3,) array_like
+        [x, y, theta]; metres, metres, radians.
+    cov_a_b : (3, 3) float64
+        Its covariance.
+
+    Returns
+    -------
+    (3, 3) float64
+        Symmetric.
+    """
+    x, y, theta = _as_pose(pose_a_b, "pose_a_b")
+    cos, sin = np.cos(theta), np.sin(theta)
+    jacobian = np.array(
+        [[-cos, -sin, sin * x - cos * y], [sin, -cos, cos * x + sin * y], [0.0, 0.0, -1.0]]
+    )
+    cov = jacobian @ cov_a_b @ jacobian.T
+    return cast(Cov, 0.5 * (cov + cov.T))
+
+
+def _as_pose(value: ArrayLike, name: str) -> Pose:
+    pose = np.asarray(value, dtype=np.float64)
+    if pose.ndim == 0 or pose.shape[-1] != 3:
+        raise InvalidArgumentError(
+            f"{name} must have shape (..., 3) [x, y, theta], got shape {pose.shape}"
+        )
+    return pose

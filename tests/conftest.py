@@ -1,0 +1,45 @@
+"""Set-up shared by all tests: kernel cache keyed on the sources, real data, markers."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def _source_digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+# Numba's disk cache does not see an edit in another file (numba#1833): a new source tree, a new cache.
+# An environment that names a cache itself (the Makefile does, by the same rule) is left alone.
+os.environ.setdefault(
+    "NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"curvescan-kernels-{_source_digest()}")
+)
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "1":
+        return
+    skip = pytest.mark.skip(reason="runs compiled only")
+    for item in items:
+        if "slow" in item.keywords:
+            item.add_marker(skip)
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of the real logs: CURVESCAN_DATA, or shared/data beside the checkout."""
+    folder = Path(os.environ.get("CURVESCAN_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real logs at {folder}: set CURVESCAN_DATA to their folder")
+    return folder
