@@ -116,11 +116,11 @@ class LaserScan:
     def is_full_circle(self) -> bool:
         """Whether the last beam neighbours the first, so that the sweep joins at the seam.
 
-        True when the beams leave a gap of at most one and a half increments: 359, 360 and 361 beams of one
+        True when the beams leave a gap of at most two and a half increments: 359, 360 and 361 beams of one
         degree all close the circle.
         """
         step = abs(self.angle_increment)
-        return step * (len(self) + 0.5) >= 2.0 * math.pi
+        return step * (len(self) + 1.5) >= 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,7 +194,7 @@ _HUGE = float(np.finfo(np.float64).max)
 @lru_cache(maxsize=32)
 def _beams(n: int, angle_min: float, angle_increment: float) -> tuple[Floats, Points]:
     # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
-    angles = angle_min + angle_increment * np.arange(n)
+    angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     angles.setflags(write=False)
     directions.setflags(write=False)

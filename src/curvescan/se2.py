@@ -120,7 +120,7 @@ def transform(pose_a_b: ArrayLike, points_b: ArrayLike) -> Points:
     points = np.asarray(points_b, dtype=np.float64)
     if points.ndim == 0 or points.shape[-1] != 2:
         raise InvalidArgumentError(f"points must have shape (..., 2), got {points.shape}")
-    return cast(Points, points @ rotation(pose[2]).T + pose[:2])
+    return points @ rotation(pose[2]).T + pose[:2]
 
 
 def rotation(theta: float) -> Floats:

@@ -1,0 +1,80 @@
+"""What a match returns, whatever the matcher."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+import numpy as np
+
+from curvescan.types import Codes, Cov, Pose
+
+
+class Outcome(Enum):
+    """How a match ended; the value is a sentence for people."""
+
+    MATCHED = "The scans match."
+    NO_SEGMENTS = "A scan has no segment: too few valid readings, or only isolated groups of them."
+    NO_COMMON_FUNCTION = "No curvature functions of the two scans correlate enough."
+    NO_LANDMARKS = (
+        "What the scans have in common shows no corner in both: it is straight or smooth."
+    )
+    DISSIMILAR_LANDMARKS = "No corners of the scans' common segments look alike."
+    AMBIGUOUS_LANDMARKS = "Corners look alike, but more than one pairing of them is as good."
+    DEGENERATE = "The matched points lie in one place and fix no rotation."
+
+
+class Label(IntEnum):
+    """What a reading did in a match."""
+
+    NO_READING = 0
+    """The beam has no valid reading."""
+    UNMATCHED = 1
+    """The reading took no part in the pose."""
+    MATCHED = 2
+    """The reading is paired with a reading of the other scan, and the pose stands on it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MatchResult:
+    """Pose of the current scan seen from the reference, its covariance, and what each reading did.
+
+    Attributes
+    ----------
+    method : str
+        Name of the matcher.
+    outcome : Outcome
+        How it ended.
+    pose : (3,) float64
+        [x, y, theta] of `current` in the frame of `reference`: metres, metres, radians in (-pi, pi];
+        NaN unless `ok`.
+    covariance : (3, 3) float64
+        Covariance of the pose in the order x, y, theta: m^2, m rad, rad^2. Symmetric and positive definite
+        when `ok`, NaN otherwise.
+    n_matched : int
+        Pairs of readings that the pose stands on (N_t of the paper); 0 unless `ok`.
+    trace : object
+        What the matcher did on the way: a record of its own, ``CfSmaTrace`` for "cfsma".
+    labels_reference, labels_current : (n_beams,) uint8
+        A Label for each beam of the two scans, in the order of their own ranges.
+    """
+
+    method: str
+    outcome: Outcome
+    pose: Pose
+    covariance: Cov
+    n_matched: int
+    trace: object
+    labels_reference: Codes
+    labels_current: Codes
+
+    @property
+    def ok(self) -> bool:
+        """Whether the match found a pose."""
+        return self.outcome is Outcome.MATCHED
+
+
+NO_POSE: Pose = np.full(3, np.nan)
+NO_COVARIANCE: Cov = np.full((3, 3), np.nan)
+NO_POSE.setflags(write=False)
+NO_COVARIANCE.setflags(write=False)

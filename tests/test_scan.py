@@ -1,0 +1,99 @@
+"""LaserScan: the scan model, and that a sensor's way of turning does not matter."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from curvescan import InvalidArgumentError, LaserScan
+from curvescan.scan import valid_readings
+
+
+def make(ranges, **kwargs):
+    options = {"angle_min": -0.5, "angle_increment": 0.1, "range_min": 0.1, "range_max": 8.0}
+    return LaserScan(ranges, **(options | kwargs))
+
+
+def test_a_reading_is_valid_inside_the_closed_range_only():
+    ranges = [math.nan, math.inf, -math.inf, 0.0, -1.0, 0.0999, 0.1, 4.0, 8.0, 8.0001, 9.0, 81.91]
+    assert make(ranges).valid.tolist() == [False] * 6 + [True] * 3 + [False] * 3
+
+
+def test_without_limits_zero_and_infinity_are_still_no_readings():
+    scan = make([0.0, -0.0, 1e-9, 1e9, math.inf], range_min=0.0, range_max=math.inf)
+    assert scan.valid.tolist() == [False, False, True, True, False]
+
+
+def test_points_lie_on_their_beams():
+    scan = make([1.0, 2.0, math.nan], angle_min=0.0, angle_increment=math.pi / 2)
+    np.testing.assert_allclose(scan.points, [[1, 0], [0, 2], [math.nan] * 2], atol=1e-15)
+    np.testing.assert_allclose(scan.angles, [0, math.pi / 2, math.pi])
+
+
+@given(
+    st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), max_size=40),
+    st.floats(-4, 4),
+    st.floats(1e-3, 0.2),
+)
+def test_a_clockwise_scan_gives_the_readings_of_its_mirror_image(ranges, angle_min, increment):
+    clockwise = make(ranges, angle_min=angle_min, angle_increment=-increment)
+    mirrored = make(
+        ranges[::-1],
+        angle_min=angle_min - increment * max(len(ranges) - 1, 0),
+        angle_increment=increment,
+    )
+    a, b = valid_readings(clockwise), valid_readings(mirrored)
+    np.testing.assert_array_equal(a.ranges, b.ranges)
+    np.testing.assert_array_equal(a.beam_idx, len(ranges) - 1 - b.beam_idx)
+    np.testing.assert_allclose(a.angles, b.angles, atol=1e-12)
+    np.testing.assert_allclose(a.points, b.points, atol=1e-10)
+    assert (np.diff(a.angles) > 0).all()
+
+
+@pytest.mark.parametrize(("n", "closed"), [(358, False), (359, True), (360, True), (361, True)])
+def test_a_full_circle_is_known_by_its_beams(n, closed):
+    increment = math.radians(1.0)
+    for sign in (1, -1):
+        scan = make(np.ones(n), angle_increment=sign * increment)
+        assert scan.is_full_circle is closed
+
+
+def test_ranges_are_copied_and_read_only():
+    source = np.ones(4)
+    scan = make(source)
+    source[0] = 5.0
+    assert scan.ranges[0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        scan.ranges[0] = 2.0
+
+
+def test_nothing_valid_is_no_error():
+    for ranges in ([], [math.nan], [81.91] * 5):
+        scan = make(ranges)
+        assert len(valid_readings(scan)) == 0
+        assert "0 valid" in repr(scan)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"ranges": np.ones((4, 3))}, r"ranges must be 1-D, got shape \(4, 3\)"),
+        ({"ranges": ["far"]}, "ranges must be numbers"),
+        ({"angle_min": math.nan}, "angle_min must be finite, got nan"),
+        ({"angle_increment": 0.0}, "angle_increment must not be 0"),
+        ({"angle_increment": "wide"}, "angle_increment must be a number, got 'wide'"),
+        ({"range_min": -1.0}, "range_min=-1.0"),
+        ({"range_min": 9.0}, r"0 <= range_min < range_max, got range_min=9.0, range_max=8.0"),
+        ({"range_max": math.nan}, "range_max=nan"),
+        ({"stamp": math.inf}, "stamp must be finite"),
+        ({"intensities": [1.0]}, r"one value a beam \(2\), got 1"),
+    ],
+)
+def test_broken_rules_are_named_with_the_value(change, message):
+    options = {"ranges": [1.0, 2.0]} | change
+    with pytest.raises(InvalidArgumentError, match=message):
+        make(options.pop("ranges"), **options)
