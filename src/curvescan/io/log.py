@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -51,6 +51,16 @@ class Log(Protocol):
     @property
     def faults(self) -> tuple[Fault, ...]:
         """Faults of the whole log, most frequent first; empty for a sound one."""
+        ...
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """How many messages of each kind the source holds, read or not; empty where all are scans."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks of the reader, a sentence each: what it left out or assumed; empty where nothing."""
         ...
 
     def __len__(self) -> int:

@@ -1,0 +1,69 @@
+"""Files to scans, trajectories to files.
+
+``read_log`` opens a log of any format of the table in ``formats.py``; the format is told by the content of the
+file, never by its name.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.folder import output_folder
+from curvescan.io.formats import HEAD_BYTES, find_format
+from curvescan.io.inspect import inspect_log
+from curvescan.io.lines import read_head
+from curvescan.io.log import Fault, Log
+from curvescan.io.report import Finding, LogReport
+from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
+
+__all__ = [
+    "Fault",
+    "Finding",
+    "Log",
+    "LogReport",
+    "inspect_log",
+    "output_folder",
+    "read_csv",
+    "read_log",
+    "read_tum",
+    "write_csv",
+    "write_tum",
+]
+
+
+def read_log(path: str | os.PathLike[str], *, range_max: float | None = None) -> Log:
+    """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
+
+    The file is read through once, to count its scans and its faults; scans are read again from the file by each
+    iteration, one in memory at a time.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A CARMEN log, plain or gzip-compressed.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the log says of its sensor; inf for no limit.
+
+    Returns
+    -------
+    Log
+        With at least one scan. What is broken in the file is in its ``faults``.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened: missing, a folder, not readable.
+    LogFormatError
+        When it is of another format or holds no scan that can be read.
+    InvalidArgumentError
+        When `range_max` is not a positive number.
+    """
+    if range_max is not None and not range_max > 0.0:  # also refuses NaN
+        raise InvalidArgumentError(
+            f"range_max must be a positive number of metres, got {range_max}"
+        )
+    file = Path(path)
+    row = find_format(read_head(file, HEAD_BYTES), file)
+    return row.load()(file, range_max=range_max)

@@ -1,0 +1,240 @@
+"""The lines of a CARMEN log that carry a sweep, a position or a parameter.
+
+The fields, blank-separated (CARMEN's ``logger`` and ``logger_playback`` manual):
+
+- ``FLASER n [n ranges] x y theta odom_x odom_y odom_theta stamp host logger_stamp``
+- ``ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
+  laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side turn_axis stamp host logger_stamp``
+- ``RAWLASER1 type start_angle fov resolution max_range accuracy remission_mode n [n ranges] m [m remissions]
+  stamp host logger_stamp``
+- ``ODOM x y theta tv rv accel stamp host logger_stamp``
+- ``PARAM name value ...``
+
+A declared count is only ever compared with the number of fields that are there; nothing is allocated from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from curvescan.errors import LogFormatError
+from curvescan.types import Floats
+
+PoseRow: TypeAlias = tuple[float, float, float]
+"""[x, y, theta]: metres, metres, radians."""
+
+MAX_RANGE_PARAM = b"robot_front_laser_max"
+"""CARMEN's parameter for the largest range of the front laser, metres."""
+
+_N_TAIL = 3  # stamp host logger_stamp
+
+
+class BrokenLineError(LogFormatError):
+    """A line breaks the rule that the message names; the message holds no value of the line."""
+
+
+class Sweep(NamedTuple):
+    """One sweep as its line gives it.
+
+    Attributes
+    ----------
+    stamp : float
+        Seconds, finite.
+    ranges : (n,) float64
+        Metres, n >= 1; any value, NaN and infinities included.
+    angle_min, angle_increment : float
+        Radians; the increment is positive.
+    range_max : float
+        Metres, positive; NaN where the line gives none.
+    intensities : (n,) float64 or None
+        Remissions.
+    pose : tuple of 3 float, or None
+        Pose of the laser in the odometry's frame, finite; None where the line gives none.
+    """
+
+    stamp: float
+    ranges: Floats
+    angle_min: float
+    angle_increment: float
+    range_max: float
+    intensities: Floats | None
+    pose: PoseRow | None
+
+
+def tag_of(line: bytes) -> bytes:
+    """Return the message name of a line: ``b"#"`` for a comment, empty for a blank line."""
+    words = line.lstrip()[:32].split(None, 1)
+    if not words:
+        return b""
+    return b"#" if words[0].startswith(b"#") else words[0]
+
+
+def flaser_angle_increment(n: int) -> float:
+    """Return the angle between the beams of a FLASER line, radians, which the line itself does not give.
+
+    A front laser sees 180 deg from -90 deg on. A SICK LMS with an odd number of beams has one at either end; with
+    an even number the last is left out, so that 180 beams are exactly 1.0 deg apart and end at +89 deg.
+
+    Parameters
+    ----------
+    n : int
+        Number of beams, at least 1.
+
+    Returns
+    -------
+    float
+        Radians: pi / (n - 1) for odd n, pi / n for even n, pi for a single beam.
+    """
+    return math.pi / (n if n % 2 == 0 else max(n - 1, 1))
+
+
+def parse_flaser(line: bytes) -> Sweep:
+    """Return the sweep of a FLASER line with the pose of the laser.
+
+    Raises
+    ------
+    BrokenLineError
+        When the line breaks the format.
+    """
+    fields = line.split()
+    n = _count(fields, 1, "FLASER")
+    _check_length(fields, n + 8 + _N_TAIL, "FLASER")
+    ranges = _numbers(fields[2 : n + 2], "FLASER")
+    x, y, theta, _, _, _, stamp = _finite_numbers(fields[n + 2 : n + 9], "FLASER")
+    return Sweep(
+        stamp, ranges, -math.pi / 2.0, flaser_angle_increment(n), math.nan, None, (x, y, theta)
+    )
+
+
+def parse_robotlaser1(line: bytes) -> Sweep:
+    """Return the sweep of a ROBOTLASER1 line with the pose of the laser.
+
+    Raises
+    ------
+    BrokenLineError
+        When the line breaks the format.
+    """
+    return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
+
+
+def parse_rawlaser1(line: bytes) -> Sweep:
+    """Return the sweep of a RAWLASER1 line, which gives no pose.
+
+    Raises
+    ------
+    BrokenLineError
+        When the line breaks the format.
+    """
+    return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
+
+
+SWEEP_PARSERS: dict[bytes, Callable[[bytes], Sweep]] = {
+    b"ROBOTLASER1": parse_robotlaser1,
+    b"FLASER": parse_flaser,
+    b"RAWLASER1": parse_rawlaser1,
+}
+"""Parser of each message that carries a sweep of the front laser, the one that tells most first."""
+
+
+def parse_odom(line: bytes) -> PoseRow:
+    """Return the pose of the robot on an ODOM line.
+
+    Raises
+    ------
+    BrokenLineError
+        When the line is cut short or its pose is not finite.
+    """
+    fields = line.split(None, 10)
+    if len(fields) < 7 + _N_TAIL:
+        raise BrokenLineError("ODOM line cut short")
+    x, y, theta = _finite_numbers(fields[1:4], "ODOM")
+    return x, y, theta
+
+
+def parse_max_range(line: bytes) -> float | None:
+    """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters.
+
+    Raises
+    ------
+    BrokenLineError
+        When the value is missing or not a positive number.
+    """
+    fields = line.split(None, 3)
+    if len(fields) < 2 or fields[1] != MAX_RANGE_PARAM:
+        return None
+    try:
+        value = float(fields[2])
+    except (IndexError, ValueError):
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise BrokenLineError(f"PARAM {MAX_RANGE_PARAM.decode()} is not a positive number")
+    return value
+
+
+def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> Sweep:
+    fields = line.split()
+    n = _count(fields, 8, tag)
+    n_remissions = _count(fields, n + 9, tag, least=0)
+    end = n + 10 + n_remissions
+    _check_length(fields, end + n_pose_fields + _N_TAIL, tag)
+    start_angle, fov, resolution, max_range = _numbers(fields[2:6], tag).tolist()
+    tail = _finite_numbers(fields[end : end + n_pose_fields + 1], tag)
+    return Sweep(
+        stamp=tail[-1],
+        ranges=_numbers(fields[9 : n + 9], tag),
+        angle_min=_angle(start_angle, tag),
+        angle_increment=_angle_increment(resolution, fov, n, tag),
+        range_max=max_range if 0.0 < max_range < math.inf else math.nan,
+        intensities=_numbers(fields[n + 10 : end], tag) if n_remissions == n else None,
+        pose=(tail[0], tail[1], tail[2]) if n_pose_fields else None,
+    )
+
+
+def _angle(start_angle: float, tag: str) -> float:
+    if not math.isfinite(start_angle):
+        raise BrokenLineError(f"{tag} start angle not finite")
+    return start_angle
+
+
+def _angle_increment(resolution: float, fov: float, n: int, tag: str) -> float:
+    for step in (resolution, fov / max(n - 1, 1)):
+        if 0.0 < step <= 2.0 * math.pi:
+            return step
+    raise BrokenLineError(f"{tag} line without a usable angle between beams")
+
+
+def _count(fields: list[bytes], position: int, tag: str, *, least: int = 1) -> int:
+    if position >= len(fields):
+        raise BrokenLineError(f"{tag} line cut short")
+    try:
+        count = int(fields[position][:20])
+    except ValueError:
+        raise BrokenLineError(f"{tag} count not a whole number") from None
+    if count < least:
+        raise BrokenLineError(f"{tag} count below {least}")
+    return count
+
+
+def _check_length(fields: list[bytes], expected: int, tag: str) -> None:
+    if len(fields) < expected:
+        raise BrokenLineError(f"{tag} line cut short: fewer fields than its counts say")
+    if len(fields) > expected:
+        raise BrokenLineError(f"{tag} line too long: more fields than its counts say")
+
+
+def _numbers(fields: list[bytes], tag: str) -> Floats:
+    try:
+        return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
+    except ValueError:
+        raise BrokenLineError(f"{tag} line with a field that is not a number") from None
+
+
+def _finite_numbers(fields: list[bytes], tag: str) -> list[float]:
+    numbers: list[float] = _numbers(fields, tag).tolist()
+    if not all(map(math.isfinite, numbers)):
+        raise BrokenLineError(f"{tag} pose or time stamp not finite")
+    return numbers

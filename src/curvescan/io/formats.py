@@ -1,0 +1,136 @@
+"""The table of log formats, and how a file's first bytes tell them apart.
+
+A format is one row: a name, a sniff that looks at the first bytes after unpacking, and the reader as
+``"module:function"``, imported when a file of the format is met. Rows are tried in order.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast
+
+from curvescan.errors import LogFormatError
+from curvescan.io.log import Log
+
+HEAD_BYTES = 1 << 16
+"""How many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log."""
+
+
+class LogReader(Protocol):
+    """Opens a log of one format; the function or class a row of the table names."""
+
+    def __call__(self, path: Path, *, range_max: float | None) -> Log:
+        """Return the log, having made sure that it holds a scan.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        range_max : float or None
+            Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+
+        Raises
+        ------
+        LogFormatError
+            When no scan can be read.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFormat:
+    """One row of the table of formats.
+
+    Attributes
+    ----------
+    name : str
+        In words: ``"CARMEN log"``.
+    sniff : callable
+        Whether the first HEAD_BYTES of a file, unpacked, look like this format. It never raises.
+    reader : str
+        ``"module:function"`` of a LogReader.
+    """
+
+    name: str
+    sniff: Callable[[bytes], bool]
+    reader: str
+
+    def load(self) -> LogReader:
+        """Return the reader, importing its module."""
+        module, _, name = self.reader.partition(":")
+        return cast(LogReader, getattr(importlib.import_module(module), name))
+
+
+_CARMEN_TAGS = re.compile(
+    rb"^[ \t]*(# *CARMEN Logfile|(PARAM|SYNC|ODOM|TRUEPOS|NEFF|[FR]LASER|LASER[3-5]"
+    rb"|RAWLASER[1-5]|ROBOTLASER[1-5])[ \t\r]*([ \t\r\n]|\Z))",
+    re.MULTILINE,
+)
+
+
+def is_carmen(head: bytes) -> bool:
+    """Return whether a line starts with CARMEN's header or one of its message names."""
+    return _CARMEN_TAGS.search(head) is not None
+
+
+FORMATS: tuple[LogFormat, ...] = (
+    LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen:CarmenLog"),
+)
+
+_ROS = "ROS bags are not read yet"
+_UNPACK = "unpack it first"
+_FOREIGN: tuple[tuple[bytes, str, str], ...] = (
+    (b"#ROSBAG V", "a ROS 1 bag", _ROS),
+    (b"SQLite format 3\x00", "an SQLite database, as ROS 2 bags are", _ROS),
+    (b"\x89MCAP0\r\n", "an MCAP file, as ROS 2 bags are", _ROS),
+    (b"BZh", "compressed with bzip2", _UNPACK),
+    (b"\xfd7zXZ\x00", "compressed with xz", _UNPACK),
+    (b"\x28\xb5\x2f\xfd", "compressed with zstd", _UNPACK),
+    (b"\x1f\x8b", "compressed twice with gzip", _UNPACK),
+    (b"PK\x03\x04", "a zip archive", _UNPACK),
+    (b"\x89PNG\r\n\x1a\n", "a PNG picture", "give the log itself"),
+    (b"\xff\xd8\xff", "a JPEG picture", "give the log itself"),
+    (b"%PDF", "a PDF document", "give the log itself"),
+)
+
+
+def find_format(head: bytes, path: Path) -> LogFormat:
+    """Return the row of the table that a file belongs to.
+
+    Parameters
+    ----------
+    head : bytes
+        The file's first HEAD_BYTES after unpacking.
+    path : Path
+        For messages only: the name of a file never decides.
+
+    Returns
+    -------
+    LogFormat
+        The first row whose sniff accepts `head`.
+
+    Raises
+    ------
+    LogFormatError
+        When there is none; the message says what the file is instead, as far as its bytes tell.
+    """
+    if not head.strip():
+        raise LogFormatError(f"{path} is empty: a log must hold at least one scan")
+    for magic, kind, remedy in _FOREIGN:
+        if head.startswith(magic):
+            raise LogFormatError(f"{path} is {kind}, not a log that can be read: {remedy}")
+    for row in FORMATS:
+        if row.sniff(head):
+            return row
+    known = ", ".join(row.name for row in FORMATS)
+    if b"\x00" in head:
+        raise LogFormatError(f"{path} holds binary data of an unknown format; read are: {known}")
+    first = next(line for line in head.splitlines() if line.strip()).strip()
+    shown = first[:40].decode("utf-8", errors="replace")
+    raise LogFormatError(
+        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}"
+    )

@@ -1,0 +1,190 @@
+"""LogReport: the figures of a log and, in sentences, what is wrong with it and what follows from that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from curvescan.io.findings import on_file, on_odometry, on_readings, on_scans, on_time
+from curvescan.io.log import Fault
+
+Topic: TypeAlias = Literal["file", "scans", "time", "readings", "odometry"]
+"""What a finding is about."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that is wrong or odd with a log.
+
+    Attributes
+    ----------
+    topic : Topic
+        What it is about.
+    sentence : str
+        What was found, and what follows from it.
+    """
+
+    topic: Topic
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingCode:
+    """A value that stands for *no reading*.
+
+    Attributes
+    ----------
+    value : float
+        Metres; may be NaN or infinite.
+    share : float
+        Part of all readings, 0 to 1.
+    """
+
+    value: float
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeSummary:
+    """Time steps from scan to scan; seconds and hertz, NaN where there are too few scans to tell.
+
+    Attributes
+    ----------
+    duration : float
+        From the earliest to the latest stamp.
+    mean_rate : float
+        Steps per duration, hertz; NaN when all stamps are equal.
+    n_steps : int
+        One less than scans.
+    step_min, step_max : float
+        Smallest (negative when time goes back) and largest step.
+    step_median : float
+        Median of the steps that go forward.
+    n_equal, n_back : int
+        Steps of zero, and steps back.
+    largest_back : float
+        Size of the largest step back, 0 without.
+    n_leaps : int
+        Steps of more than 1 s and more than ten times the median.
+    largest_leap : float
+        Size of the largest of them, 0 without.
+    """
+
+    duration: float = math.nan
+    mean_rate: float = math.nan
+    n_steps: int = 0
+    step_min: float = math.nan
+    step_median: float = math.nan
+    step_max: float = math.nan
+    n_equal: int = 0
+    n_back: int = 0
+    largest_back: float = 0.0
+    n_leaps: int = 0
+    largest_leap: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometrySummary:
+    """Motion by the wheel odometry of a log.
+
+    Attributes
+    ----------
+    path_length : float
+        Sum of the steps, metres.
+    turned_deg : float
+        Sum of the turns, either way, degrees.
+    n_missing : int
+        Scans without a pose.
+    """
+
+    path_length: float
+    turned_deg: float
+    n_missing: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogReport:
+    """What a log holds.
+
+    Attributes
+    ----------
+    name, format : str
+        As the log gives them.
+    n_scans : int
+        Scans.
+    beam_counts : mapping of int to int
+        Scans by number of beams.
+    fov_deg, first_beam_deg, angle_step_deg : float
+        Field of view, direction of beam 0 and angle from beam to beam (negative for a clockwise sensor) of the
+        most frequent arrangement of beams, degrees; NaN without scans.
+    range_min, range_max : float
+        Smallest lower and largest upper limit of a valid reading, metres.
+    time : TimeSummary
+        Time steps.
+    valid_share : float
+        Valid part of all readings, 0 to 1; NaN without readings.
+    n_blank_scans : int
+        Scans without a valid reading.
+    n_repeated_scans : int
+        Scans whose readings are exactly those of the scan before.
+    largest_reading : float
+        Largest valid reading, metres; NaN without.
+    codes : tuple of ReadingCode
+        Values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most.
+    suspect : ReadingCode or None
+        A valid value that repeats so often at the top of the range that it looks like a code for *no reading*.
+    odometry : OdometrySummary or None
+        None when the log has none.
+    tag_counts : mapping of str to int
+        Messages by kind, where the format has kinds.
+    faults : tuple of Fault
+        What is broken in the file.
+    notes : tuple of str
+        What the reader left out or assumed.
+    """
+
+    name: str
+    format: str
+    n_scans: int
+    beam_counts: Mapping[int, int]
+    fov_deg: float
+    first_beam_deg: float
+    angle_step_deg: float
+    range_min: float
+    range_max: float
+    time: TimeSummary
+    valid_share: float
+    n_blank_scans: int
+    n_repeated_scans: int
+    largest_reading: float
+    codes: tuple[ReadingCode, ...]
+    suspect: ReadingCode | None
+    odometry: OdometrySummary | None
+    tag_counts: Mapping[str, int]
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether a motion can be looked for: at least two scans with a valid reading."""
+        return self.n_scans - self.n_blank_scans >= 2
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is wrong or odd, each with its consequence; empty for a sound log."""
+        return tuple(
+            Finding(topic=topic, sentence=sentence)
+            for topic, find in _FINDERS.items()
+            for sentence in find(self)
+        )
+
+
+_FINDERS: dict[Topic, Callable[[LogReport], Iterator[str]]] = {
+    "file": on_file,
+    "scans": on_scans,
+    "time": on_time,
+    "readings": on_readings,
+    "odometry": on_odometry,
+}
