@@ -163,7 +163,7 @@ def test_wrong_arguments_are_named():
     scan = room_scan()
     with pytest.raises(cs.InvalidArgumentError, match="did you mean 'cfsma'"):
         cs.match(scan, scan, method="cfsam")
-    with pytest.raises(cs.InvalidArgumentError, match="current must be a LaserScan.*got ndarray"):
+    with pytest.raises(cs.InvalidArgumentError, match=r"current must be a LaserScan.*got ndarray"):
         cs.match(scan, scan.ranges)
     with pytest.raises(cs.InvalidArgumentError, match="takes a CfSmaConfig, got CurvatureConfig"):
         cs.match(scan, scan, method="cfsma", config=CurvatureConfig())

@@ -117,9 +117,7 @@ class Odometry:
         self.method = method
         self.matcher_config = matcher_config
         self.config = config or OdometryConfig()
-        find_matcher(
-            method, matcher_config
-        )  # an unknown method is an error here, not at the first scan
+        self.matcher = find_matcher(method, matcher_config)
         self._n_scans = 0
         self._n_failures = 0  # in a row
         self._reference: PreparedScan | None = None

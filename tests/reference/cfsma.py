@@ -58,7 +58,10 @@ def walk(points, arc_tolerance):
 
 
 def curvature(points, arc_tolerance):
-    """Eqs. 4 and 5 for one segment: the turn of the chord from each reading to the next."""
+    """Eqs. 4 and 5 for one segment: the turn of the chord from each reading to the next.
+
+    Only of walks that end of themselves: where the segment cuts a walk short, 0 is taken.
+    """
     reach = walk(points, arc_tolerance)
     theta = [
         math.atan2(points[i + k][1] - points[i][1], points[i + k][0] - points[i][0])
@@ -67,6 +70,8 @@ def curvature(points, arc_tolerance):
     ]
     eta = [0.0] * len(points)
     for i in range(len(theta) - 1):
+        if i + reach[i] == len(points) - 1:
+            break
         turn = theta[i + 1] - theta[i]
         eta[i] = math.atan2(math.sin(turn), math.cos(turn))
     return eta, reach

@@ -66,6 +66,12 @@ _GATE_OF_VERDICT = np.array(
 )
 
 
+def count_gates(gates: Codes) -> dict[str, int]:
+    """Return how many readings came to each gate, by the gate's name, in the order of the stages."""
+    counts = np.bincount(gates, minlength=len(Gate))
+    return {gate.name.lower(): int(counts[gate]) for gate in Gate}
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CfSmaTrace:
     """What happened between two scans, stage by stage; everything a picture or a diagnosis needs.

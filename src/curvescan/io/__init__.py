@@ -14,7 +14,7 @@ from curvescan.io.folder import output_folder
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
-from curvescan.io.log import Fault, Log
+from curvescan.io.log import Fault, Log, pick_scans
 from curvescan.io.report import Finding, LogReport
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 
@@ -25,6 +25,7 @@ __all__ = [
     "LogReport",
     "inspect_log",
     "output_folder",
+    "pick_scans",
     "read_csv",
     "read_log",
     "read_tum",

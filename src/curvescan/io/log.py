@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -70,3 +71,33 @@ class Log(Protocol):
     def __iter__(self) -> Iterator[LaserScan]:
         """Yield the scans in file order, one in memory at a time."""
         ...
+
+
+def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
+    """Return the scans of these numbers, in the order asked for; one pass over the log.
+
+    Parameters
+    ----------
+    log : Log
+        Any log.
+    numbers : sequence of int
+        Scans are numbered from 0.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a number is negative or beyond the last scan.
+    """
+    for number in numbers:
+        if not 0 <= number < len(log):
+            raise InvalidArgumentError(
+                f"there is no scan {number}: {log.name} has {len(log):,} scans, "
+                f"numbered 0 to {len(log) - 1}"
+            )
+    found: dict[int, LaserScan] = {}
+    for number, scan in enumerate(log):
+        if number in numbers:
+            found[number] = scan
+        if len(found) == len(set(numbers)):
+            break
+    return [found[number] for number in numbers]

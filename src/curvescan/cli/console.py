@@ -1,0 +1,80 @@
+"""What the commands share on the terminal: progress, tables, the notice of the first run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+OUT = Console(highlight=False, soft_wrap=True)
+"""Results."""
+
+ERR = Console(stderr=True, highlight=False)
+"""Progress and notices, so that results can be piped."""
+
+
+class _SpeedColumn(ProgressColumn):
+    def __init__(self, unit: str) -> None:
+        super().__init__()
+        self._unit = unit
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:,.0f} {self._unit}/s")
+
+
+@contextmanager
+def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callable[..., None]]:
+    """Yield a function to call after each unit of work; shows speed and time left on a terminal."""
+    with Progress(
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _SpeedColumn(unit),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=ERR,
+    ) as progress:
+        task = progress.add_task(what, total=total)
+
+        def advance(*_: object) -> None:
+            progress.advance(task)
+
+        yield advance
+
+
+def load_kernels(method: str) -> None:
+    """Load a matcher's kernels, and say so where they have to be compiled first."""
+    with ERR.status("loading kernels (compiled in the first run only)"):
+        started = time.perf_counter()
+        import numpy as np
+
+        from curvescan import LaserScan, match
+        from curvescan._jit import n_compiled
+
+        scan = LaserScan(np.ones(3), angle_min=0.0, angle_increment=0.1)
+        match(scan, scan, method=method)
+        seconds = time.perf_counter() - started
+    if n_compiled():
+        ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+
+
+def table(title: str, *columns: str) -> Table:
+    """Return a table with a left column of names and right columns of figures."""
+    result = Table(title=title, title_justify="left", title_style="bold")
+    for k, column in enumerate(columns):
+        result.add_column(column, justify="left" if k == 0 else "right")
+    return result

@@ -1,0 +1,80 @@
+"""curvescan demo: a simulated building, driven through and mapped; needs no data."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+
+def demo(
+    *,
+    out: Path = Path("demo"),
+    world: str = "building",
+    sensor: str = "sick-lms200",
+    scans: int = 500,
+    people: int = 0,
+    seed: int = 0,
+) -> int:
+    """Drive a simulated robot through a building, match its scans, and compare with the truth.
+
+    Writes what `odometry` writes, and prints the errors of scan matching and of wheel odometry.
+
+    Parameters
+    ----------
+    out
+        Folder for the results; made if it is missing.
+    world
+        Kind of the simulated world.
+    sensor
+        Simulated sensor.
+    scans
+        How many scans.
+    people
+        How many people walk around the robot.
+    seed
+        Another seed, another building and another drive.
+    """
+    import numpy as np
+
+    from curvescan import simulate
+    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar, table
+    from curvescan.cli.summary import summarise
+    from curvescan.evaluation.errors import trajectory_errors
+    from curvescan.io import output_folder
+    from curvescan.odometry import Odometry, run_odometry
+    from curvescan.view.run import save_run
+
+    chain = Odometry()
+    with output_folder(out) as folder:
+        load_kernels(chain.method)
+        with ERR.status("simulating"):
+            log = simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
+        with progress_bar("odometry", len(log)) as advance:
+            run = run_odometry(log, chain, on_step=advance)
+        truth = log.truth.poses[: len(run.outcomes)]
+        with ERR.status("drawing the map"):
+            save_run(folder, run, log, odometry=chain, command=sys.argv, truth=truth)
+    OUT.print(summarise(run, len(log)))
+    if len(truth) < 2:
+        return 0
+    errors = table(
+        f"errors over {trajectory_errors(truth, truth).path_length:.1f} m",
+        "",
+        "a step, median",
+        "a step, worst",
+        "end pose",
+    )
+    tracks = {f"scan matching ({run.method})": run.trajectory.poses}
+    if log.odometry is not None:
+        tracks["wheel odometry"] = log.odometry.poses[: len(truth)]
+    for name, poses in tracks.items():
+        e = trajectory_errors(poses, truth)
+        errors.add_row(
+            name,
+            f"{1e3 * np.median(e.step_translation):.1f} mm, {np.degrees(np.median(e.step_rotation)):.2f} deg",
+            f"{1e3 * e.step_translation.max():.0f} mm, {np.degrees(e.step_rotation.max()):.1f} deg",
+            f"{e.end_translation:.2f} m, {np.degrees(e.end_rotation):.1f} deg",
+        )
+    OUT.print(errors)
+    OUT.print(f"wrote {out}/map.png, trajectory.tum, trajectory.csv, run.json")
+    return 0

@@ -1,0 +1,65 @@
+"""curvescan info: what is in a log, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+
+from curvescan.cli.options import LogPath
+
+
+def info(log: LogPath, /, *, range_max: float | None = None) -> int:
+    """Tell what is in a log and what is wrong with it, each finding with its consequence.
+
+    Exit status 0 when motion can be looked for in it, 1 when not.
+
+    Parameters
+    ----------
+    log
+        The log: CARMEN, plain or gzip-compressed.
+    range_max
+        Upper limit of a valid reading, metres, in place of what the log says.
+    """
+    from curvescan.cli.console import OUT
+    from curvescan.io import inspect_log, read_log
+
+    report = inspect_log(read_log(log, range_max=range_max))
+    time = report.time
+    rows = [
+        ("format", report.format),
+        ("messages", ", ".join(f"{count:,} {tag}" for tag, count in report.tag_counts.items())),
+        ("scans", f"{report.n_scans:,} ({_rate(time.mean_rate)}{time.duration:,.1f} s)"),
+        ("beams", ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items())),
+        (
+            "field of view",
+            f"{report.fov_deg:.2f} deg from {report.first_beam_deg:.2f} deg "
+            f"in steps of {report.angle_step_deg:.4g} deg",
+        ),
+        ("valid range", f"{report.range_min:g} to {report.range_max:g} m"),
+        (
+            "valid readings",
+            f"{100 * report.valid_share:.1f} %, the farthest {report.largest_reading:g} m",
+        ),
+        (
+            "no-return codes",
+            ", ".join(f"{c.value:g} ({100 * c.share:.1f} %)" for c in report.codes) or "none",
+        ),
+        (
+            "wheel odometry",
+            "none"
+            if report.odometry is None
+            else f"{report.odometry.path_length:,.1f} m, turned {report.odometry.turned_deg:,.0f} deg",
+        ),
+    ]
+    OUT.print(f"[bold]{report.name}[/bold]")
+    for name, value in rows:
+        if value:
+            OUT.print(f"  {name:<16} {value}")
+    for finding in report.findings:
+        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {finding.sentence}")
+    if not report.findings:
+        OUT.print("  nothing wrong found")
+    return 0 if report.is_usable else 1
+
+
+def _rate(hertz: float) -> str:
+    return "" if math.isnan(hertz) else f"{hertz:.2f} Hz over "

@@ -1,0 +1,83 @@
+"""curvescan match: two scans of a log, their pose, and pictures of how it came about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from curvescan.cfsma.config import CfSmaConfig
+from curvescan.cli.options import LogPath, Method, ScanNumber
+
+
+def match(
+    log: LogPath,
+    i: Annotated[ScanNumber, tyro.conf.arg(metavar="I")],
+    j: Annotated[ScanNumber, tyro.conf.arg(metavar="J")],
+    /,
+    *,
+    out: Path,
+    method: Method = "cfsma",
+    range_max: float | None = None,
+    cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
+) -> int:
+    """Print the pose of scan J seen from scan I, and draw the paper's figures of the match.
+
+    Writes segments.png (figure 4), curvature.png (figure 5), matched.png (figures 6 and 9) and match.json.
+
+    Parameters
+    ----------
+    log
+        The log: CARMEN, plain or gzip-compressed.
+    i
+        Number of the reference scan, from 0.
+    j
+        Number of the current scan, from 0.
+    out
+        Folder for the results; made if it is missing.
+    method
+        The matcher.
+    range_max
+        Upper limit of a valid reading, metres, in place of what the log says.
+    cfsma
+        Parameters of the method "cfsma".
+    """
+    import numpy as np
+
+    from curvescan import match as match_scans
+    from curvescan.cfsma.trace import CfSmaTrace, Gate, count_gates
+    from curvescan.cli.console import OUT, load_kernels, table
+    from curvescan.io import output_folder, pick_scans, read_log
+    from curvescan.view.match import save_match
+
+    source = read_log(log, range_max=range_max)
+    reference, current = pick_scans(source, (i, j))
+    with output_folder(out) as folder:
+        load_kernels(method)
+        result = match_scans(reference, current, method=method, config=cfsma)
+        save_match(
+            folder,
+            result,
+            names=(f"scan {i}", f"scan {j}"),
+            min_curvature=cfsma.landmarks.min_curvature,
+        )
+    OUT.print(f"[bold]{source.name}: scan {j} seen from scan {i}[/bold]: {result.outcome.value}")
+    if result.ok:
+        x, y, theta = result.pose
+        sigma = np.sqrt(np.diag(result.covariance))
+        OUT.print(
+            f"  x {x:.4f} ± {sigma[0]:.4f} m, y {y:.4f} ± {sigma[1]:.4f} m, "
+            f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
+            f"{result.n_matched} matched pairs"
+        )
+    gates = table("What became of the readings", "", f"scan {i}", f"scan {j}", "decided by")
+    assert isinstance(result.trace, CfSmaTrace)
+    in_reference = count_gates(result.trace.gates_reference)
+    in_current = count_gates(result.trace.gates_current)
+    for gate in Gate:
+        name = gate.name.lower()
+        gates.add_row(gate.sentence, f"{in_reference[name]}", f"{in_current[name]}", gate.parameter)
+    OUT.print(gates)
+    OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
+    return 0

@@ -1,0 +1,30 @@
+"""A run in a few lines, for the terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.table import Table
+
+from curvescan.cli.console import table
+from curvescan.odometry import OdometryRun, StepOutcome
+
+
+def summarise(run: OdometryRun, n_scans: int) -> Table:
+    """Return a table of how a run went: scans, failures by reason, end pose, time."""
+    n = len(run.outcomes)
+    title = f"{run.method}: {n:,} scans" + (f" of {n_scans:,} (partial)" if run.is_partial else "")
+    result = table(title, "", "count", "share")
+    n_steps = max(n - 1, 1)
+    for kind in (StepOutcome.MATCHED, StepOutcome.PREDICTED, StepOutcome.HELD):
+        count = run.outcomes.count(kind)
+        result.add_row(kind.value, f"{count:,}", f"{100 * count / n_steps:.1f} %")
+    for outcome, count in run.failures.items():
+        result.add_row(f"  {outcome.value}", f"{count:,}", f"{100 * count / n_steps:.1f} %")
+    x, y, theta = run.trajectory.poses[-1]
+    result.add_section()
+    result.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")
+    median, p99 = np.percentile(1e3 * run.seconds, [50, 99])
+    result.add_row(
+        f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile", "", ""
+    )
+    return result

@@ -1,0 +1,87 @@
+"""How long a matcher takes: preparing a scan, and matching two prepared ones."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from curvescan.matching import match, prepare
+from curvescan.simulation import simulate_pairs
+from curvescan.types import Floats
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Speed:
+    """Times of one matcher over many pairs of scans.
+
+    Attributes
+    ----------
+    method : str
+        Name of the matcher.
+    n_beams : int
+        Beams of a scan.
+    prepare_seconds : (2 m,) float64
+        Time of each preparation of a scan.
+    match_seconds : (m,) float64
+        Time of each match of two prepared scans.
+    """
+
+    method: str
+    n_beams: int
+    prepare_seconds: Floats
+    match_seconds: Floats
+
+
+def measure_speed(
+    method: str, *, sensor: str = "sick-lms200", n_pairs: int = 200, repeats: int = 5, seed: int = 0
+) -> Speed:
+    """Return the times of a matcher on simulated pairs, one thread.
+
+    Parameters
+    ----------
+    method : str
+        Name of a matcher.
+    sensor : str
+        Name of a simulated sensor.
+    n_pairs : int
+        Pairs of scans, each of another office, 0.1 m and 5 degrees apart at most.
+    repeats : int
+        Measurements of each pair.
+    seed : int
+        Seed of the simulation.
+    """
+    pairs = [
+        (pair.reference, pair.current)
+        for pair in simulate_pairs(
+            "office",
+            sensor=sensor,
+            n_pairs=n_pairs,
+            translation_max=0.1,
+            rotation_max=np.radians(5.0),
+            seed=seed,
+        )
+    ]
+    match(*pairs[0], method=method)  # compiles
+    prepare_seconds: list[float] = []
+    match_seconds: list[float] = []
+    for _ in range(repeats):
+        for pair in pairs:
+            # a new scan, which has not yet found out which of its readings are valid
+            reference, current = (replace(scan) for scan in pair)
+            started = time.perf_counter()
+            prepared_ref = prepare(reference, method=method)
+            after_ref = time.perf_counter()
+            prepared_cur = prepare(current, method=method)
+            after_cur = time.perf_counter()
+            match(prepared_ref, prepared_cur, method=method)
+            ended = time.perf_counter()
+            prepare_seconds += [after_ref - started, after_cur - after_ref]
+            match_seconds.append(ended - after_cur)
+    return Speed(
+        method=method,
+        n_beams=len(pairs[0][0]),
+        prepare_seconds=np.array(prepare_seconds),
+        match_seconds=np.array(match_seconds),
+    )

@@ -1,0 +1,245 @@
+"""simulate_pairs(): scan pairs with a known relative pose, for benchmarks of matchers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.simulation.catalogue import build_world
+from curvescan.simulation.people import People, crowd
+from curvescan.simulation.recording import as_scan, observe
+from curvescan.simulation.seeds import PAIR, PATH, PEOPLE, WORLD, child
+from curvescan.simulation.sensors import Sensor, choose_sensor
+from curvescan.simulation.world import World
+from curvescan.types import Bools, Floats, Pose
+
+_ATTEMPTS = 400  # places tried for one pair
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScanPair:
+    """Two scans of one world and the truth about them.
+
+    Attributes
+    ----------
+    reference, current : LaserScan
+        The earlier and the later scan.
+    pose : (3,) float64
+        True pose of `current` in `reference`: [x, y, theta], metres, metres, radians in (-pi, pi].
+    is_person_ref, is_person_cur : (n_beams,) bool
+        Which valid readings are of people.
+    reference_pose : (3,) float64
+        True pose of `reference` in the world.
+    world : World
+        Where it was.
+    """
+
+    reference: LaserScan
+    current: LaserScan
+    pose: Pose
+    is_person_ref: Bools
+    is_person_cur: Bools
+    reference_pose: Pose
+    world: World
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScanPairs(Sequence[ScanPair]):
+    """A sequence of scan pairs, each made when asked for, from its own seed: pair i is pair i however many there are."""
+
+    world: World | str
+    sensor: Sensor
+    motions: Pose
+    people_share: float
+    clearance: float
+    sight_share: float
+    people: People
+    seed: int
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    @overload
+    def __getitem__(self, i: int) -> ScanPair: ...
+    @overload
+    def __getitem__(self, i: slice) -> Sequence[ScanPair]: ...
+    def __getitem__(self, i: int | slice) -> ScanPair | Sequence[ScanPair]:
+        if isinstance(i, slice):
+            return [self._pair(k) for k in range(*i.indices(len(self)))]
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"pair {i} of {len(self)}")
+        return self._pair(i % len(self))
+
+    def _pair(self, i: int) -> ScanPair:
+        seed = child(self.seed, PAIR, i)
+        world = self.world
+        if isinstance(world, str):
+            world = build_world(world, child(seed, WORLD))
+        poses = self._places(world, self.motions[i], np.random.default_rng(child(seed, PATH)))
+        rng = np.random.default_rng(child(seed, PEOPLE))
+        circles = [
+            crowd(world, pose, self.sensor, self.people_share, self.people, rng) for pose in poses
+        ]
+        n_circles = max(len(one) for one in circles)
+        padded = np.array([_padded(one, n_circles) for one in circles])
+        ranges, _, is_person = observe(world, poses, self.sensor, padded, seed)
+        return ScanPair(
+            reference=as_scan(ranges[0], self.sensor, 0.0),
+            current=as_scan(ranges[1], self.sensor, self.sensor.period),
+            pose=se2.between(poses[0], poses[1]),
+            is_person_ref=is_person[0],
+            is_person_cur=is_person[1],
+            reference_pose=poses[0],
+            world=world,
+        )
+
+    def _places(self, world: World, motion: Pose, rng: np.random.Generator) -> Pose:
+        """Return the (2, 3) poses of a pair: free, and with enough of the world in sight."""
+        for _ in range(_ATTEMPTS // 20):
+            xy = rng.uniform(world.bounds[:2], world.bounds[2:], (20, 2))
+            ref = np.column_stack([xy, rng.uniform(-np.pi, np.pi, 20)])
+            cur = se2.compose(ref, motion)
+            is_free = world.is_free(xy, self.clearance) & world.is_free(cur[:, :2], self.clearance)
+            for k in np.flatnonzero(is_free):
+                poses = np.array([ref[k], cur[k]])
+                nobody = np.empty((2, 0, 3))
+                _, exact, _ = observe(world, poses, self.sensor, nobody, 0)
+                if np.all(np.mean(exact <= self.sensor.range_max, axis=1) >= self.sight_share):
+                    return poses
+        raise InvalidArgumentError(
+            f"no place in {world.name!r} is {self.clearance} m clear of everything, before and after a move "
+            f"of {np.round(motion, 3).tolist()}, and sees something with {self.sight_share:.0%} of the beams"
+        )
+
+
+def simulate_pairs(
+    world: World | str = "office",
+    *,
+    sensor: Sensor | str = "sick-lms200",
+    n_pairs: int = 100,
+    translation_max: float = 0.3,
+    rotation_max: float = np.radians(15.0),
+    translation_std: float | None = None,
+    rotation_std: float | None = None,
+    motions: ArrayLike | None = None,
+    people_share: float = 0.0,
+    people: People | None = None,
+    clearance: float = 0.4,
+    sight_share: float = 0.6,
+    fresh_world: bool = True,
+    seed: int = 0,
+) -> ScanPairs:
+    """Return scan pairs at random places with random, known motions between the two scans.
+
+    Parameters
+    ----------
+    world : World or str
+        A world, or the name of one in :data:`curvescan.simulation.WORLDS`.
+    sensor : Sensor or str
+        A sensor, or the name of one in :data:`curvescan.simulation.SENSORS`.
+    n_pairs : int
+        How many pairs, >= 1; ignored with `motions`. Pair i is the same whatever n_pairs is.
+    translation_max, rotation_max : float
+        The translation is uniform in the disc of this radius, metres; the rotation uniform in plus or minus
+        this angle, radians.
+    translation_std, rotation_std : float or None
+        Instead: x and y (or the rotation) normal around zero with this deviation, metres (radians).
+    motions : (n_pairs, 3) array_like or None
+        Instead of all of these: the poses of the current scans in the reference scans.
+    people_share : float
+        Share of the beams that people shall block, in [0, 0.9]: other people at other places in
+        each of the two scans.
+    people : People or None
+        What they look like; None: two legs.
+    clearance : float
+        Least distance of both places to anything, metres.
+    sight_share : float
+        Least share of the beams, in [0, 1], that meet the world within range at both places.
+    fresh_world : bool
+        Whether a named world is built anew for each pair, each with its own seed; otherwise once, with `seed`.
+    seed : int
+        The same seed, the same bits; >= 0.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a name is unknown or a number out of range; when a pair is asked for, also when no place for it
+        is found.
+    """
+    if not 0.0 <= people_share <= 0.9:
+        raise InvalidArgumentError(f"people_share must lie in [0, 0.9], got {people_share}")
+    if not (clearance >= 0.0 and 0.0 <= sight_share <= 1.0):
+        raise InvalidArgumentError(
+            f"clearance must be >= 0 and sight_share in [0, 1], got {clearance} and {sight_share}"
+        )
+    for size in (translation_max, rotation_max, translation_std, rotation_std):
+        if size is not None and not 0.0 <= size < np.inf:
+            raise InvalidArgumentError(
+                f"translations and rotations, max or std, must be >= 0 and finite, got {size}"
+            )
+    if motions is None:
+        if n_pairs < 1:
+            raise InvalidArgumentError(f"n_pairs must be >= 1, got {n_pairs}")
+        drawn = [
+            _motion(
+                np.random.default_rng(child(seed, PAIR, i)),
+                translation_max,
+                rotation_max,
+                translation_std,
+                rotation_std,
+            )
+            for i in range(n_pairs)
+        ]
+        motions = np.array(drawn)
+    motions = np.array(motions, dtype=np.float64)
+    if motions.ndim != 2 or motions.shape[1] != 3 or not np.isfinite(motions).all():
+        raise InvalidArgumentError(
+            f"motions must be finite, of shape (n_pairs, 3), got shape {motions.shape}"
+        )
+    built = build_world(world, child(seed, WORLD))  # also tells a wrong name at once
+    return ScanPairs(
+        world=world if fresh_world else built,
+        sensor=choose_sensor(sensor),
+        motions=motions,
+        people_share=people_share,
+        clearance=clearance,
+        sight_share=sight_share,
+        people=people or People(),
+        seed=seed,
+    )
+
+
+def _motion(
+    rng: np.random.Generator,
+    translation_max: float,
+    rotation_max: float,
+    translation_std: float | None,
+    rotation_std: float | None,
+) -> Floats:
+    uniform, normal = rng.random(3), rng.standard_normal(3)
+    radius, bearing = translation_max * np.sqrt(uniform[0]), 2.0 * np.pi * uniform[1]
+    motion = np.array(
+        [
+            radius * np.cos(bearing),
+            radius * np.sin(bearing),
+            rotation_max * (2.0 * uniform[2] - 1.0),
+        ]
+    )
+    if translation_std is not None:
+        motion[:2] = translation_std * normal[:2]
+    if rotation_std is not None:
+        motion[2] = se2.wrap(rotation_std * normal[2])
+    return motion
+
+
+def _padded(circles: Floats, n_circles: int) -> Floats:
+    """Return circles filled up with tiny ones that are far out of sight."""
+    far = np.tile([1e6, 1e6, 1e-3], (n_circles - len(circles), 1))
+    return np.vstack([circles, far])

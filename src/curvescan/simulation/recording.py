@@ -1,0 +1,231 @@
+"""simulate(): a recorded drive with everything known: poses, what each beam met, who walked by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.simulation.catalogue import build_world
+from curvescan.simulation.motion import drive_home, drive_route
+from curvescan.simulation.people import People, walk
+from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, child
+from curvescan.simulation.sensors import Sensor, choose_sensor, measure, sight
+from curvescan.simulation.wheels import OdometryNoise, wheel_odometry
+from curvescan.simulation.world import World
+from curvescan.types import Bools, Floats, Pose, Trajectory
+
+if TYPE_CHECKING:
+    from curvescan.io.log import Fault
+
+_DEFAULT_SCANS = 200
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Simulation:
+    """A simulated log (:class:`curvescan.io.log.Log`) with its truth.
+
+    Attributes
+    ----------
+    name : str
+        The world's name and the seed.
+    world : World
+        What stands still.
+    sensor : Sensor
+        What measured.
+    truth : Trajectory
+        True pose of the sensor at each scan, world frame.
+    odometry : Trajectory or None
+        Noisy wheel odometry, frame of the first scan.
+    ranges : (n_scans, n_beams) float64
+        What the sensor reports: metres, +inf, -inf or NaN as of :func:`curvescan.simulation.measure`.
+    exact_ranges : (n_scans, n_beams) float64
+        Metres without noise; +inf where nothing stands within reach, which is range_max and a little more
+        (:func:`curvescan.simulation.sensors.sight`).
+    is_person : (n_scans, n_beams) bool
+        Which valid readings are of people.
+    people : (n_scans, c, 3) float64
+        Circles [x, y, r] that the walkers showed at each scan, metres, world frame.
+    """
+
+    name: str
+    world: World
+    sensor: Sensor
+    truth: Trajectory
+    odometry: Trajectory | None
+    ranges: Floats
+    exact_ranges: Floats
+    is_person: Bools
+    people: Floats
+    format: str = "simulated log"
+    faults: tuple[Fault, ...] = ()
+    tag_counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.ranges)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, i: int) -> LaserScan:
+        """Return scan i; negative counts from the end."""
+        return as_scan(self.ranges[i], self.sensor, float(self.truth.stamps[i]))
+
+
+def simulate(
+    world: World | str = "office",
+    *,
+    sensor: Sensor | str = "sick-lms200",
+    n_scans: int | None = None,
+    n_people: int = 0,
+    seed: int = 0,
+    poses: ArrayLike | None = None,
+    path: Literal["route", "home"] = "route",
+    radius: float = 1.0,
+    drive: Drive | None = None,
+    people: People | None = None,
+    odometry_noise: OdometryNoise | None = OdometryNoise(),  # noqa: B008 - frozen
+) -> Simulation:
+    """Return the scans of a drive through a world, with the truth about them.
+
+    The world, the path, the noise of each scan, the people and the odometry each have their own seed: adding people
+    changes neither the path nor the noise, and a shorter log is the start of a longer one
+    (but for ``path="home"``, which must get home in time).
+
+    Parameters
+    ----------
+    world : World or str
+        A world, or the name of one in :data:`curvescan.simulation.WORLDS`, built with `seed`.
+    sensor : Sensor or str
+        A sensor, or the name of one in :data:`curvescan.simulation.SENSORS`.
+    n_scans : int or None
+        How many scans, >= 1. None: as many as `poses`; else one lap of the world's route, or 200 scans.
+    n_people : int
+        How many people walk around the robot.
+    seed : int
+        The same seed, the same bits; >= 0.
+    poses : (n, 3) array_like or None
+        True poses of the sensor, world frame, instead of a path.
+    path : {"route", "home"}
+        Round the world's route (or to random places in a world without one), or small moves about a start
+        and back to it.
+    radius : float
+        How far the moves of ``path="home"`` lead, metres.
+    drive : Drive or None
+        Speeds and clearance of the robot; None: the defaults.
+    people : People or None
+        What walkers look like; None: two legs.
+    odometry_noise : OdometryNoise or None
+        None: a log without odometry.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a name is unknown, a number out of range, or the world has no room for the robot.
+    """
+    sensor = choose_sensor(sensor)
+    if n_scans is not None and n_scans < 1:
+        raise InvalidArgumentError(f"n_scans must be >= 1, got {n_scans}")
+    if n_people < 0:
+        raise InvalidArgumentError(f"n_people must be >= 0, got {n_people}")
+    world = build_world(world, child(seed, WORLD))
+    truth = (
+        _given(poses, n_scans)
+        if poses is not None
+        else _driven(world, path, drive or Drive(), sensor.period, n_scans, radius, seed)
+    )
+    stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
+    circles = walk(world, truth, n_people, people or People(), sensor.period, child(seed, PEOPLE))
+    ranges, exact, is_person = observe(world, truth, sensor, circles, seed)
+    odometry = None
+    if odometry_noise is not None:
+        rng = np.random.default_rng(child(seed, ODOMETRY))
+        odometry = Trajectory(stamps=stamps, poses=wheel_odometry(truth, odometry_noise, rng))
+    return Simulation(
+        name=f"{world.name} (seed {seed})",
+        world=world,
+        sensor=sensor,
+        truth=Trajectory(stamps=stamps, poses=truth),
+        odometry=odometry,
+        ranges=ranges,
+        exact_ranges=exact,
+        is_person=is_person,
+        people=circles,
+    )
+
+
+def observe(
+    world: World, poses: Pose, sensor: Sensor, people: Floats, seed: int | np.random.SeedSequence
+) -> tuple[Floats, Floats, Bools]:
+    """Return measured ranges, exact ranges and person masks, each (n, n_beams), at (n, 3) poses.
+
+    `people` is (n, c, 3): circles at each pose.
+    """
+    from curvescan.simulation.raycast import cast_rays  # Numba loads when something is cast
+
+    shape = (len(poses), sensor.n_beams)
+    ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
+    for i, pose in enumerate(poses):
+        exact[i], hit_idx = cast_rays(
+            world,
+            pose,
+            angle_min=sensor.angle_min,
+            angle_increment=sensor.angle_increment,
+            n_beams=sensor.n_beams,
+            range_max=sight(sensor),
+            people=people[i],
+        )
+        ranges[i] = measure(exact[i], sensor, np.random.default_rng(child(seed, NOISE, i)))
+        is_person[i] = (hit_idx >= world.n_primitives) & np.isfinite(ranges[i])
+    for array in (ranges, exact, is_person):
+        array.setflags(write=False)
+    return ranges, exact, is_person
+
+
+def as_scan(ranges: Floats, sensor: Sensor, stamp: float) -> LaserScan:
+    """Return measured ranges as a scan of a sensor."""
+    return LaserScan(
+        ranges,
+        angle_min=sensor.angle_min,
+        angle_increment=sensor.angle_increment,
+        range_min=sensor.range_min,
+        range_max=sensor.range_max,
+        stamp=stamp,
+    )
+
+
+def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
+    truth = np.array(poses, dtype=np.float64)
+    if truth.ndim != 2 or truth.shape[1] != 3 or not len(truth) or not np.isfinite(truth).all():
+        raise InvalidArgumentError(
+            f"poses must be finite, of shape (n, 3) and at least one, got shape {truth.shape}"
+        )
+    if n_scans is not None and n_scans > len(truth):
+        raise InvalidArgumentError(f"n_scans is {n_scans}, but only {len(truth)} poses are given")
+    return truth[:n_scans]
+
+
+def _driven(
+    world: World,
+    path: str,
+    drive: Drive,
+    period: float,
+    n_scans: int | None,
+    radius: float,
+    seed: int,
+) -> Pose:
+    rng = np.random.default_rng(child(seed, PATH))
+    if n_scans is None and (path == "home" or len(world.route) < 2):
+        n_scans = _DEFAULT_SCANS
+    if path == "route":
+        return drive_route(world, drive, period, rng, n_scans)
+    if path == "home" and n_scans is not None:
+        return drive_home(world, drive, period, rng, n_scans, radius)
+    raise InvalidArgumentError(f"path must be 'route' or 'home', got {path!r}")

@@ -1,0 +1,1 @@
+"""Figures and result folders. Matplotlib is loaded when the first figure is drawn."""

@@ -1,0 +1,120 @@
+"""The map of a run, as in the paper's figure 7: from matching (dark) over from wheel odometry (light)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Ints, Points, Pose
+from curvescan.view.canvas import DARK, LIGHT, PATH, WHEELS, as_place, drawing
+
+_BATCH = 500_000
+"""Points gathered before they are merged into cells, so that memory follows the area and not the log."""
+
+
+def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
+    """Return the centres of all cells of a square grid in which a reading ended.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once, one at a time; scans beyond the poses are left out.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out.
+    cell : float
+        Side of a cell, metres, > 0.
+
+    Returns
+    -------
+    (k, 2) float64
+        Metres, frame of the map, without repeats, sorted by x and y.
+    """
+    if not cell > 0.0:
+        raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+    merged: Ints = np.empty((0, 2), dtype=np.int64)
+    batch: list[Ints] = []
+    n_waiting = 0
+    for scan, pose in zip(scans, poses, strict=False):
+        if np.isnan(pose).any():
+            continue
+        cells = np.floor(se2.transform(pose, scan.points[scan.valid]) / cell).astype(np.int64)
+        batch.append(cells)
+        n_waiting += len(cells)
+        if n_waiting > _BATCH:
+            merged = _merge([merged, *batch])
+            batch, n_waiting = [], 0
+    centres: Points = (_merge([merged, *batch]) + 0.5) * cell
+    return centres
+
+
+def _merge(cells: list[Ints]) -> Ints:
+    return np.unique(np.concatenate(cells), axis=0)
+
+
+def draw_map(
+    path: Path,
+    *,
+    title: str,
+    cells: Points,
+    poses: Pose,
+    failed: Bools,
+    wheel_cells: Points | None = None,
+    wheel_poses: Pose | None = None,
+    true_poses: Pose | None = None,
+) -> None:
+    """Save the map of a run as a picture.
+
+    Parameters
+    ----------
+    path : Path
+        The PNG to write.
+    title : str
+        Drawn above the map.
+    cells : (k, 2) float64
+        Occupied cells under the trajectory from matching, metres.
+    poses : (n, 3) float64
+        That trajectory.
+    failed : (n,) bool
+        Where its match failed; marked by crosses.
+    wheel_cells, wheel_poses : (j, 2), (n, 3) float64 or None
+        The same under wheel odometry, in the frame of the first scan.
+    true_poses : (n, 3) float64 or None
+        True trajectory, in the frame of the first scan.
+    """
+    everything = np.vstack([cells, poses[:, :2]] + ([] if wheel_cells is None else [wheel_cells]))
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    span = np.maximum(high - low, 1.0)
+    width = float(np.clip(8.0 * span[0] / span[1], 6.0, 13.0))
+    with drawing(path, width, float(np.clip(width * span[1] / span[0], 4.0, 10.0)) + 1.2) as figure:
+        axes = figure.subplots()
+        as_place(axes, title)
+        size = _marker_points(span, width)
+        if wheel_cells is not None:
+            _draw_cells(axes, wheel_cells, LIGHT, size, "map from wheel odometry")
+        _draw_cells(axes, cells, DARK, size, "map from scan matching")
+        if wheel_poses is not None:
+            axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
+        if true_poses is not None:
+            axes.plot(*true_poses[:, :2].T, color="#2e7d32", lw=1.0, ls="--", label="truth")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
+        if failed.any():
+            label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
+            axes.plot(*poses[failed, :2].T, "x", color=PATH, ms=4.0, mew=0.8, label=label)
+        axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
+        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
+        figure.legend(loc="outside lower center", ncols=4, markerscale=1.4)
+
+
+def _draw_cells(axes: Axes, cells: Points, colour: str, size: float, label: str) -> None:
+    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0, label=label, rasterized=True)
+
+
+def _marker_points(span: Points, width: float) -> float:
+    """Return the size in points of a 0.05 m cell drawn over a span of metres, within what the eye can see."""
+    return float(np.clip(72.0 * width * 0.05 / span[0], 0.7, 3.0))
