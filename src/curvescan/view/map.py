@@ -12,7 +12,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Ints, Points, Pose
-from curvescan.view.canvas import DARK, LIGHT, PATH, WHEELS, as_place, drawing
+from curvescan.view.canvas import DARK, FAILED, LIGHT, PATH, TRUTH, WHEELS, as_place, drawing_places
 
 _BATCH = 500_000
 """Points gathered before they are merged into cells, so that memory follows the area and not the log."""
@@ -49,7 +49,7 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
         if n_waiting > _BATCH:
             merged = _merge([merged, *batch])
             batch, n_waiting = [], 0
-    centres: Points = (_merge([merged, *batch]) + 0.5) * cell
+    centres: Points = (_merge([merged, *batch]).astype(np.float64) + 0.5) * cell
     return centres
 
 
@@ -87,34 +87,29 @@ def draw_map(
     true_poses : (n, 3) float64 or None
         True trajectory, in the frame of the first scan.
     """
-    everything = np.vstack([cells, poses[:, :2]] + ([] if wheel_cells is None else [wheel_cells]))
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    span = np.maximum(high - low, 1.0)
-    width = float(np.clip(8.0 * span[0] / span[1], 6.0, 13.0))
-    with drawing(path, width, float(np.clip(width * span[1] / span[0], 4.0, 10.0)) + 1.2) as figure:
-        axes = figure.subplots()
+    everything = [cells, poses[:, :2], np.zeros((1, 2))]
+    if wheel_cells is not None:
+        everything.append(wheel_cells)
+    with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
-        size = _marker_points(span, width)
         if wheel_cells is not None:
-            _draw_cells(axes, wheel_cells, LIGHT, size, "map from wheel odometry")
-        _draw_cells(axes, cells, DARK, size, "map from scan matching")
+            _draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
+        _draw_cells(axes, cells, DARK, "map from scan matching")
         if wheel_poses is not None:
             axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
         if true_poses is not None:
-            axes.plot(*true_poses[:, :2].T, color="#2e7d32", lw=1.0, ls="--", label="truth")
+            axes.plot(*true_poses[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
         if failed.any():
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
-            axes.plot(*poses[failed, :2].T, "x", color=PATH, ms=4.0, mew=0.8, label=label)
+            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
         axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
         axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
-        figure.legend(loc="outside lower center", ncols=4, markerscale=1.4)
+        figure.legend(loc="outside lower center", ncols=3)
 
 
-def _draw_cells(axes: Axes, cells: Points, colour: str, size: float, label: str) -> None:
-    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0, label=label, rasterized=True)
-
-
-def _marker_points(span: Points, width: float) -> float:
-    """Return the size in points of a 0.05 m cell drawn over a span of metres, within what the eye can see."""
-    return float(np.clip(72.0 * width * 0.05 / span[0], 0.7, 3.0))
+def _draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
+    # as large as a cell of 0.05 m on paper, but never too small to see
+    size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
+    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0)
+    axes.plot([], [], "s", color=colour, ms=4.0, mew=0.0, label=label)
