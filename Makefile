@@ -29,7 +29,7 @@ lint: $(INSTALLED)
 	$(BIN)/lint-imports
 
 bench: $(INSTALLED)
-	$(BIN)/curvescan bench
+	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

@@ -86,11 +86,15 @@ def test_demo_needs_no_data(tmp_path, capsys):
     assert (tmp_path / "d" / "map.png").exists()
 
 
-def test_bench_measures_and_tabulates(capsys):
-    assert run(["bench", "--runs", "3"]) == 0
+def test_bench_measures_and_tabulates(log, tmp_path, capsys):
+    arguments = ["bench", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
+    assert run(arguments) == 0
     printed = capsys.readouterr().out
-    assert "prepare" in printed
-    assert "Experiment 1" in printed
+    written = (tmp_path / "bench" / "bench.md").read_text()
+    for title in ("Time of a scan of 361 beams", "Experiment 1, cfsma, 3 runs", "real logs"):
+        assert title in printed
+        assert f"### {title}" in written or title in written
+    assert "| room.log | cfsma | 7 |" in written
 
 
 def bad_inputs(tmp_path):
