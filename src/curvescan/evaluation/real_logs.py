@@ -14,7 +14,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.log import Log
 from curvescan.matching.result import Outcome
-from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
+from curvescan.odometry import Odometry, OdometryStep, run_odometry
 
 WRONG_M, WRONG_RAD = 0.3, np.radians(10.0)
 """A matched step this far from wheel odometry is wrong: metres or radians."""
@@ -69,8 +69,7 @@ def judge_log(
         )
         is_far = np.hypot(difference[:, 0], difference[:, 1]) > WRONG_M
         is_far |= np.abs(difference[:, 2]) > WRONG_RAD
-        is_matched = np.array([o is StepOutcome.MATCHED for o in run.outcomes[1:]])
-        n_wrong = int(np.count_nonzero(is_far & is_matched))
+        n_wrong = int(np.count_nonzero(is_far & run.is_matched[1:]))
     return LogJudgement(
         log=log.name,
         method=method,

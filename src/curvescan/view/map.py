@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import tee
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,20 @@ from matplotlib.axes import Axes
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.matching.moved import moved_along
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Ints, Points, Pose
-from curvescan.view.canvas import DARK, FAILED, LIGHT, PATH, TRUTH, WHEELS, as_place, drawing_places
+from curvescan.view.canvas import (
+    DARK,
+    FAILED,
+    GREY,
+    LIGHT,
+    PATH,
+    TRUTH,
+    WHEELS,
+    as_place,
+    drawing_places,
+)
 
 _BATCH = 500_000
 """Points gathered before they are merged into cells, so that memory follows the area and not the log."""
@@ -35,26 +47,64 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
     (k, 2) float64
         Metres, frame of the map, without repeats, sorted by x and y.
     """
-    if not cell > 0.0:
-        raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
-    merged: Ints = np.empty((0, 2), dtype=np.int64)
-    batch: list[Ints] = []
-    n_waiting = 0
+    cells = _Cells(cell)
     for scan, pose in zip(scans, poses, strict=False):
-        if np.isnan(pose).any():
-            continue
-        cells = np.floor(se2.transform(pose, scan.points[scan.valid]) / cell).astype(np.int64)
-        batch.append(cells)
-        n_waiting += len(cells)
-        if n_waiting > _BATCH:
-            merged = _merge([merged, *batch])
-            batch, n_waiting = [], 0
-    centres: Points = (_merge([merged, *batch]).astype(np.float64) + 0.5) * cell
-    return centres
+        if not np.isnan(pose).any():
+            cells.add(se2.transform(pose, scan.points[scan.valid]))
+    return cells.centres()
 
 
-def _merge(cells: list[Ints]) -> Ints:
-    return np.unique(np.concatenate(cells), axis=0)
+def standing_and_moved_cells(
+    scans: Iterable[LaserScan], poses: Pose, is_matched: Bools, cell: float = 0.05
+) -> tuple[Points, Points]:
+    """Return the occupied cells of what stands, and of what moved while the sensor passed (figure 9).
+
+    Parameters
+    ----------
+    scans, poses, cell
+        As for :func:`occupied_cells`; no pose may be NaN.
+    is_matched : (n,) bool
+        Whether each pose comes from a match with the scan before.
+
+    Returns
+    -------
+    standing, moved : (k, 2), (m, 2) float64
+        Centres of the cells, metres. A cell may be in both.
+    """
+    standing, moving = _Cells(cell), _Cells(cell)
+    kept, watched = tee(scans)
+    for scan, pose, moved in zip(
+        kept, poses, moved_along(watched, poses, is_matched), strict=False
+    ):
+        points = se2.transform(pose, scan.points)
+        standing.add(points[scan.valid & ~moved])
+        moving.add(points[moved])
+    return standing.centres(), moving.centres()
+
+
+class _Cells:
+    """Cells of a square grid that points fell into; memory follows the area and not the number of points."""
+
+    def __init__(self, cell: float) -> None:
+        if not cell > 0.0:
+            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+        self._cell = cell
+        self._batch: list[Ints] = [np.empty((0, 2), dtype=np.int64)]
+        self._n_waiting = 0
+
+    def add(self, points: Points) -> None:
+        self._batch.append(np.floor(points / self._cell).astype(np.int64))
+        self._n_waiting += len(points)
+        if self._n_waiting > _BATCH:
+            self._merge()
+
+    def centres(self) -> Points:
+        self._merge()
+        return (self._batch[0].astype(np.float64) + 0.5) * self._cell
+
+    def _merge(self) -> None:
+        self._batch = [np.unique(np.concatenate(self._batch), axis=0)]
+        self._n_waiting = 0
 
 
 def draw_map(
@@ -64,6 +114,7 @@ def draw_map(
     cells: Points,
     poses: Pose,
     failed: Bools,
+    moved_cells: Points,
     wheel_cells: Points | None = None,
     wheel_poses: Pose | None = None,
     true_poses: Pose | None = None,
@@ -77,23 +128,27 @@ def draw_map(
     title : str
         Drawn above the map.
     cells : (k, 2) float64
-        Occupied cells under the trajectory from matching, metres.
+        Cells of what stands, under the trajectory from matching, metres.
     poses : (n, 3) float64
         That trajectory.
     failed : (n,) bool
         Where its match failed; marked by crosses.
+    moved_cells : (m, 2) float64
+        Cells in which something moved, drawn in grey; may be empty.
     wheel_cells, wheel_poses : (j, 2), (n, 3) float64 or None
         The same under wheel odometry, in the frame of the first scan.
     true_poses : (n, 3) float64 or None
         True trajectory, in the frame of the first scan.
     """
-    everything = [cells, poses[:, :2], np.zeros((1, 2))]
+    everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
     if wheel_cells is not None:
         everything.append(wheel_cells)
     with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
         if wheel_cells is not None:
             _draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
+        if len(moved_cells):
+            _draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
         _draw_cells(axes, cells, DARK, "map from scan matching")
         if wheel_poses is not None:
             axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
