@@ -105,7 +105,7 @@ def test_cells_leave_out_scans_without_a_pose():
 @pytest.mark.parametrize("min_similarity", [0.2, 1.0])
 def test_a_match_is_drawn_whether_or_not_it_found_a_pose(tmp_path, min_similarity):
     config = CfSmaConfig(landmarks=LandmarksConfig(min_similarity=min_similarity))
-    scan = room_scan(sigma=0.005)
+    scan = room_scan(sigma=0.01)
     result = cs.match(scan, scan, method="cfsma", config=config)
     assert result.ok is (min_similarity < 1.0)
     save_match(tmp_path, result, names=("one", "two"), min_curvature=0.2)
