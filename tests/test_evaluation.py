@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,9 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
+from curvescan.cfsma.config import CfSmaConfig
+from curvescan.evaluation.drives import MovedScore
 from curvescan.evaluation.errors import trajectory_errors
+from curvescan.evaluation.experiments import count_parameters, run_experiments
+from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
 from curvescan.evaluation.speed import measure_speed
+from curvescan.simulation import SENSORS
+from curvescan.view.experiments import as_record, save_experiments
 
 
 def square(n=5):
@@ -76,7 +84,7 @@ def test_experiment_1_repeats_to_the_last_digit():
     for moves in ("scan", "sensor"):
         first = run_random_transforms(moves=moves, n_runs=4, world="room", seed=3)
         again = run_random_transforms(moves=moves, n_runs=4, world="room", seed=3)
-        np.testing.assert_array_equal(first.translation_error, again.translation_error)
+        np.testing.assert_array_equal(first.errors, again.errors)
         np.testing.assert_array_equal(first.n_matched, again.n_matched)
 
 
@@ -86,3 +94,49 @@ def test_speed_is_measured_for_each_scan_and_pair():
     assert speed.prepare_seconds.shape == (12,)
     assert speed.match_seconds.shape == (6,)
     assert (speed.match_seconds > 0).all()
+
+
+@pytest.fixture(scope="module")
+def quick_experiments():
+    return run_experiments(methods=["cfsma"], is_quick=True, seed=2)
+
+
+@pytest.mark.slow
+def test_experiments_repeat_to_the_last_digit_and_write_a_report(tmp_path, quick_experiments):
+    def without_times(record):
+        text = json.dumps(record)
+        return re.sub(r'"milliseconds": [0-9.e+-]+', "", text)
+
+    again = run_experiments(methods=["cfsma"], is_quick=True, seed=2)
+    assert without_times(as_record(again)) == without_times(as_record(quick_experiments))
+
+    save_experiments(tmp_path, quick_experiments)
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 8
+    assert 'src="' + "data" in page
+    assert "http" not in page
+    assert "Table VI" in (tmp_path / "report.md").read_text()
+    record = json.loads((tmp_path / "results.json").read_text())
+    assert record["drives"]["experiment_4"]["methods"]["cfsma"]["path_length"] > 10
+
+
+def test_parameters_are_counted_from_the_configuration():
+    assert count_parameters(CfSmaConfig()) == 11
+    assert count_parameters(CfSmaConfig().curvature) == 1
+
+
+def test_moved_readings_are_scored_against_people():
+    score = MovedScore(n_right=8, n_said=10, n_true=16)
+    assert (score.precision, score.recall) == (0.8, 0.5)
+    nobody = MovedScore(n_right=0, n_said=0, n_true=0)
+    assert math.isnan(nobody.precision)
+    assert math.isnan(nobody.recall)
+
+
+def test_a_wall_and_a_corner_lie_where_they_should():
+    sensor = SENSORS["sick-lms200"]
+    [plane] = wall_scans(sensor, 2.0, sigma=0.0, n_scans=1, seed=0)
+    np.testing.assert_allclose(plane.points[plane.valid][:, 0], 2.0)
+    [edge] = wall_scans(sensor, 2.0, sigma=0.0, n_scans=1, seed=0, angle=math.pi / 4)
+    points = edge.points[edge.valid]
+    np.testing.assert_allclose(points[:, 0] - np.abs(points[:, 1]), 2.0, atol=1e-9)

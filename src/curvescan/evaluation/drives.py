@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -9,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from curvescan.evaluation.errors import TrajectoryErrors, trajectory_errors
+from curvescan.matching.moved import moved_along
 from curvescan.odometry import Odometry, OdometryRun, OdometryStep, run_odometry
 from curvescan.simulation import Drive, Simulation, simulate
 from curvescan.types import Floats
@@ -75,6 +77,35 @@ DYNAMIC = DriveExperiment(
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class MovedScore:
+    """Readings said to have moved, against those that hit people.
+
+    Attributes
+    ----------
+    n_right : int
+        Readings of people said to have moved.
+    n_said : int
+        Readings said to have moved.
+    n_true : int
+        Readings of people.
+    """
+
+    n_right: int
+    n_said: int
+    n_true: int
+
+    @property
+    def precision(self) -> float:
+        """Share of what was said that is true; NaN when nothing was."""
+        return self.n_right / self.n_said if self.n_said else math.nan
+
+    @property
+    def recall(self) -> float:
+        """Share of what is true that was said; NaN when nothing is."""
+        return self.n_right / self.n_true if self.n_true else math.nan
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DriveResult:
     """How one method did on one drive.
@@ -87,11 +118,14 @@ class DriveResult:
         Against the true poses.
     variances : (m, 3) float64
         Diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2.
+    moved : MovedScore
+        How well moving readings are told under its poses.
     """
 
     run: OdometryRun
     errors: TrajectoryErrors
     variances: Floats
+    moved: MovedScore
 
     @property
     def n_failed(self) -> int:
@@ -135,4 +169,15 @@ def _run_one(
         run=run,
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
         variances=np.array(variances).reshape(-1, 3),
+        moved=score_moved(log, run),
+    )
+
+
+def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
+    """Return how well the moving readings of a drive are told under the poses of a run."""
+    found = np.array(list(moved_along(log, run.trajectory.poses, run.is_matched)))
+    return MovedScore(
+        n_right=int(np.count_nonzero(found & log.is_person)),
+        n_said=int(np.count_nonzero(found)),
+        n_true=int(np.count_nonzero(log.is_person)),
     )

@@ -97,7 +97,7 @@ def run_experiments(
             n_runs=n_runs,
             people_share=people_share,
             seed=seed,
-            on_run=progress(f"experiment 1, {people_share:.0%} people, the {moves} moved", n_runs),
+            on_run=progress(f"experiment 1, {100 * people_share:.0f} % people", n_runs),
         )
         for moves, people_share in VARIANTS
     }
