@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.config import read_config, write_config
 from curvescan.io.folder import output_folder
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
@@ -26,9 +27,11 @@ __all__ = [
     "inspect_log",
     "output_folder",
     "pick_scans",
+    "read_config",
     "read_csv",
     "read_log",
     "read_tum",
+    "write_config",
     "write_csv",
     "write_tum",
 ]
