@@ -1,4 +1,4 @@
-"""Two scans of a square room, made by hand: where was the second taken, seen from the first?"""
+"""Match two scans of a square room, made by hand: where was the second taken, seen from the first."""
 
 import numpy as np
 

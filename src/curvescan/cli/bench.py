@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from curvescan.io import Log
     from curvescan.types import Floats
     from curvescan.view.table import ResultTable
 
@@ -38,8 +39,7 @@ def bench(
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
-        Real logs to run the odometry on; a matched step more than 0.3 m or 10 deg away from wheel odometry is
-        counted as wrong.
+        Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
     out
         Folder to write bench.md into; nothing is written without.
     """
@@ -187,42 +187,18 @@ def _experiment_1(runs: int, seed: int) -> ResultTable:
     )
 
 
-def _real_logs(sources: Sequence[object]) -> ResultTable:
+def _real_logs(sources: Sequence[Log]) -> ResultTable:
     from curvescan.cli.console import progress_bar
     from curvescan.evaluation.real_logs import judge_log
-    from curvescan.io import Log
     from curvescan.matching import MATCHERS
-    from curvescan.view.table import ResultTable
+    from curvescan.view.experiment_tables import log_table
 
-    rows = []
+    judged = []
     for log in sources:
-        assert isinstance(log, Log)
         for method in MATCHERS:
-            with progress_bar(f"{log.name}, {method}", len(log)) as advance:
-                judged = judge_log(log, method, on_step=advance)
-            n_failed = sum(judged.failures.values())
-            reasons = ", ".join(
-                f"{outcome.name.lower()} {100 * count / judged.n_steps:.1f} %"
-                for outcome, count in judged.failures.items()
-            )
-            rows.append(
-                (
-                    log.name,
-                    method,
-                    f"{judged.n_steps:,}",
-                    f"{100 * n_failed / judged.n_steps:.1f} %",
-                    reasons or "-",
-                    "-"
-                    if judged.n_wrong is None
-                    else f"{100 * judged.n_wrong / judged.n_steps:.1f} %",
-                    f"{judged.median_milliseconds:.3f} ms",
-                )
-            )
-    return ResultTable(
-        title="Odometry on real logs, scan to scan, laser alone",
-        columns=("log", "method", "steps", "failed", "why", "matched but wrong", "time a scan"),
-        rows=rows,
-    )
+            with progress_bar(f"{log.name}, {method}", len(log) - 1) as advance:
+                judged.append(judge_log(log, method, on_step=advance))
+    return log_table(judged)
 
 
 def _milliseconds(seconds: Floats) -> str:
