@@ -41,7 +41,7 @@ def bench(
     logs
         Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
     out
-        Folder to write bench.md into; nothing is written without.
+        Folder to write bench.md and turns.png (success against turn angle) into; nothing is written without.
     """
     from contextlib import nullcontext
 
@@ -50,16 +50,17 @@ def bench(
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
-        tables = [_speed(seed), _pairs(pairs, seed), _experiment_1(runs, seed)]
+        tables = [_speed(seed), _scaling(seed), _pairs(pairs, seed), _experiment_1(runs, seed)]
         if sources:
             tables.append(_real_logs(sources))
         if folder is not None:
+            _draw_turns(folder / "turns.png", max(pairs // 5, 1), seed)
             text = "\n".join(table.markdown() for table in tables)
             (folder / "bench.md").write_text(text, encoding="utf-8")
     for table in tables:
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/bench.md")
+        OUT.print(f"wrote {out}/bench.md, turns.png")
     return 0
 
 
@@ -81,6 +82,43 @@ def _speed(seed: int) -> ResultTable:
         columns=("method", "prepare a scan", "match two prepared scans"),
         rows=rows,
     )
+
+
+def _scaling(seed: int) -> ResultTable:
+    import numpy as np
+
+    from curvescan.evaluation.speed import measure_speed, with_beams
+    from curvescan.matching import MATCHERS
+    from curvescan.view.table import ResultTable
+
+    counts = (181, 361, 721, 1441, 2881, 4001)
+    rows = []
+    for method in MATCHERS:
+        speeds = [
+            measure_speed(method, sensor=with_beams(n), n_pairs=10, repeats=3, seed=seed)
+            for n in counts
+        ]
+        for what, seconds in (
+            ("prepare", [speed.prepare_seconds for speed in speeds]),
+            ("match", [speed.match_seconds for speed in speeds]),
+        ):
+            rows.append((f"{method}, {what}", *(f"{1e3 * np.median(s):.3f} ms" for s in seconds)))
+    return ResultTable(
+        title="Growth with the number of beams over 180 deg: median",
+        columns=("method", *(f"{n:,} beams" for n in counts)),
+        rows=rows,
+    )
+
+
+def _draw_turns(path: Path, pairs: int, seed: int) -> None:
+    from curvescan.cli.console import progress_bar
+    from curvescan.evaluation.turns import TURNS_DEG, success_by_turn
+    from curvescan.matching import MATCHERS
+    from curvescan.view.turns import draw_turns
+
+    with progress_bar("any turn", pairs * len(TURNS_DEG), "pairs") as advance:
+        shares = success_by_turn(tuple(MATCHERS), n_pairs=pairs, seed=seed + 2, on_pair=advance)
+    draw_turns(path, shares)
 
 
 def _pairs(pairs: int, seed: int) -> ResultTable:

@@ -15,7 +15,7 @@ from curvescan.view.table import ResultTable
 def random_transform_table(
     all_runs: dict[tuple[Moves, float], RandomTransformRuns],
 ) -> ResultTable:
-    """Return a table of experiment 1, beside the paper\'s figures."""
+    """Return a table of experiment 1, beside the paper's figures."""
     rows = []
     for (moves, share), runs in all_runs.items():
         x, y, theta = runs.errors[runs.is_right].mean(axis=0)
