@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,14 +30,14 @@ class ConsensusFeatures:
         The readings and the lines through them; columns as in surfaces.py; sensor frame, metres.
     bounds : (s + 1,) int64
         Surface k is surfels[bounds[k]:bounds[k + 1]].
-    lookup : (n_beams,) int64
-        Reading in each direction, counter-clockwise; -1 where there is none.
-    fan : (4,) float64
-        Entries as in polar.py.
+    lookup : (n_slots,) int64
+        Reading in each direction once around the circle, as in polar.py.
+    fan : (3,) float64
+        Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
     keypoints : (k, 5) float64
         Frames; columns as in keypoints.py.
-    probes : (p,) int64
-        Readings that stand for all of them when a hypothesis is tried.
+    probes : (p, 9) float64
+        Surfels that stand for all of them when a hypothesis is tried.
     """
 
     n_beams: int
@@ -46,7 +47,7 @@ class ConsensusFeatures:
     lookup: Ints
     fan: Floats
     keypoints: Floats
-    probes: Ints
+    probes: Floats
 
 
 def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatures:
@@ -55,6 +56,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     step = abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
+    n_slots = max(round(2.0 * math.pi / step), n if not is_closed else 1)
     beam_idx, surfels, bounds = sweep(
         scan.ranges,
         scan.directions,
@@ -74,8 +76,8 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         beam_idx=beam_idx,
         surfels=surfels,
         bounds=bounds,
-        lookup=polar_lookup(beam_idx, n, is_clockwise),
-        fan=np.array([angle_min, 1.0 / step, float(is_closed), sigma]),
+        lookup=polar_lookup(beam_idx, n, n_slots, is_clockwise),
+        fan=np.array([math.remainder(angle_min, 2.0 * math.pi), 1.0 / step, sigma]),
         keypoints=np.concatenate((corners, ends)),
         probes=choose_probes(surfels, step, 48),
     )

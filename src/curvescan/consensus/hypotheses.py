@@ -1,4 +1,8 @@
-"""Hypotheses: where the current scan may have been taken, from pairs of frames."""
+"""Hypotheses: where the current scan may have been taken, from pairs of frames, the most voted first.
+
+Two frames of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones scatter. So
+a pose gets the votes of all poses in its cell of a coarse grid, in the manner of Hough's transform.
+"""
 
 from __future__ import annotations
 
@@ -7,33 +11,101 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.types import Floats
+from curvescan.consensus.polar import reading_at
+from curvescan.types import Floats, Ints
+
+
+@kernel
+def is_in_sight(
+    x: float, y: float, surfels: Floats, fan: Floats, lookup: Ints, margin: float
+) -> bool:
+    """Return whether a scan leaves the way from its sensor to a place free, as far as it tells."""
+    j = reading_at(x, y, fan[0], fan[1], lookup)
+    if j < 0:
+        return True
+    reach = surfels[j, 2] + margin
+    return x * x + y * y < reach * reach
 
 
 @kernel
 def pair_frames(
-    keypoints_ref: Floats, keypoints_cur: Floats, turn_tolerances: Floats, max_hypotheses: int
+    keypoints_ref: Floats,
+    surfels_ref: Floats,
+    fan_ref: Floats,
+    lookup_ref: Ints,
+    keypoints_cur: Floats,
+    surfels_cur: Floats,
+    fan_cur: Floats,
+    lookup_cur: Ints,
+    turn_tolerance: float,
+    max_pairs: int,
 ) -> Floats:
-    """Return (h, 3) poses of the current scan in the reference, one for each pair of frames of one kind."""
-    poses = np.empty((max_hypotheses, 3))
+    """Return (h, 3) poses of the current scan in the reference, one for each pair of frames of one kind.
+
+    Left out are poses at which one sensor would stand behind what the other saw.
+    """
+    poses = np.empty((max_pairs, 3))
     n = 0
     for i in range(keypoints_cur.shape[0]):
-        kind = keypoints_cur[i, 4]
-        tolerance = turn_tolerances[int(kind)] if kind < 10.0 else 1.0
+        x, y, direction = keypoints_cur[i, 0], keypoints_cur[i, 1], keypoints_cur[i, 2]
+        turn, kind = keypoints_cur[i, 3], keypoints_cur[i, 4]
         for j in range(keypoints_ref.shape[0]):
-            if keypoints_ref[j, 4] != kind or n >= max_hypotheses:
+            if keypoints_ref[j, 4] != kind or n >= max_pairs:
                 continue
-            if abs(keypoints_ref[j, 3] - keypoints_cur[i, 3]) > tolerance:
+            if abs(keypoints_ref[j, 3] - turn) > turn_tolerance:
                 continue
-            theta = keypoints_ref[j, 2] - keypoints_cur[i, 2]
+            theta = keypoints_ref[j, 2] - direction
             if theta > math.pi:
                 theta -= 2.0 * math.pi
             elif theta <= -math.pi:
                 theta += 2.0 * math.pi
             c, s = math.cos(theta), math.sin(theta)
-            x, y = keypoints_cur[i, 0], keypoints_cur[i, 1]
-            poses[n, 0] = keypoints_ref[j, 0] - c * x + s * y
-            poses[n, 1] = keypoints_ref[j, 1] - s * x - c * y
-            poses[n, 2] = theta
+            tx = keypoints_ref[j, 0] - c * x + s * y
+            ty = keypoints_ref[j, 1] - s * x - c * y
+            if not is_in_sight(tx, ty, surfels_ref, fan_ref, lookup_ref, 0.1):
+                continue
+            if not is_in_sight(
+                -c * tx - s * ty, s * tx - c * ty, surfels_cur, fan_cur, lookup_cur, 0.1
+            ):
+                continue
+            poses[n, 0], poses[n, 1], poses[n, 2] = tx, ty, theta
             n += 1
-    return poses[:n].copy()
+    return poses[:n]
+
+
+@kernel
+def most_voted(poses: Floats, cell: float, turn: float, max_kept: int) -> Floats:
+    """Return at most max_kept poses, those of the fullest cells first.
+
+    Cells are `cell` metres and `turn` radians wide; two grids half a cell apart are summed, so that no border
+    halves a cluster. Cells share the counters of a hash table: a clash adds a vote, no more.
+    """
+    n = poses.shape[0]
+    size = 2048
+    counts = np.zeros((2, size), dtype=np.int16)
+    keys = np.empty((n, 2), dtype=np.int64)
+    for h in range(n):
+        for g in range(2):
+            a = int(math.floor(poses[h, 0] / cell + 0.5 * g))
+            b = int(math.floor(poses[h, 1] / cell + 0.5 * g))
+            # theta in (-pi, pi]: the seam may cut a cell, the other grid cuts it elsewhere
+            d = int(math.floor((poses[h, 2] + math.pi) / turn + 0.5 * g))
+            key = (a * 73856093 ^ b * 19349663 ^ d * 83492791) & (size - 1)
+            counts[g, key] += 1
+            keys[h, g] = key
+    most = 64
+    starts = np.zeros(most + 1, dtype=np.int64)
+    votes = np.empty(n, dtype=np.int64)
+    for h in range(n):
+        v = counts[0, keys[h, 0]] + counts[1, keys[h, 1]]
+        votes[h] = most - 1 - min(int(v), most - 1)
+        starts[votes[h] + 1] += 1
+    for v in range(most):
+        starts[v + 1] += starts[v]
+    kept = np.empty((min(n, max_kept), 3))
+    for h in range(n):
+        place = starts[votes[h]]
+        starts[votes[h]] += 1
+        if place < max_kept:
+            kept[place] = poses[h]
+    return kept

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.types import Floats, Ints
+from curvescan.types import Floats
 
 
 @kernel
-def choose_probes(surfels: Floats, step: float, n_probes: int) -> Ints:
-    """Return at most n_probes readings, spread evenly over the lengths of the surfaces.
+def choose_probes(surfels: Floats, step: float, n_probes: int) -> Floats:
+    """Return at most n_probes surfels, spread evenly over the lengths of the surfaces.
 
     A reading stands for the length of surface between it and its neighbours, but for no more than 0.3 m
-    and for no less than 0.03 m: near surfaces, which are dense, do not take all, nor far ones.
+    and for no less than 0.03 m: near surfaces, which are dense, do not take all, nor far ones. The first few of the
+    probes are spread as evenly as all of them.
     """
     m = surfels.shape[0]
     weight = np.zeros(m)
@@ -25,14 +28,21 @@ def choose_probes(surfels: Floats, step: float, n_probes: int) -> Ints:
         facing = abs(surfels[i, 5] * surfels[i, 0] + surfels[i, 6] * surfels[i, 1]) / r
         weight[i] = min(max(r * step / max(facing, 0.1), 0.03), 0.3)
         total += weight[i]
-    if m <= n_probes:
-        n_probes = m
-    probes = np.empty(n_probes, dtype=np.int64)
+    chosen = np.empty(n_probes, dtype=np.int64)
     count = 0
     reached = 0.0
     for i in range(m):
         reached += weight[i]
         if count < n_probes and weight[i] > 0.0 and reached * n_probes >= (count + 0.5) * total:
-            probes[count] = i
+            chosen[count] = i
             count += 1
-    return probes[:count].copy()
+    # a stride near the golden section that shares no factor with the count visits each one once
+    stride = max(int(0.618 * count), 1)
+    while math.gcd(stride, max(count, 1)) != 1:
+        stride += 1
+    probes = np.empty((count, surfels.shape[1]))
+    k = 0
+    for i in range(count):
+        probes[i] = surfels[chosen[k]]
+        k = (k + stride) % count
+    return probes

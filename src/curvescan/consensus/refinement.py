@@ -20,7 +20,6 @@ from curvescan.types import Floats, Ints
 @kernel
 def accumulate(
     surfels_a: Floats,
-    readings_a: Ints,
     surfels_b: Floats,
     fan_b: Floats,
     lookup_b: Ints,
@@ -37,8 +36,7 @@ def accumulate(
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     tx, ty = pose[0], pose[1]
-    for k in range(readings_a.size):
-        i = readings_a[k]
+    for i in range(surfels_a.shape[0]):
         va = surfels_a[i, 7]
         if va < 0.0:
             continue
@@ -49,7 +47,7 @@ def accumulate(
         else:
             dx, dy = c * ax - s * ay, s * ax + c * ay
             qx, qy = dx + tx, dy + ty
-        j = reading_at(qx, qy, fan_b, lookup_b)
+        j = reading_at(qx, qy, fan_b[0], fan_b[1], lookup_b)
         if j < 0:
             continue
         vb = surfels_b[j, 7]
@@ -127,12 +125,12 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 @kernel
 def refine(
     pose: Floats,
+    rows_ref: Floats,
     surfels_ref: Floats,
-    readings_ref: Ints,
     fan_ref: Floats,
     lookup_ref: Ints,
+    rows_cur: Floats,
     surfels_cur: Floats,
-    readings_cur: Ints,
     fan_cur: Floats,
     lookup_cur: Ints,
     slacks: Floats,
@@ -148,11 +146,11 @@ def refine(
         system[:] = 0.0
         slack = slacks[min(it, slacks.size - 1)]
         accumulate(
-            surfels_cur, readings_cur, surfels_ref, fan_ref, lookup_ref,
+            rows_cur, surfels_ref, fan_ref, lookup_ref,
             pose, False, slack, 0.3 * slack, system,
         )
         accumulate(
-            surfels_ref, readings_ref, surfels_cur, fan_cur, lookup_cur,
+            rows_ref, surfels_cur, fan_cur, lookup_cur,
             pose, True, slack, 0.3 * slack, system,
         )
         dx, dy, dtheta = solve(system, 10.0)

@@ -18,72 +18,139 @@ from curvescan.types import Floats, Ints
 
 @kernel
 def support(
-    surfels_a: Floats,
-    probes_a: Ints,
-    surfels_b: Floats,
-    fan_b: Floats,
-    lookup_b: Ints,
+    probes: Floats,
+    low: int,
+    high: int,
+    surfels: Floats,
+    fan: Floats,
+    lookup: Ints,
     x: float,
     y: float,
-    theta: float,
+    c: float,
+    s: float,
     tolerance: float,
-    tolerance_slope: float,
+    slope: float,
 ) -> float:
-    """Return the agreements less the contradictions of probes of scan a in scan b, at the pose of a in b."""
-    c, s = math.cos(theta), math.sin(theta)
+    """Return the agreements less half the contradictions of probes low..high - 1 of one scan in another.
+
+    (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
+    """
     score = 0.0
-    for k in range(probes_a.size):
-        i = probes_a[k]
-        ax, ay = surfels_a[i, 0], surfels_a[i, 1]
+    angle_min, per_radian = fan[0], fan[1]
+    for k in range(low, high):
+        ax, ay = probes[k, 0], probes[k, 1]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        j = reading_at(qx, qy, fan_b, lookup_b)
+        j = reading_at(qx, qy, angle_min, per_radian, lookup)
         if j < 0:
             continue
-        rho = math.sqrt(qx * qx + qy * qy)
-        limit = tolerance + tolerance_slope * rho
-        ux, uy = qx - surfels_b[j, 3], qy - surfels_b[j, 4]
-        across = surfels_b[j, 5] * ux + surfels_b[j, 6] * uy
-        apart2 = ux * ux + uy * uy
-        if abs(across) < limit and apart2 < 9.0 * limit * limit:
-            nx = c * surfels_a[i, 5] - s * surfels_a[i, 6]
-            ny = s * surfels_a[i, 5] + c * surfels_a[i, 6]
-            alike = nx * surfels_b[j, 5] + ny * surfels_b[j, 6]
+        ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
+        nx, ny = surfels[j, 5], surfels[j, 6]
+        limit = tolerance + slope * surfels[j, 2]
+        across = (nx * ux + ny * uy) / limit
+        badness = across * across
+        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit * limit:
+            mx, my = probes[k, 5], probes[k, 6]
+            alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
             if alike > 0.0:
-                ratio = across / limit
-                score += (1.0 - ratio * ratio) * alike
+                score += (1.0 - badness) * alike
                 continue
-        if rho < surfels_b[j, 2] - 2.0 * limit:
+        front = surfels[j, 2] - 2.0 * limit
+        if front > 0.0 and qx * qx + qy * qy < front * front:
             score -= 0.5
     return score
 
 
 @kernel
 def verify(
-    poses: Floats,
+    pose: Floats,
+    probes_ref: Floats,
     surfels_ref: Floats,
-    probes_ref: Ints,
     fan_ref: Floats,
     lookup_ref: Ints,
+    probes_cur: Floats,
     surfels_cur: Floats,
-    probes_cur: Ints,
     fan_cur: Floats,
     lookup_cur: Ints,
     tolerance: float,
-    tolerance_slope: float,
-) -> Floats:
-    """Return (h,) the score of each pose of the current scan in the reference, both ways round, at most 1."""
-    n = poses.shape[0]
-    scores = np.empty(n)
-    for h in range(n):
-        x, y, theta = poses[h, 0], poses[h, 1], poses[h, 2]
-        c, s = math.cos(theta), math.sin(theta)
-        there = support(
-            surfels_cur, probes_cur, surfels_ref, fan_ref, lookup_ref,
-            x, y, theta, tolerance, tolerance_slope,
+    slope: float,
+    n_first: int,
+    least: float,
+) -> float:
+    """Return the score of one pose, both ways round, at most 1.
+
+    When the first n_first probes of either scan leave it below `least`, theirs is returned.
+    """
+    x, y, theta = pose[0], pose[1], pose[2]
+    c, s = math.cos(theta), math.sin(theta)
+    ix, iy = -c * x - s * y, s * x - c * y
+    low, score = 0, 0.0
+    n_ref, n_cur = probes_ref.shape[0], probes_cur.shape[0]
+    for stage in range(2):
+        high_ref = min(n_first, n_ref) if stage == 0 else n_ref
+        high_cur = min(n_first, n_cur) if stage == 0 else n_cur
+        score += support(
+            probes_cur, min(low, n_cur), high_cur, surfels_ref, fan_ref, lookup_ref,
+            x, y, c, s, tolerance, slope,
         )
-        back = support(
-            surfels_ref, probes_ref, surfels_cur, fan_cur, lookup_cur,
-            -c * x - s * y, s * x - c * y, -theta, tolerance, tolerance_slope,
+        score += support(
+            probes_ref, min(low, n_ref), high_ref, surfels_cur, fan_cur, lookup_cur,
+            ix, iy, c, -s, tolerance, slope,
         )
-        scores[h] = (there + back) / max(probes_cur.size + probes_ref.size, 1)
-    return scores
+        low = n_first
+        rate = score / max(high_ref + high_cur, 1)
+        if rate < least:
+            break
+    return rate
+
+
+@kernel
+def select(
+    poses: Floats,
+    probes_ref: Floats,
+    surfels_ref: Floats,
+    fan_ref: Floats,
+    lookup_ref: Ints,
+    probes_cur: Floats,
+    surfels_cur: Floats,
+    fan_cur: Floats,
+    lookup_cur: Ints,
+    tolerance: float,
+    slope: float,
+    n_kept: int,
+    n_first: int,
+) -> tuple[Floats, Floats]:
+    """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
+    best = np.empty((n_kept, 3))
+    scores = np.full(n_kept, -1.0)
+    n = 0
+    for h in range(poses.shape[0]):
+        least = scores[n - 1] if n == n_kept else -1.0
+        score = verify(
+            poses[h], probes_ref, surfels_ref, fan_ref, lookup_ref,
+            probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, n_first,
+            0.7 * least,
+        )
+        if score <= least:
+            continue
+        place = n if n < n_kept else n_kept - 1  # the entry that goes: the last, or its like
+        is_new = True
+        for k in range(n):
+            turn = abs(best[k, 2] - poses[h, 2])
+            turn = min(turn, 2.0 * math.pi - turn)
+            dx, dy = best[k, 0] - poses[h, 0], best[k, 1] - poses[h, 1]
+            if turn < 0.15 and dx * dx + dy * dy < 0.09:
+                is_new = scores[k] < score
+                place = k
+                if place < n:
+                    break
+        if not is_new:
+            continue
+        if place == n:
+            n += 1
+        while place > 0 and scores[place - 1] < score:
+            scores[place] = scores[place - 1]
+            best[place] = best[place - 1]
+            place -= 1
+        scores[place] = score
+        best[place] = poses[h]
+    return best[:n], scores[:n]
