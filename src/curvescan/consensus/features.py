@@ -49,6 +49,11 @@ class ConsensusFeatures:
     keypoints: Floats
     probes: Floats
 
+    @property
+    def sigma(self) -> float:
+        """Range noise of the scan, metres."""
+        return float(self.fan[2])
+
 
 def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatures:
     """Return the features of a scan, also of one without a valid reading."""

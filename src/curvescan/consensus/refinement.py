@@ -89,17 +89,6 @@ def accumulate(
         system[6] += wx * e
         system[7] += wy * e
         system[8] += wt * e
-        # tilt of the line makes it seem to tell something along itself
-        fake = weight * surfels_b[j, 8]
-        j2 = ny * -dy - nx * dx
-        system[9] += fake * ny * ny
-        system[10] -= fake * ny * nx
-        system[11] += fake * ny * j2
-        system[12] += fake * nx * nx
-        system[13] -= fake * nx * j2
-        system[14] += fake * j2 * j2
-        system[15] += e * e / va * weight * variance
-        system[16] += weight * variance
 
 
 @kernel
@@ -124,7 +113,7 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 
 @kernel
 def refine(
-    pose: Floats,
+    poses: Floats,
     rows_ref: Floats,
     surfels_ref: Floats,
     fan_ref: Floats,
@@ -134,36 +123,41 @@ def refine(
     fan_cur: Floats,
     lookup_cur: Ints,
     slacks: Floats,
-    max_iterations: int,
-) -> tuple[Floats, Floats]:
-    """Return the refined pose and the system at it.
+) -> Floats:
+    """Return (h, 3) refined poses.
 
-    The slack of iteration k is slacks[k], the last one from then on.
+    Parameters
+    ----------
+    poses : (h, 3) float64
+        Where to start, of the current scan in the reference.
+    rows_ref, rows_cur : (p, 9), (q, 9) float64
+        Surfels that are compared with the other scan: all of a scan, or its probes.
+    surfels_ref, fan_ref, lookup_ref, surfels_cur, fan_cur, lookup_cur
+        Both scans.
+    slacks : (n,) float64
+        One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
+        for each metre away from it.
     """
-    pose = pose.copy()
-    system = np.zeros(17)
-    for it in range(max_iterations):
-        system[:] = 0.0
-        slack = slacks[min(it, slacks.size - 1)]
-        accumulate(
-            rows_cur, surfels_ref, fan_ref, lookup_ref,
-            pose, False, slack, 0.3 * slack, system,
-        )
-        accumulate(
-            rows_ref, surfels_cur, fan_cur, lookup_cur,
-            pose, True, slack, 0.3 * slack, system,
-        )
-        dx, dy, dtheta = solve(system, 10.0)
-        step = max(abs(dx), abs(dy), abs(dtheta))
-        if step > 0.5:
-            dx, dy, dtheta = dx * 0.5 / step, dy * 0.5 / step, dtheta * 0.5 / step
-        pose[0] += dx
-        pose[1] += dy
-        pose[2] += dtheta
-        if step < 1e-7 and it >= slacks.size - 1:
-            break
-    if pose[2] > math.pi:
-        pose[2] -= 2.0 * math.pi
-    elif pose[2] <= -math.pi:
-        pose[2] += 2.0 * math.pi
-    return pose, system
+    refined = poses.copy()
+    system = np.empty(9)
+    for h in range(refined.shape[0]):
+        pose = refined[h]
+        for slack in slacks:
+            system[:] = 0.0
+            accumulate(
+                rows_cur, surfels_ref, fan_ref, lookup_ref, pose, False, slack, 0.3 * slack, system
+            )
+            accumulate(
+                rows_ref, surfels_cur, fan_cur, lookup_cur, pose, True, slack, 0.3 * slack, system
+            )
+            dx, dy, dtheta = solve(system, 10.0)
+            step = max(abs(dx), abs(dy), abs(dtheta))
+            shrink = 0.5 / step if step > 0.5 else 1.0
+            pose[0] += shrink * dx
+            pose[1] += shrink * dy
+            pose[2] += shrink * dtheta
+            if pose[2] > math.pi:
+                pose[2] -= 2.0 * math.pi
+            elif pose[2] <= -math.pi:
+                pose[2] += 2.0 * math.pi
+    return refined

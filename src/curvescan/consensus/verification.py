@@ -78,28 +78,29 @@ def verify(
 ) -> float:
     """Return the score of one pose, both ways round, at most 1.
 
-    When the first n_first probes of either scan leave it below `least`, theirs is returned.
+    n_first probes of each scan are tried, then as many more as before, until all are or the score has no
+    prospect of reaching `least`; it is then that of the probes tried.
     """
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
     ix, iy = -c * x - s * y, s * x - c * y
-    low, score = 0, 0.0
     n_ref, n_cur = probes_ref.shape[0], probes_cur.shape[0]
-    for stage in range(2):
-        high_ref = min(n_first, n_ref) if stage == 0 else n_ref
-        high_cur = min(n_first, n_cur) if stage == 0 else n_cur
+    low, high, score, rate = 0, n_first, 0.0, 0.0
+    while low < max(n_ref, n_cur):
         score += support(
-            probes_cur, min(low, n_cur), high_cur, surfels_ref, fan_ref, lookup_ref,
+            probes_cur, low, min(high, n_cur), surfels_ref, fan_ref, lookup_ref,
             x, y, c, s, tolerance, slope,
         )
         score += support(
-            probes_ref, min(low, n_ref), high_ref, surfels_cur, fan_cur, lookup_cur,
+            probes_ref, low, min(high, n_ref), surfels_cur, fan_cur, lookup_cur,
             ix, iy, c, -s, tolerance, slope,
         )
-        low = n_first
-        rate = score / max(high_ref + high_cur, 1)
-        if rate < least:
+        rate = score / (min(high, n_ref) + min(high, n_cur))
+        # few probes err more: what is certain of a score narrows with the root of their number
+        if rate < least - 0.6 / math.sqrt(min(high, n_ref) + min(high, n_cur)):
             break
+        low = high
+        high *= 2
     return rate
 
 
@@ -122,35 +123,38 @@ def select(
     """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
     best = np.empty((n_kept, 3))
     scores = np.full(n_kept, -1.0)
+    n_alike = np.zeros(n_kept, dtype=np.int64)
     n = 0
     for h in range(poses.shape[0]):
+        x, y, theta = poses[h, 0], poses[h, 1], poses[h, 2]
         least = scores[n - 1] if n == n_kept else -1.0
+        like = -1
+        for k in range(n):
+            turn = abs(best[k, 2] - theta)
+            dx, dy = best[k, 0] - x, best[k, 1] - y
+            if dx * dx + dy * dy < 0.09 and min(turn, 2.0 * math.pi - turn) < 0.15:
+                like = k
+                break
+        if like >= 0:
+            n_alike[like] += 1
+            if n_alike[like] > 4:
+                continue
+            least = scores[like]
         score = verify(
             poses[h], probes_ref, surfels_ref, fan_ref, lookup_ref,
-            probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, n_first,
-            0.7 * least,
+            probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, n_first, least,
         )
         if score <= least:
             continue
-        place = n if n < n_kept else n_kept - 1  # the entry that goes: the last, or its like
-        is_new = True
-        for k in range(n):
-            turn = abs(best[k, 2] - poses[h, 2])
-            turn = min(turn, 2.0 * math.pi - turn)
-            dx, dy = best[k, 0] - poses[h, 0], best[k, 1] - poses[h, 1]
-            if turn < 0.15 and dx * dx + dy * dy < 0.09:
-                is_new = scores[k] < score
-                place = k
-                if place < n:
-                    break
-        if not is_new:
-            continue
-        if place == n:
-            n += 1
+        place = like  # the entry that goes: its like, or the last
+        alike = n_alike[like] if like >= 0 else 1
+        if like < 0:
+            place = min(n, n_kept - 1)
+            n = min(n + 1, n_kept)
         while place > 0 and scores[place - 1] < score:
-            scores[place] = scores[place - 1]
+            scores[place], n_alike[place] = scores[place - 1], n_alike[place - 1]
             best[place] = best[place - 1]
             place -= 1
-        scores[place] = score
+        scores[place], n_alike[place] = score, alike
         best[place] = poses[h]
     return best[:n], scores[:n]

@@ -1,0 +1,139 @@
+"""The matcher "curvescan": hypotheses from CF-SMA's characteristic points, verified, refined, and judged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.consensus.config import ConsensusConfig
+from curvescan.consensus.features import ConsensusFeatures, extract_features
+from curvescan.consensus.hypotheses import most_voted, pair_frames
+from curvescan.consensus.information import covariance
+from curvescan.consensus.labels import compare_readings
+from curvescan.consensus.refinement import refine
+from curvescan.consensus.verification import select
+from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Codes, Floats, Pose
+
+_LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
+_ROUGH, _QUICK, _FULL = np.array([0.0, 0.0, 0.0]), np.array([0.06, 0.02]), np.array([0.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CurvescanTrace:
+    """What the matcher did on the way.
+
+    Attributes
+    ----------
+    reference, current : ConsensusFeatures
+        Features of both scans.
+    n_hypotheses : int
+        Poses tried.
+    candidates : (k, 3) float64
+        Those refined, best first.
+    scores : (k,) float64
+        How well the scans agree at them, at most 1.
+    """
+
+    reference: ConsensusFeatures
+    current: ConsensusFeatures
+    n_hypotheses: int
+    candidates: Floats
+    scores: Floats
+
+
+class CurvescanMatcher:
+    """Guess-free, robust and certain of itself: the default matcher."""
+
+    def __init__(self, config: ConsensusConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> ConsensusFeatures:
+        """Return the surfels, characteristic points and polar frame of a scan."""
+        return extract_features(scan, self.config)
+
+    def can_be_reference(self, features: ConsensusFeatures) -> bool:
+        """Return whether the scan has surfaces at all."""
+        return len(features.probes) >= 6
+
+    def match(
+        self, reference: ConsensusFeatures, current: ConsensusFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`; the guess is one more hypothesis."""
+        ref, cur = reference, current
+        if not (self.can_be_reference(ref) and self.can_be_reference(cur)):
+            return _failure(Outcome.NO_SEGMENTS, ref, cur, None)
+        scans = (
+            (ref.probes, ref.surfels, ref.fan, ref.lookup),
+            (cur.probes, cur.surfels, cur.fan, cur.lookup),
+        )
+        (ref_probes, *ref_frame), (cur_probes, *cur_frame) = scans
+        pairs = pair_frames(ref.keypoints, *ref_frame, cur.keypoints, *cur_frame, 0.4, 4000)
+        voted = most_voted(pairs, 0.3, 0.15, 96)
+        hypotheses = np.concatenate((np.zeros((1, 3)) if guess is None else guess[None], voted))
+        chosen, _ = select(hypotheses, *scans[0], *scans[1], 0.08, 0.03, 5, 6)
+        quick = refine(chosen, ref_probes, *scans[0][1:], cur_probes, *scans[1][1:], _QUICK)
+        candidates, scores = select(quick, *scans[0], *scans[1], 0.04, 0.005, 3, 64)
+        trace = CurvescanTrace(
+            reference=ref, current=cur, n_hypotheses=len(hypotheses),
+            candidates=candidates, scores=scores,
+        )
+        if not len(candidates):
+            return _failure(Outcome.UNSUPPORTED, ref, cur, trace)
+        pose = refine(
+            candidates[:1], ref.surfels, *ref_frame, cur.surfels, *cur_frame, _FULL
+        )[0]
+        inverse = _inverse(pose)
+        codes_cur, partner_cur = compare_readings(cur.surfels, *ref_frame, pose, 0.01)
+        codes_ref, partner_ref = compare_readings(ref.surfels, *cur_frame, inverse, 0.01)
+        cov, weakest, n_weak = covariance(ref.surfels, partner_ref, cur.surfels, partner_cur, pose, 1.0)
+        return MatchResult(
+            method="curvescan",
+            outcome=Outcome.MATCHED,
+            pose=pose,
+            covariance=cov,
+            n_matched=int(np.count_nonzero(codes_cur == 1)),
+            trace=trace,
+            labels_reference=_labels(ref, codes_ref),
+            labels_current=_labels(cur, codes_cur),
+            weak_direction=weakest if n_weak else None,
+            score=float(scores[0]),
+            runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
+        )
+
+
+def _inverse(pose: Pose) -> Pose:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
+
+
+def _labels(features: ConsensusFeatures, codes: Codes) -> Codes:
+    labels = np.zeros(features.n_beams, dtype=np.uint8)
+    labels[features.beam_idx] = _LABELS[codes]
+    return labels
+
+
+def _failure(
+    outcome: Outcome,
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    trace: CurvescanTrace | None,
+) -> MatchResult:
+    labels = []
+    for features in (ref, cur):
+        one = np.zeros(features.n_beams, dtype=np.uint8)
+        one[features.beam_idx] = Label.UNMATCHED
+        labels.append(one)
+    return MatchResult(
+        method="curvescan",
+        outcome=outcome,
+        pose=NO_POSE,
+        covariance=NO_COVARIANCE,
+        n_matched=0,
+        trace=trace,
+        labels_reference=labels[0],
+        labels_current=labels[1],
+    )
