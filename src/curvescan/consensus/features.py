@@ -12,6 +12,7 @@ from curvescan.consensus.keypoints import find_ends, find_keypoints
 from curvescan.consensus.polar import polar_lookup
 from curvescan.consensus.surfaces import fit_surfels, moments, sweep
 from curvescan.consensus.probes import choose_probes
+from curvescan.consensus.turns import direction_histogram
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
@@ -38,6 +39,8 @@ class ConsensusFeatures:
         Frames; columns as in keypoints.py.
     probes : (p, 9) float64
         Surfels that stand for all of them when a hypothesis is tried.
+    directions : (120,) float64
+        Length of surface that faces each direction.
     """
 
     n_beams: int
@@ -48,6 +51,7 @@ class ConsensusFeatures:
     fan: Floats
     keypoints: Floats
     probes: Floats
+    directions: Floats
 
     @property
     def sigma(self) -> float:
@@ -85,4 +89,5 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         fan=np.array([math.remainder(angle_min, 2.0 * math.pi), 1.0 / step, sigma]),
         keypoints=np.concatenate((corners, ends)),
         probes=choose_probes(surfels, step, 48),
+        directions=direction_histogram(surfels, step),
     )

@@ -13,6 +13,7 @@ from curvescan.consensus.hypotheses import most_voted, pair_frames
 from curvescan.consensus.information import covariance
 from curvescan.consensus.labels import compare_readings
 from curvescan.consensus.refinement import refine
+from curvescan.consensus.turns import slides, turns
 from curvescan.consensus.verification import select
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
@@ -73,9 +74,15 @@ class CurvescanMatcher:
         (ref_probes, *ref_frame), (cur_probes, *cur_frame) = scans
         pairs = pair_frames(ref.keypoints, *ref_frame, cur.keypoints, *cur_frame, 0.4, 4000)
         voted = most_voted(pairs, 0.3, 0.15, 96)
-        hypotheses = np.concatenate((np.zeros((1, 3)) if guess is None else guess[None], voted))
+        around = np.zeros(3) if guess is None else guess
+        turned = turns(ref.directions, cur.directions, 4, around)
+        hypotheses = np.concatenate((turned, voted))
         chosen, _ = select(hypotheses, *scans[0], *scans[1], 0.08, 0.03, 5, 6)
         quick = refine(chosen, ref_probes, *scans[0][1:], cur_probes, *scans[1][1:], _QUICK)
+        slid = slides(quick[:2], *scans[0], *scans[1], 0.15, 12, 0.1)
+        if len(slid):
+            chosen, _ = select(np.concatenate((quick, slid)), *scans[0], *scans[1], 0.06, 0.01, 6, 12)
+            quick = refine(chosen, ref_probes, *scans[0][1:], cur_probes, *scans[1][1:], _QUICK)
         candidates, scores = select(quick, *scans[0], *scans[1], 0.04, 0.005, 3, 64)
         trace = CurvescanTrace(
             reference=ref, current=cur, n_hypotheses=len(hypotheses),
