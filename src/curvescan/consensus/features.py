@@ -78,7 +78,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     )
     sums = moments(surfels)
     sigma = fit_surfels(surfels, sums, bounds, config.surface.arm, config.surface.range_sigma_min)
-    corners = find_keypoints(surfels, sums, bounds, np.array([0.12, 0.25, 0.5]), 0.4, 96)
+    corners = find_keypoints(surfels, sums, bounds, np.array([0.12, 0.25, 0.5]), sigma, 0.4, 96)
     ends = find_ends(surfels, sums, bounds, 0.25, is_closed, 64)
     return ConsensusFeatures(
         n_beams=n,

@@ -37,7 +37,13 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
 
 @kernel
 def find_keypoints(
-    surfels: Floats, sums: Floats, bounds: Ints, arms: Floats, min_turn: float, max_keypoints: int
+    surfels: Floats,
+    sums: Floats,
+    bounds: Ints,
+    arms: Floats,
+    sigma: float,
+    min_turn: float,
+    max_keypoints: int,
 ) -> Floats:
     """Return (k, 5) corners at each arm length and physical ends of surfaces."""
     m = surfels.shape[0]
@@ -108,6 +114,11 @@ def find_keypoints(
                     sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
                 )
                 cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
+                turn = math.atan2(cross, dot)
+                # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
+                doubt = sigma * math.sqrt(12.0 / (i - low) + 12.0 / (high - i)) / arms[a]
+                if abs(turn) < max(min_turn, 3.0 * doubt):
+                    continue
                 if abs(cross) > 0.5:
                     # where the two lines meet is sharper than any reading
                     ax = (sums[i, 0] - sums[low, 0]) / (i - low)
@@ -120,7 +131,7 @@ def find_keypoints(
                         x, y = px, py
                 found[n_found, 0], found[n_found, 1] = x, y
                 found[n_found, 2] = math.atan2(iny + outy, inx + outx)
-                found[n_found, 3] = math.atan2(cross, dot)
+                found[n_found, 3] = turn
                 found[n_found, 4] = a
                 n_found += 1
     return found[:n_found].copy()

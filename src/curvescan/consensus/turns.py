@@ -78,6 +78,25 @@ def turns(histogram_ref: Floats, histogram_cur: Floats, n_turns: int, around: Fl
 
 
 @kernel
+def lattice(poses: Floats, step: float, n_steps: int) -> Floats:
+    """Return each pose moved to the places of a square lattice around it, out to n_steps a side, centre first."""
+    n_side = 2 * n_steps + 1
+    moved = np.empty((poses.shape[0] * n_side * n_side, 3))
+    count = 0
+    for ring in range(n_steps + 1):
+        for h in range(poses.shape[0]):
+            for i in range(-ring, ring + 1):
+                for j in range(-ring, ring + 1):
+                    if max(abs(i), abs(j)) != ring:
+                        continue
+                    moved[count, 0] = poses[h, 0] + step * i
+                    moved[count, 1] = poses[h, 1] + step * j
+                    moved[count, 2] = poses[h, 2]
+                    count += 1
+    return moved
+
+
+@kernel
 def slides(
     poses: Floats,
     probes_ref: Floats,

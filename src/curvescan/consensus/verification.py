@@ -119,6 +119,7 @@ def select(
     slope: float,
     n_kept: int,
     n_first: int,
+    apart: float,
 ) -> tuple[Floats, Floats]:
     """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
     best = np.empty((n_kept, 3))
@@ -132,7 +133,7 @@ def select(
         for k in range(n):
             turn = abs(best[k, 2] - theta)
             dx, dy = best[k, 0] - x, best[k, 1] - y
-            if dx * dx + dy * dy < 0.09 and min(turn, 2.0 * math.pi - turn) < 0.15:
+            if dx * dx + dy * dy < apart * apart and min(turn, 2.0 * math.pi - turn) < 0.5 * apart:
                 like = k
                 break
         if like >= 0:

@@ -13,11 +13,11 @@ from curvescan.consensus.hypotheses import most_voted, pair_frames
 from curvescan.consensus.information import covariance
 from curvescan.consensus.labels import compare_readings
 from curvescan.consensus.refinement import refine
-from curvescan.consensus.turns import slides, turns
+from curvescan.consensus.turns import lattice, slides, turns
 from curvescan.consensus.verification import select
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Codes, Floats, Pose
+from curvescan.types import Codes, Floats, Ints, Pose
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
 _ROUGH, _QUICK, _FULL = np.array([0.0, 0.0, 0.0]), np.array([0.06, 0.02]), np.array([0.0, 0.0])
@@ -67,32 +67,39 @@ class CurvescanMatcher:
         ref, cur = reference, current
         if not (self.can_be_reference(ref) and self.can_be_reference(cur)):
             return _failure(Outcome.NO_SEGMENTS, ref, cur, None)
-        scans = (
-            (ref.probes, ref.surfels, ref.fan, ref.lookup),
-            (cur.probes, cur.surfels, cur.fan, cur.lookup),
-        )
-        (ref_probes, *ref_frame), (cur_probes, *cur_frame) = scans
-        pairs = pair_frames(ref.keypoints, *ref_frame, cur.keypoints, *cur_frame, 0.4, 4000)
-        voted = most_voted(pairs, 0.3, 0.15, 96)
+        ref_scan, cur_scan = _arrays(ref), _arrays(cur)
+        probes = (*ref_scan, *cur_scan)
+        readings = (ref.surfels, *ref_scan[1:], cur.surfels, *cur_scan[1:])
         around = np.zeros(3) if guess is None else guess
+        pairs = pair_frames(
+            ref.keypoints, *ref_scan[1:], cur.keypoints, *cur_scan[1:], 0.4, 4000
+        )
         turned = turns(ref.directions, cur.directions, 4, around)
-        hypotheses = np.concatenate((turned, voted))
-        chosen, _ = select(hypotheses, *scans[0], *scans[1], 0.08, 0.03, 5, 6)
-        quick = refine(chosen, ref_probes, *scans[0][1:], cur_probes, *scans[1][1:], _QUICK)
-        slid = slides(quick[:2], *scans[0], *scans[1], 0.15, 12, 0.1)
-        if len(slid):
-            chosen, _ = select(np.concatenate((quick, slid)), *scans[0], *scans[1], 0.06, 0.01, 6, 12)
-            quick = refine(chosen, ref_probes, *scans[0][1:], cur_probes, *scans[1][1:], _QUICK)
-        candidates, scores = select(quick, *scans[0], *scans[1], 0.04, 0.005, 3, 64)
+        hypotheses = np.concatenate((turned, most_voted(pairs, 0.3, 0.15, 96)))
+        candidates, scores = self._refined(hypotheses, probes)
+        if len(scores) == 0 or scores[0] < 0.35:
+            dense = lattice(turned, 0.15, 9)
+            candidates, scores = self._refined(np.concatenate((candidates, dense)), probes)
         trace = CurvescanTrace(
             reference=ref, current=cur, n_hypotheses=len(hypotheses),
             candidates=candidates, scores=scores,
         )
-        if not len(candidates):
+        contested = candidates[scores > 0.75 * scores[0]][:2]
+        final = refine(contested, *readings, _FULL)
+        final, scores = select(final, *probes, 0.03, 0.004, 2, 64, 0.2)
+        if not len(final):
             return _failure(Outcome.UNSUPPORTED, ref, cur, trace)
-        pose = refine(
-            candidates[:1], ref.surfels, *ref_frame, cur.surfels, *cur_frame, _FULL
-        )[0]
+        pose = final[0]
+        if len(scores) == 1 and len(trace.scores) > 1 and len(contested) == 1:
+            scores = np.append(scores, trace.scores[1] * scores[0] / trace.scores[0])
+        outcome = Outcome.MATCHED
+        if scores[0] < 0.15:
+            outcome = Outcome.UNSUPPORTED
+        elif len(scores) > 1 and scores[1] > 0.93 * scores[0]:
+            outcome = Outcome.AMBIGUOUS
+        if outcome is not Outcome.MATCHED:
+            return _failure(outcome, ref, cur, trace, scores)
+        ref_frame, cur_frame = ref_scan[1:], cur_scan[1:]
         inverse = _inverse(pose)
         codes_cur, partner_cur = compare_readings(cur.surfels, *ref_frame, pose, 0.01)
         codes_ref, partner_ref = compare_readings(ref.surfels, *cur_frame, inverse, 0.01)
@@ -112,6 +119,21 @@ class CurvescanMatcher:
         )
 
 
+    def _refined(self, hypotheses: Floats, probes: tuple[Floats, ...]) -> tuple[Floats, Floats]:
+        """Return the best of many poses, refined, and their scores."""
+        chosen, _ = select(hypotheses, *probes, 0.08, 0.03, 5, 6, 0.3)
+        quick = refine(chosen, *probes, _QUICK)
+        slid = slides(quick[:2], *probes, 0.15, 12, 0.1)
+        if len(slid):
+            chosen, _ = select(np.concatenate((quick, slid)), *probes, 0.06, 0.01, 6, 12, 0.3)
+            quick = refine(chosen, *probes, _QUICK)
+        return select(quick, *probes, 0.04, 0.005, 3, 64, 0.3)
+
+
+def _arrays(features: ConsensusFeatures) -> tuple[Floats, Floats, Floats, Ints]:
+    return features.probes, features.surfels, features.fan, features.lookup
+
+
 def _inverse(pose: Pose) -> Pose:
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
@@ -128,6 +150,7 @@ def _failure(
     ref: ConsensusFeatures,
     cur: ConsensusFeatures,
     trace: CurvescanTrace | None,
+    scores: Floats = np.empty(0),
 ) -> MatchResult:
     labels = []
     for features in (ref, cur):
@@ -143,4 +166,6 @@ def _failure(
         trace=trace,
         labels_reference=labels[0],
         labels_current=labels[1],
+        score=float(scores[0]) if len(scores) else math.nan,
+        runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
     )
