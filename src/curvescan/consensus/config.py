@@ -19,7 +19,7 @@ class SurfaceConfig:
     """Least range noise assumed of any sensor, metres; also what a noise-free scan gets."""
     incidence_limit: float = math.radians(10.0)
     """Worst incidence angle at which two neighbouring readings are still one surface, radians in (0, pi/2)."""
-    arm: float = 0.15
+    arm: float = 0.12
     """Readings within this distance decide the line through a reading, metres; two a side at least."""
     max_gap: int = 2
     """A run of at most this many missing readings does not end a surface by itself."""

@@ -76,7 +76,7 @@ def add_information(
         system[9] += weight * nx * nx
         system[10] += weight * nx * jt
         system[11] += weight * jt * jt
-        system[12] += e * e / va
+        system[12] += e * e / (va + 0.15 * surfels_other[j, 7])
         system[13] += 1.0
         system[14] += dx * dx + dy * dy
 

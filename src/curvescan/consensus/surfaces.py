@@ -159,8 +159,8 @@ def fit_surfels(
 ) -> float:
     """Fill in the lines of the surfels and return the range noise of the sweep.
 
-    The noise is the median of the residuals of all fits, taken along the beams; a histogram over the
-    logarithm finds it without sorting.
+    The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
+    along the beams; a histogram over the logarithm finds it without sorting.
     """
     m = surfels.shape[0]
     fits = np.zeros((m, 8))  # cx, cy, ux, uy, variance across, along, first, last reading
@@ -200,11 +200,11 @@ def fit_surfels(
                 n_fits += 1
     count = 0
     level = 0
-    while level < 63 and 2 * (count + histogram[level]) < n_fits:
+    while level < 63 and 5 * (count + histogram[level]) < 2 * n_fits:
         count += histogram[level]
         level += 1
-    inside = (0.5 * n_fits - count) / max(histogram[level], 1)
-    sigma2 = 1e-8 * 2.0 ** (0.25 * (level + inside)) * 1.1 if n_fits > 0 else 0.0
+    inside = (0.4 * n_fits - count) / max(histogram[level], 1)
+    sigma2 = 1e-8 * 2.0 ** (0.25 * (level + inside)) if n_fits > 0 else 0.0
     sigma2 = max(sigma2, sigma_min * sigma_min)
     for i in range(m):
         low, high = int(fits[i, 6]), int(fits[i, 7])
@@ -225,7 +225,7 @@ def fit_surfels(
         facing = (nx * x + ny * y) / r
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
-        cos2 = max(facing * facing, 0.03)
+        cos2 = max(facing * facing, 0.01)
         variance = sigma2 * cos2
         rough = fits[best, 4] - 4.0 * variance
         if rough > 0.0:
