@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.types import Floats, Ints
+from curvescan.types import Bools, Floats, Ints
 
 
 @kernel
@@ -121,61 +121,67 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
 
 
 @kernel
-def covariance(
+def pose_information(
     surfels_ref: Floats,
     partner_ref: Ints,
     surfels_cur: Floats,
     partner_cur: Ints,
     pose: Floats,
-    weak_sigma: float,
-) -> tuple[Floats, Floats, int]:
-    """Return the covariance of the pose, its weakest direction, and how many directions are unobservable.
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return what the agreeing readings tell of the pose, in its principal directions.
 
     Returns
     -------
-    cov : (3, 3) float64
-        m^2, m rad, rad^2. In an unobservable direction the standard deviation is at least weak_sigma, metres at
-        the typical reading.
-    weakest : (3,) float64
-        Unit vector over x, y and theta times the root mean square distance of the readings.
-    n_weak : int
-        0 to 3.
+    told : (3,) float64
+        Information in each direction, 1 / m^2, ascending, less what tilted lines feign.
+    feigned : (3,) float64
+        What they feign.
+    axes : (3, 3) float64
+        Columns: the directions, orthonormal over x, y and theta times `lever`.
+    units : (3,) float64
+        1, 1 and 1 / lever: what one unit of each row of `axes` is in metres, metres and radians; the lever is the
+        root mean square distance of the readings.
     """
     system = np.zeros(15)
     add_information(surfels_cur, surfels_ref, partner_cur, pose, False, system)
     add_information(surfels_ref, surfels_cur, partner_ref, pose, True, system)
     n = max(system[13], 1.0)
     lever = math.sqrt(system[14] / n) + 1e-3
-    # each scan's readings are told twice, once a way: half of the sum. Residuals larger than the noise explain
-    # widen it, smaller ones do not narrow it
+    # every reading is told of twice, once a way: half of the sum. Residuals larger than the noise
+    # explains widen it, smaller ones do not narrow it
     scale = 0.5 / max(system[12] / n, 1.0)
-    unit = np.array([1.0, 1.0, 1.0 / lever])
-    told = np.empty((3, 3))
-    feigned = np.empty((3, 3))
+    units = np.array([1.0, 1.0, 1.0 / lever])
+    net = np.empty((3, 3))
+    false = np.empty((3, 3))
     k = 0
     for i in range(3):
         for j in range(i, 3):
-            told[i, j] = told[j, i] = scale * system[k] * unit[i] * unit[j]
-            feigned[i, j] = feigned[j, i] = scale * system[6 + k] * unit[i] * unit[j]
+            unit = scale * units[i] * units[j]
+            net[i, j] = net[j, i] = unit * (system[k] - system[6 + k])
+            false[i, j] = false[j, i] = unit * system[6 + k]
             k += 1
-    values, vectors = eigen3(told - feigned)
-    cov = np.zeros((3, 3))
-    n_weak = 0
+    told, axes = eigen3(net)
+    feigned = np.zeros(3)
     for k in range(3):
-        v = vectors[:, k]
-        false = 0.0
         for i in range(3):
             for j in range(3):
-                false += v[i] * feigned[i, j] * v[j]
-        value = values[k]
-        if value < 2.0 * false or value < 1.0 / (0.1 * 0.1):
-            n_weak += 1
-            value = min(max(value, 0.0), 1.0 / (weak_sigma * weak_sigma))
-            value = max(value, 1.0 / (weak_sigma * weak_sigma))
+                feigned[k] += axes[i, k] * false[i, j] * axes[j, k]
+    return told, feigned, axes, units
+
+
+@kernel
+def covariance(
+    told: Floats, axes: Floats, units: Floats, is_open: Bools, open_sigma: float
+) -> Floats:
+    """Return the (3, 3) covariance of a pose, m^2, m rad, rad^2, with open_sigma metres in each open direction."""
+    cov = np.zeros((3, 3))
+    least = 1.0 / (open_sigma * open_sigma)
+    for k in range(3):
+        variance = 1.0 / least if is_open[k] else 1.0 / max(told[k], least)
         for i in range(3):
-            for j in range(3):
-                cov[i, j] += v[i] * unit[i] * v[j] * unit[j] / value
+            for j in range(i + 1):
+                cov[i, j] += variance * axes[i, k] * units[i] * axes[j, k] * units[j]
     for i in range(3):
         for j in range(i):
-            cov[i, j] = cov[j, i]
-    return cov, vectors[:, 0].copy(), n_weak
+            cov[j, i] = cov[i, j]
+    return cov

@@ -159,3 +159,33 @@ def select(
         scores[place], n_alike[place] = score, alike
         best[place] = poses[h]
     return best[:n], scores[:n]
+
+
+@kernel
+def best_beside(
+    pose: Floats,
+    axis: Floats,
+    offsets: Floats,
+    probes_ref: Floats,
+    surfels_ref: Floats,
+    fan_ref: Floats,
+    lookup_ref: Ints,
+    probes_cur: Floats,
+    surfels_cur: Floats,
+    fan_cur: Floats,
+    lookup_cur: Ints,
+    tolerance: float,
+    slope: float,
+) -> float:
+    """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
+    best = -1.0
+    moved = np.empty(3)
+    for offset in offsets:
+        for sign in (-1.0, 1.0):
+            for k in range(3):
+                moved[k] = pose[k] + sign * offset * axis[k]
+            best = max(best, verify(
+                moved, probes_ref, surfels_ref, fan_ref, lookup_ref,
+                probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, 4096, -1.0,
+            ))
+    return best

@@ -10,17 +10,21 @@ import numpy as np
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.features import ConsensusFeatures, extract_features
 from curvescan.consensus.hypotheses import most_voted, pair_frames
-from curvescan.consensus.information import covariance
+from curvescan.consensus.information import covariance, pose_information
 from curvescan.consensus.labels import compare_readings
 from curvescan.consensus.refinement import refine
 from curvescan.consensus.turns import lattice, slides, turns
-from curvescan.consensus.verification import select
+from curvescan.consensus.verification import best_beside, select
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Codes, Floats, Ints, Pose
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
-_ROUGH, _QUICK, _FULL = np.array([0.0, 0.0, 0.0]), np.array([0.06, 0.02]), np.array([0.0, 0.0])
+_QUICK, _FULL, _OFFSETS = (
+    np.array([0.06, 0.02]),
+    np.array([0.0, 0.0]),
+    np.array([0.1, 0.2, 0.4]),
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +48,7 @@ class CurvescanTrace:
     n_hypotheses: int
     candidates: Floats
     scores: Floats
+    beside: list = __import__('dataclasses').field(default_factory=list)
 
 
 class CurvescanMatcher:
@@ -92,32 +97,40 @@ class CurvescanMatcher:
         pose = final[0]
         if len(scores) == 1 and len(trace.scores) > 1 and len(contested) == 1:
             scores = np.append(scores, trace.scores[1] * scores[0] / trace.scores[0])
+        codes_cur, partner_cur = compare_readings(cur.surfels, *ref_scan[1:], pose, 0.01)
+        codes_ref, partner_ref = compare_readings(ref.surfels, *cur_scan[1:], _inverse(pose), 0.01)
+        told, feigned, axes, units = pose_information(
+            ref.surfels, partner_ref, cur.surfels, partner_cur, pose
+        )
+        is_open = (told < 2.0 * feigned) | (told < 100.0)
+        if told[0] < 0.1 * told[1] and not is_open[0]:
+            beside = best_beside(pose, axes[:, 0] * units, _OFFSETS, *probes, 0.03, 0.004)
+            is_open[0] = beside > 0.92 * scores[0]
+            trace.beside.append(beside / scores[0])
+        cov = covariance(told, axes, units, is_open, 1.0)
         outcome = Outcome.MATCHED
-        if scores[0] < 0.15:
+        if scores[0] < 0.15 or is_open.all():
             outcome = Outcome.UNSUPPORTED
         elif len(scores) > 1 and scores[1] > 0.93 * scores[0]:
-            outcome = Outcome.AMBIGUOUS
+            apart = final[1] - pose if len(final) > 1 else trace.candidates[1] - pose
+            apart[2] = math.remainder(apart[2], 2.0 * math.pi)
+            if apart @ np.linalg.solve(cov, apart) > 16.0:
+                outcome = Outcome.AMBIGUOUS
         if outcome is not Outcome.MATCHED:
             return _failure(outcome, ref, cur, trace, scores)
-        ref_frame, cur_frame = ref_scan[1:], cur_scan[1:]
-        inverse = _inverse(pose)
-        codes_cur, partner_cur = compare_readings(cur.surfels, *ref_frame, pose, 0.01)
-        codes_ref, partner_ref = compare_readings(ref.surfels, *cur_frame, inverse, 0.01)
-        cov, weakest, n_weak = covariance(ref.surfels, partner_ref, cur.surfels, partner_cur, pose, 1.0)
         return MatchResult(
             method="curvescan",
-            outcome=Outcome.MATCHED,
+            outcome=outcome,
             pose=pose,
             covariance=cov,
-            n_matched=int(np.count_nonzero(codes_cur == 1)),
+            n_matched=int(np.count_nonzero(partner_cur >= 0)),
             trace=trace,
             labels_reference=_labels(ref, codes_ref),
             labels_current=_labels(cur, codes_cur),
-            weak_direction=weakest if n_weak else None,
+            weak_direction=axes[:, 0] * units if is_open.any() else None,
             score=float(scores[0]),
             runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
         )
-
 
     def _refined(self, hypotheses: Floats, probes: tuple[Floats, ...]) -> tuple[Floats, Floats]:
         """Return the best of many poses, refined, and their scores."""
