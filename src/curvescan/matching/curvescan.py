@@ -22,7 +22,7 @@ from curvescan.types import Codes, Floats, Ints, Pose
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
 _QUICK, _FULL, _OFFSETS = (
     np.array([0.06, 0.02]),
-    np.array([0.0, 0.0]),
+    np.array([0.03, 0.005, 0.0]),
     np.array([0.1, 0.2, 0.4]),
 )
 
@@ -111,9 +111,13 @@ class CurvescanMatcher:
         outcome = Outcome.MATCHED
         if scores[0] < 0.15 or is_open.all():
             outcome = Outcome.UNSUPPORTED
-        elif len(scores) > 1 and scores[1] > 0.93 * scores[0]:
+        elif len(scores) > 1 and scores[1] > min(0.93 * scores[0], scores[0] - 0.03):
             apart = final[1] - pose if len(final) > 1 else trace.candidates[1] - pose
             apart[2] = math.remainder(apart[2], 2.0 * math.pi)
+            along = axes.T @ (apart / units)
+            if told[0] < 0.1 * told[1] and along[0] ** 2 > 0.95 * (along @ along):
+                is_open[0] = True
+                cov = covariance(told, axes, units, is_open, 1.0)
             if apart @ np.linalg.solve(cov, apart) > 16.0:
                 outcome = Outcome.AMBIGUOUS
         if outcome is not Outcome.MATCHED:
