@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from curvescan.scan import LaserScan
 from curvescan.types import Codes, Floats, Ints, Pose
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
-_QUICK, _FULL, _OFFSETS = (
+_QUICK, _CLOSER, _FULL, _OFFSETS = (
     np.array([0.06, 0.02]),
-    np.array([0.03, 0.005, 0.0]),
+    np.array([0.03, 0.01]),
+    np.array([0.0]),
     np.array([0.1, 0.2, 0.4]),
 )
 
@@ -75,25 +77,18 @@ class CurvescanMatcher:
         ref_scan, cur_scan = _arrays(ref), _arrays(cur)
         probes = (*ref_scan, *cur_scan)
         readings = (ref.surfels, *ref_scan[1:], cur.surfels, *cur_scan[1:])
-        around = np.zeros(3) if guess is None else guess
-        pairs = pair_frames(
-            ref.keypoints, *ref_scan[1:], cur.keypoints, *cur_scan[1:], 0.4, 4000
-        )
-        turned = turns(ref.directions, cur.directions, 4, around)
-        hypotheses = np.concatenate((turned, most_voted(pairs, 0.3, 0.15, 96)))
-        candidates, scores = self._refined(hypotheses, probes)
-        if len(scores) == 0 or scores[0] < 0.35:
-            dense = lattice(turned, 0.15, 9)
-            candidates, scores = self._refined(np.concatenate((candidates, dense)), probes)
+        candidates, scores, n_tried = self._search(ref, cur, guess, probes)
         trace = CurvescanTrace(
-            reference=ref, current=cur, n_hypotheses=len(hypotheses),
+            reference=ref, current=cur, n_hypotheses=n_tried,
             candidates=candidates, scores=scores,
         )
         contested = candidates[scores > 0.75 * scores[0]][:2]
-        final = refine(contested, *readings, _FULL)
+        final = refine(refine(contested, *probes, _CLOSER), *readings, _FULL)
         final, scores = select(final, *probes, 0.03, 0.004, 2, 64, 0.2)
         if not len(final):
             return _failure(Outcome.UNSUPPORTED, ref, cur, trace)
+        if guess is not None:
+            final, scores = _nearer_first(final, scores, guess)
         pose = final[0]
         if len(scores) == 1 and len(trace.scores) > 1 and len(contested) == 1:
             scores = np.append(scores, trace.scores[1] * scores[0] / trace.scores[0])
@@ -111,7 +106,7 @@ class CurvescanMatcher:
         outcome = Outcome.MATCHED
         if scores[0] < 0.15 or is_open.all():
             outcome = Outcome.UNSUPPORTED
-        elif len(scores) > 1 and scores[1] > min(0.93 * scores[0], scores[0] - 0.03):
+        elif len(scores) > 1 and scores[1] > min(0.93 * scores[0], scores[0] - 0.04):
             apart = final[1] - pose if len(final) > 1 else trace.candidates[1] - pose
             apart[2] = math.remainder(apart[2], 2.0 * math.pi)
             along = axes.T @ (apart / units)
@@ -136,6 +131,30 @@ class CurvescanMatcher:
             runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
         )
 
+    def _search(
+        self, ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose | None, probes: Any
+    ) -> tuple[Floats, Floats, int]:
+        """Return the best poses, refined, their scores, and how many were tried."""
+        if guess is not None:
+            near, scores = select(refine(guess[None], *probes, _QUICK), *probes, 0.04, 0.005, 1, 64, 0.3)
+            moved = _apart(near[0], guess)
+            if scores[0] > 0.5 and moved < 0.3 and not len(slides(near, *probes, 0.15, 1, 0.1)):
+                return near, scores, 1
+        pairs = pair_frames(
+            ref.keypoints, ref.surfels, ref.fan, ref.lookup,
+            cur.keypoints, cur.surfels, cur.fan, cur.lookup, 0.4, 4000,
+        )
+        turned = turns(ref.directions, cur.directions, 4, np.zeros(3))
+        if guess is not None:
+            turned = np.concatenate((guess[None], turned))
+        hypotheses = np.concatenate((turned, most_voted(pairs, 0.3, 0.15, 96)))
+        candidates, scores = self._refined(hypotheses, probes)
+        if len(scores) == 0 or scores[0] < 0.35:
+            dense = lattice(turned, 0.15, 9)
+            candidates, scores = self._refined(np.concatenate((candidates, dense)), probes)
+            return candidates, scores, len(hypotheses) + len(dense)
+        return candidates, scores, len(hypotheses)
+
     def _refined(self, hypotheses: Floats, probes: tuple[Floats, ...]) -> tuple[Floats, Floats]:
         """Return the best of many poses, refined, and their scores."""
         chosen, _ = select(hypotheses, *probes, 0.08, 0.03, 5, 6, 0.3)
@@ -149,6 +168,23 @@ class CurvescanMatcher:
 
 def _arrays(features: ConsensusFeatures) -> tuple[Floats, Floats, Floats, Ints]:
     return features.probes, features.surfels, features.fan, features.lookup
+
+
+def _apart(a: Pose, b: Pose) -> float:
+    """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
+    turn = abs(math.remainder(a[2] - b[2], 2.0 * math.pi))
+    return max(math.hypot(a[0] - b[0], a[1] - b[1]), 2.0 * turn)
+
+
+def _nearer_first(poses: Floats, scores: Floats, guess: Pose) -> tuple[Floats, Floats]:
+    """Return two poses that are as good as each other with the one first, and alone, that the guess is near."""
+    if len(poses) < 2 or scores[1] < min(0.93 * scores[0], scores[0] - 0.04):
+        return poses, scores
+    distances = [_apart(pose, guess) for pose in poses]
+    k = int(np.argmin(distances))
+    if 2.0 * distances[k] > distances[1 - k]:
+        return poses, scores
+    return poses[k : k + 1], scores[k : k + 1]
 
 
 def _inverse(pose: Pose) -> Pose:
