@@ -11,32 +11,26 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import reading_at
-from curvescan.types import Floats, Ints
+from curvescan.consensus.polar import View, reading_at
+from curvescan.types import Floats
 
 
 @kernel
-def is_in_sight(
-    x: float, y: float, surfels: Floats, fan: Floats, lookup: Ints, margin: float
-) -> bool:
+def is_in_sight(x: float, y: float, view: View, margin: float) -> bool:
     """Return whether a scan leaves the way from its sensor to a place free, as far as it tells."""
-    j = reading_at(x, y, fan[0], fan[1], lookup)
+    j = reading_at(x, y, view)
     if j < 0:
         return True
-    reach = surfels[j, 2] + margin
+    reach = view.surfels[j, 2] + margin
     return x * x + y * y < reach * reach
 
 
 @kernel
 def pair_frames(
-    keypoints_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    keypoints_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    frames_ref: Floats,
+    frames_cur: Floats,
+    ref: View,
+    cur: View,
     turn_tolerance: float,
     max_pairs: int,
 ) -> Floats:
@@ -46,27 +40,25 @@ def pair_frames(
     """
     poses = np.empty((max_pairs, 3))
     n = 0
-    for i in range(keypoints_cur.shape[0]):
-        x, y, direction = keypoints_cur[i, 0], keypoints_cur[i, 1], keypoints_cur[i, 2]
-        turn, kind = keypoints_cur[i, 3], keypoints_cur[i, 4]
-        for j in range(keypoints_ref.shape[0]):
-            if keypoints_ref[j, 4] != kind or n >= max_pairs:
+    for i in range(frames_cur.shape[0]):
+        x, y, direction = frames_cur[i, 0], frames_cur[i, 1], frames_cur[i, 2]
+        turn, kind = frames_cur[i, 3], frames_cur[i, 4]
+        for j in range(frames_ref.shape[0]):
+            if frames_ref[j, 4] != kind or n >= max_pairs:
                 continue
-            if abs(keypoints_ref[j, 3] - turn) > turn_tolerance:
+            if abs(frames_ref[j, 3] - turn) > turn_tolerance:
                 continue
-            theta = keypoints_ref[j, 2] - direction
+            theta = frames_ref[j, 2] - direction
             if theta > math.pi:
                 theta -= 2.0 * math.pi
             elif theta <= -math.pi:
                 theta += 2.0 * math.pi
             c, s = math.cos(theta), math.sin(theta)
-            tx = keypoints_ref[j, 0] - c * x + s * y
-            ty = keypoints_ref[j, 1] - s * x - c * y
-            if not is_in_sight(tx, ty, surfels_ref, fan_ref, lookup_ref, 0.1):
+            tx = frames_ref[j, 0] - c * x + s * y
+            ty = frames_ref[j, 1] - s * x - c * y
+            if not is_in_sight(tx, ty, ref, 0.1):
                 continue
-            if not is_in_sight(
-                -c * tx - s * ty, s * tx - c * ty, surfels_cur, fan_cur, lookup_cur, 0.1
-            ):
+            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, 0.1):
                 continue
             poses[n, 0], poses[n, 1], poses[n, 2] = tx, ty, theta
             n += 1

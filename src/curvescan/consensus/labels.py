@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import reading_at
+from curvescan.consensus.polar import View, reading_at
 from curvescan.types import Codes, Floats, Ints
 
 HIDDEN, AGREES, MOVED = 0, 1, 2
@@ -17,9 +17,7 @@ HIDDEN, AGREES, MOVED = 0, 1, 2
 @kernel
 def compare_readings(
     surfels: Floats,
-    surfels_other: Floats,
-    fan_other: Floats,
-    lookup_other: Ints,
+    other: View,
     pose: Floats,
     margin: float,
 ) -> tuple[Codes, Ints]:
@@ -27,10 +25,10 @@ def compare_readings(
 
     Parameters
     ----------
-    surfels, surfels_other : (m, 9), (k, 9) float64
-        Readings of both scans.
-    fan_other, lookup_other : (3,) float64, (n_slots,) int64
-        Polar frame of the other scan.
+    surfels : (m, 9) float64
+        The readings.
+    other : View
+        The other scan.
     pose : (3,) float64
         Of the readings' scan in the other.
     margin : float
@@ -46,11 +44,12 @@ def compare_readings(
     m = surfels.shape[0]
     codes = np.zeros(m, dtype=np.uint8)
     partner = np.full(m, -1, dtype=np.int64)
+    surfels_other = other.surfels
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(m):
         ax, ay = surfels[i, 0], surfels[i, 1]
         qx, qy = c * ax - s * ay + pose[0], s * ax + c * ay + pose[1]
-        j = reading_at(qx, qy, fan_other[0], fan_other[1], lookup_other)
+        j = reading_at(qx, qy, other)
         if j < 0:
             continue
         ux, uy = qx - surfels_other[j, 3], qy - surfels_other[j, 4]

@@ -3,11 +3,33 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
+
+
+class View(NamedTuple):
+    """One scan as the kernels that compare two scans take it.
+
+    Attributes
+    ----------
+    probes : (p, 9) float64
+        Surfels that are compared with the other scan: a few that stand for all, or all.
+    surfels : (m, 9) float64
+        Surfels that the other scan is compared with: all.
+    fan : (3,) float64
+        Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
+    lookup : (n_slots,) int64
+        Reading in each direction, see :func:`polar_lookup`.
+    """
+
+    probes: Floats
+    surfels: Floats
+    fan: Floats
+    lookup: Ints
 
 
 @kernel
@@ -29,8 +51,8 @@ def polar_lookup(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool)
 
 
 @kernel
-def reading_at(x: float, y: float, angle_min: float, slots_per_radian: float, lookup: Ints) -> int:
-    """Return the reading nearest to the direction of (x, y), or a negative number as in `lookup`.
+def reading_at(x: float, y: float, view: View) -> int:
+    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup.
 
     The arc tangent is a polynomial, good to 2e-5 rad (Abramowitz and Stegun 4.4.49): a fraction of a beam.
     """
@@ -42,11 +64,11 @@ def reading_at(x: float, y: float, angle_min: float, slots_per_radian: float, lo
     a = math.pi - a if x < 0.0 else a
     a = -a if y < 0.0 else a
     # angle_min lies in (-pi, pi], so that the difference is at most one turn off
-    place = (a - angle_min) * slots_per_radian + 0.5
+    place = (a - view.fan[0]) * view.fan[1] + 0.5
     slot = int(math.floor(place))
-    n = lookup.size
+    n = view.lookup.size
     if slot < 0:
-        slot = int(math.floor(place + 2.0 * math.pi * slots_per_radian))
+        slot = int(math.floor(place + 2.0 * math.pi * view.fan[1]))
     if slot >= n:
         slot = 0
-    return int(lookup[slot])
+    return int(view.lookup[slot])

@@ -13,16 +13,14 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import reading_at
-from curvescan.types import Floats, Ints
+from curvescan.consensus.polar import View, reading_at
+from curvescan.types import Floats
 
 
 @kernel
 def accumulate(
     surfels_a: Floats,
-    surfels_b: Floats,
-    fan_b: Floats,
-    lookup_b: Ints,
+    view_b: View,
     pose: Floats,
     inverse: bool,
     slack: float,
@@ -31,9 +29,23 @@ def accumulate(
 ) -> None:
     """Add the normal equations of the readings of scan a against the lines of scan b.
 
-    `pose` is of the current scan in the reference; `inverse` tells that a is the reference. `system` holds the upper
-    triangle of the information (6), the gradient (3), then sums of weights' squares, counts, see below.
+    Parameters
+    ----------
+    surfels_a : (p, 9) float64
+        Readings of scan a.
+    view_b : View
+        Scan b.
+    pose : (3,) float64
+        Of the current scan in the reference.
+    inverse : bool
+        Whether scan a is the reference.
+    slack, slack_slope : float
+        Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
+    system : (9,) float64
+        What is added to: the upper triangle of the information (0:6) over x, y and theta, theta turning about the
+        current sensor; the gradient (6:9).
     """
+    surfels_b = view_b.surfels
     c, s = math.cos(pose[2]), math.sin(pose[2])
     tx, ty = pose[0], pose[1]
     for i in range(surfels_a.shape[0]):
@@ -47,7 +59,7 @@ def accumulate(
         else:
             dx, dy = c * ax - s * ay, s * ax + c * ay
             qx, qy = dx + tx, dy + ty
-        j = reading_at(qx, qy, fan_b[0], fan_b[1], lookup_b)
+        j = reading_at(qx, qy, view_b)
         if j < 0:
             continue
         vb = surfels_b[j, 7]
@@ -114,14 +126,8 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 @kernel
 def refine(
     poses: Floats,
-    rows_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    rows_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    ref: View,
+    cur: View,
     slacks: Floats,
 ) -> Floats:
     """Return (h, 3) refined poses.
@@ -130,10 +136,8 @@ def refine(
     ----------
     poses : (h, 3) float64
         Where to start, of the current scan in the reference.
-    rows_ref, rows_cur : (p, 9), (q, 9) float64
-        Surfels that are compared with the other scan: all of a scan, or its probes.
-    surfels_ref, fan_ref, lookup_ref, surfels_cur, fan_cur, lookup_cur
-        Both scans.
+    ref, cur : View
+        Both scans; their probes are what is compared with the other scan.
     slacks : (n,) float64
         One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
         for each metre away from it.
@@ -144,12 +148,8 @@ def refine(
         pose = refined[h]
         for slack in slacks:
             system[:] = 0.0
-            accumulate(
-                rows_cur, surfels_ref, fan_ref, lookup_ref, pose, False, slack, 0.3 * slack, system
-            )
-            accumulate(
-                rows_ref, surfels_cur, fan_cur, lookup_cur, pose, True, slack, 0.3 * slack, system
-            )
+            accumulate(cur.probes, ref, pose, False, slack, 0.3 * slack, system)
+            accumulate(ref.probes, cur, pose, True, slack, 0.3 * slack, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0

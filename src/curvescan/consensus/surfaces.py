@@ -33,16 +33,16 @@ def sweep(
     incidence_limit: float,
     max_gap: int,
 ) -> tuple[Ints, Floats, Ints]:
-    """Return the valid readings counter-clockwise from a breakpoint on, as surfels to be filled, and segment ends.
+    """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
 
     Returns
     -------
     beam_idx : (m,) int64
         The scan's own index of each reading.
-    surfels : (m, 9) float64
-        X, Y and RANGE set.
+    readings : (m, 3) float64
+        x, y and range, metres, sensor frame.
     bounds : (s + 1,) int64
-        Segment k is surfels[bounds[k]:bounds[k + 1]].
+        Segment k is readings[bounds[k]:bounds[k + 1]].
     """
     n = ranges.size
     m = 0
@@ -84,7 +84,7 @@ def sweep(
             first = i
     first = max(first, 0)
     beam_idx = np.empty(m, dtype=np.int64)
-    surfels = np.zeros((m, 9))
+    readings = np.empty((m, 3))
     bounds = np.empty(m + 1, dtype=np.int64)
     n_segments = 0
     for i in range(m):
@@ -93,23 +93,23 @@ def sweep(
             j -= m
         k = order[j]
         beam_idx[i] = k
-        surfels[i, 0] = ranges[k] * directions[k, 0]
-        surfels[i, 1] = ranges[k] * directions[k, 1]
-        surfels[i, 2] = ranges[k]
+        readings[i, 0] = ranges[k] * directions[k, 0]
+        readings[i, 1] = ranges[k] * directions[k, 1]
+        readings[i, 2] = ranges[k]
         if breaks[j] or i == 0:
             bounds[n_segments] = i
             n_segments += 1
     bounds[n_segments] = m
-    return beam_idx, surfels, bounds[: n_segments + 1]
+    return beam_idx, readings, bounds[: n_segments + 1]
 
 
 @kernel
-def moments(surfels: Floats) -> Floats:
+def moments(readings: Floats) -> Floats:
     """Return (m + 1, 5) running sums of x, y, x x, x y, y y: any stretch's moments are a difference of rows."""
-    m = surfels.shape[0]
+    m = readings.shape[0]
     sums = np.zeros((m + 1, 5))
     for i in range(m):
-        x, y = surfels[i, 0], surfels[i, 1]
+        x, y = readings[i, 0], readings[i, 1]
         sums[i + 1, 0] = sums[i, 0] + x
         sums[i + 1, 1] = sums[i, 1] + y
         sums[i + 1, 2] = sums[i, 2] + x * x
@@ -155,14 +155,16 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 
 @kernel
 def fit_surfels(
-    surfels: Floats, sums: Floats, bounds: Ints, arm: float, sigma_min: float
-) -> float:
-    """Fill in the lines of the surfels and return the range noise of the sweep.
+    readings: Floats, sums: Floats, bounds: Ints, arm: float, sigma_min: float
+) -> tuple[Floats, float]:
+    """Return the readings with the lines through them, as (m, 9) surfels, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
     along the beams; a histogram over the logarithm finds it without sorting.
     """
-    m = surfels.shape[0]
+    m = readings.shape[0]
+    surfels = np.empty((m, 9))
+    surfels[:, :3] = readings
     fits = np.zeros((m, 8))  # cx, cy, ux, uy, variance across, along, first, last reading
     histogram = np.zeros(64, dtype=np.int64)
     n_fits = 0
@@ -195,7 +197,9 @@ def fit_surfels(
                 facing = (ux * y - uy * x) / surfels[i, 2]
                 cos2 = max(facing * facing, 0.05)
                 # bins of a quarter of an octave of variance, from (0.1 mm)^2 on
-                level = int(4.0 * (math.log(variance / cos2 + 1e-12) - math.log(1e-8)) / math.log(2.0))
+                level = int(
+                    4.0 * (math.log(variance / cos2 + 1e-12) - math.log(1e-8)) / math.log(2.0)
+                )
                 histogram[min(max(level, 0), 63)] += 1
                 n_fits += 1
     count = 0
@@ -234,4 +238,4 @@ def fit_surfels(
         surfels[i, 5], surfels[i, 6] = nx, ny
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
-    return math.sqrt(sigma2)
+    return surfels, math.sqrt(sigma2)

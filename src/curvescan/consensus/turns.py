@@ -12,10 +12,9 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.consensus.polar import View
 from curvescan.consensus.refinement import accumulate
-from curvescan.types import Floats, Ints
-
-N_BINS = 120
+from curvescan.types import Floats
 
 
 @kernel
@@ -99,14 +98,8 @@ def lattice(poses: Floats, step: float, n_steps: int) -> Floats:
 @kernel
 def slides(
     poses: Floats,
-    probes_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    probes_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    ref: View,
+    cur: View,
     step: float,
     n_steps: int,
     max_ratio: float,
@@ -119,10 +112,8 @@ def slides(
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        accumulate(
-            probes_cur, surfels_ref, fan_ref, lookup_ref, pose, False, 0.02, 0.006, system
-        )
-        accumulate(probes_ref, surfels_cur, fan_cur, lookup_cur, pose, True, 0.02, 0.006, system)
+        accumulate(cur.probes, ref, pose, False, 0.02, 0.006, system)
+        accumulate(ref.probes, cur, pose, True, 0.02, 0.006, system)
         half = 0.5 * (system[0] - system[3])
         root = math.sqrt(half * half + system[1] * system[1])
         mean = 0.5 * (system[0] + system[3])

@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import reading_at
-from curvescan.types import Floats, Ints
+from curvescan.consensus.polar import View, reading_at
+from curvescan.types import Floats
 
 
 @kernel
@@ -21,9 +21,7 @@ def support(
     probes: Floats,
     low: int,
     high: int,
-    surfels: Floats,
-    fan: Floats,
-    lookup: Ints,
+    view: View,
     x: float,
     y: float,
     c: float,
@@ -36,11 +34,11 @@ def support(
     (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
     """
     score = 0.0
-    angle_min, per_radian = fan[0], fan[1]
+    surfels = view.surfels
     for k in range(low, high):
         ax, ay = probes[k, 0], probes[k, 1]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        j = reading_at(qx, qy, angle_min, per_radian, lookup)
+        j = reading_at(qx, qy, view)
         if j < 0:
             continue
         ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
@@ -63,14 +61,8 @@ def support(
 @kernel
 def verify(
     pose: Floats,
-    probes_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    probes_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    ref: View,
+    cur: View,
     tolerance: float,
     slope: float,
     n_first: int,
@@ -84,16 +76,32 @@ def verify(
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
     ix, iy = -c * x - s * y, s * x - c * y
-    n_ref, n_cur = probes_ref.shape[0], probes_cur.shape[0]
+    n_ref, n_cur = ref.probes.shape[0], cur.probes.shape[0]
     low, high, score, rate = 0, n_first, 0.0, 0.0
     while low < max(n_ref, n_cur):
         score += support(
-            probes_cur, low, min(high, n_cur), surfels_ref, fan_ref, lookup_ref,
-            x, y, c, s, tolerance, slope,
+            cur.probes,
+            low,
+            min(high, n_cur),
+            ref,
+            x,
+            y,
+            c,
+            s,
+            tolerance,
+            slope,
         )
         score += support(
-            probes_ref, low, min(high, n_ref), surfels_cur, fan_cur, lookup_cur,
-            ix, iy, c, -s, tolerance, slope,
+            ref.probes,
+            low,
+            min(high, n_ref),
+            cur,
+            ix,
+            iy,
+            c,
+            -s,
+            tolerance,
+            slope,
         )
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few probes err more: what is certain of a score narrows with the root of their number
@@ -107,14 +115,8 @@ def verify(
 @kernel
 def select(
     poses: Floats,
-    probes_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    probes_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    ref: View,
+    cur: View,
     tolerance: float,
     slope: float,
     n_kept: int,
@@ -142,8 +144,13 @@ def select(
                 continue
             least = scores[like]
         score = verify(
-            poses[h], probes_ref, surfels_ref, fan_ref, lookup_ref,
-            probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, n_first, least,
+            poses[h],
+            ref,
+            cur,
+            tolerance,
+            slope,
+            n_first,
+            least,
         )
         if score <= least:
             continue
@@ -166,14 +173,8 @@ def best_beside(
     pose: Floats,
     axis: Floats,
     offsets: Floats,
-    probes_ref: Floats,
-    surfels_ref: Floats,
-    fan_ref: Floats,
-    lookup_ref: Ints,
-    probes_cur: Floats,
-    surfels_cur: Floats,
-    fan_cur: Floats,
-    lookup_cur: Ints,
+    ref: View,
+    cur: View,
     tolerance: float,
     slope: float,
 ) -> float:
@@ -184,8 +185,16 @@ def best_beside(
         for sign in (-1.0, 1.0):
             for k in range(3):
                 moved[k] = pose[k] + sign * offset * axis[k]
-            best = max(best, verify(
-                moved, probes_ref, surfels_ref, fan_ref, lookup_ref,
-                probes_cur, surfels_cur, fan_cur, lookup_cur, tolerance, slope, 4096, -1.0,
-            ))
+            best = max(
+                best,
+                verify(
+                    moved,
+                    ref,
+                    cur,
+                    tolerance,
+                    slope,
+                    4096,
+                    -1.0,
+                ),
+            )
     return best

@@ -1,13 +1,18 @@
-"""The matcher "curvescan": hypotheses from CF-SMA's characteristic points, verified, refined, and judged."""
+"""The matcher "curvescan": hypotheses from CF-SMA's kind of corners, verified, refined, and judged.
+
+It starts where CF-SMA starts, from the characteristic points of surfaces, and closes its two holes. A corner with the
+two directions that leave it is a frame, and one pair of frames a pose, so that no single wrong pair decides; and the
+pose is refined point to line, so that no index-by-index pairs cost accuracy.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.features import ConsensusFeatures, extract_features
 from curvescan.consensus.hypotheses import most_voted, pair_frames
@@ -18,15 +23,11 @@ from curvescan.consensus.turns import lattice, slides, turns
 from curvescan.consensus.verification import best_beside, select
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Codes, Floats, Ints, Pose
+from curvescan.types import Bools, Codes, Cov, Floats, Pose
 
+_STAND_STILL = np.zeros(3)
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
-_QUICK, _CLOSER, _FULL, _OFFSETS = (
-    np.array([0.06, 0.02]),
-    np.array([0.03, 0.01]),
-    np.array([0.0]),
-    np.array([0.1, 0.2, 0.4]),
-)
+_MIN_PROBES = 6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,86 +38,71 @@ class CurvescanTrace:
     ----------
     reference, current : ConsensusFeatures
         Features of both scans.
-    n_hypotheses : int
-        Poses tried.
+    n_tried : int
+        Poses verified.
     candidates : (k, 3) float64
-        Those refined, best first.
+        The best of them that differ, after a quick refinement, best first.
     scores : (k,) float64
-        How well the scans agree at them, at most 1.
+        How well the scans agree there, at most 1.
     """
 
     reference: ConsensusFeatures
     current: ConsensusFeatures
-    n_hypotheses: int
+    n_tried: int
     candidates: Floats
     scores: Floats
-    beside: list = __import__('dataclasses').field(default_factory=list)
 
 
 class CurvescanMatcher:
-    """Guess-free, robust and certain of itself: the default matcher."""
+    """The default matcher: guess-free, and certain of itself or silent."""
 
     def __init__(self, config: ConsensusConfig) -> None:
         self.config = config
+        refinement = config.refinement
+        self._quick = np.array(refinement.quick)
+        self._closer = np.array(refinement.closer)
+        self._full = np.array(refinement.full)
+        self._offsets = np.array(config.information.offsets)
 
     def prepare(self, scan: LaserScan) -> ConsensusFeatures:
-        """Return the surfels, characteristic points and polar frame of a scan."""
+        """Return the surfels, corners and polar view of a scan."""
         return extract_features(scan, self.config)
 
     def can_be_reference(self, features: ConsensusFeatures) -> bool:
-        """Return whether the scan has surfaces at all."""
-        return len(features.probes) >= 6
+        """Return whether the scan has surfaces to compare."""
+        return len(features.view.probes) >= _MIN_PROBES
 
     def match(
         self, reference: ConsensusFeatures, current: ConsensusFeatures, guess: Pose | None
     ) -> MatchResult:
-        """Return the pose of `current` in `reference`; the guess is one more hypothesis."""
+        """Return the pose of `current` in `reference`.
+
+        A guess is one more hypothesis. It is taken without a look at others when many readings agree there and fix
+        both axes, and it decides between poses that explain the scans as well as each other.
+        """
         ref, cur = reference, current
         if not (self.can_be_reference(ref) and self.can_be_reference(cur)):
-            return _failure(Outcome.NO_SEGMENTS, ref, cur, None)
-        ref_scan, cur_scan = _arrays(ref), _arrays(cur)
-        probes = (*ref_scan, *cur_scan)
-        readings = (ref.surfels, *ref_scan[1:], cur.surfels, *cur_scan[1:])
-        candidates, scores, n_tried = self._search(ref, cur, guess, probes)
-        trace = CurvescanTrace(
-            reference=ref, current=cur, n_hypotheses=n_tried,
-            candidates=candidates, scores=scores,
+            return _silence(Outcome.NO_SEGMENTS, _trace(ref, cur))
+        trace = (guess is not None and self._follow(ref, cur, guess)) or self._search(
+            ref, cur, guess
         )
-        contested = candidates[scores > 0.75 * scores[0]][:2]
-        final = refine(refine(contested, *probes, _CLOSER), *readings, _FULL)
-        final, scores = select(final, *probes, 0.03, 0.004, 2, 64, 0.2)
-        if not len(final):
-            return _failure(Outcome.UNSUPPORTED, ref, cur, trace)
-        if guess is not None:
-            final, scores = _nearer_first(final, scores, guess)
-        pose = final[0]
-        if len(scores) == 1 and len(trace.scores) > 1 and len(contested) == 1:
-            scores = np.append(scores, trace.scores[1] * scores[0] / trace.scores[0])
-        codes_cur, partner_cur = compare_readings(cur.surfels, *ref_scan[1:], pose, 0.01)
-        codes_ref, partner_ref = compare_readings(ref.surfels, *cur_scan[1:], _inverse(pose), 0.01)
+        poses, scores = self._finalists(trace)
+        if not len(poses):
+            return _silence(Outcome.UNSUPPORTED, trace)
+        poses, scores = self._prefer(guess, poses, scores)
+        pose = poses[0]
+        codes_cur, partner_cur = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+        codes_ref, partner_ref = compare_readings(
+            ref.view.surfels, cur.view, se2.inverse(pose), 0.01
+        )
         told, feigned, axes, units = pose_information(
-            ref.surfels, partner_ref, cur.surfels, partner_cur, pose
+            ref.view.surfels, partner_ref, cur.view.surfels, partner_cur, pose
         )
-        is_open = (told < 2.0 * feigned) | (told < 100.0)
-        if told[0] < 0.1 * told[1] and not is_open[0]:
-            beside = best_beside(pose, axes[:, 0] * units, _OFFSETS, *probes, 0.03, 0.004)
-            is_open[0] = beside > 0.92 * scores[0]
-            trace.beside.append(beside / scores[0])
-        cov = covariance(told, axes, units, is_open, 1.0)
-        outcome = Outcome.MATCHED
-        if scores[0] < 0.15 or is_open.all():
-            outcome = Outcome.UNSUPPORTED
-        elif len(scores) > 1 and scores[1] > min(0.93 * scores[0], scores[0] - 0.04):
-            apart = final[1] - pose if len(final) > 1 else trace.candidates[1] - pose
-            apart[2] = math.remainder(apart[2], 2.0 * math.pi)
-            along = axes.T @ (apart / units)
-            if told[0] < 0.1 * told[1] and along[0] ** 2 > 0.95 * (along @ along):
-                is_open[0] = True
-                cov = covariance(told, axes, units, is_open, 1.0)
-            if apart @ np.linalg.solve(cov, apart) > 16.0:
-                outcome = Outcome.AMBIGUOUS
+        is_open = self._open_directions(trace, poses, scores, told, feigned, axes, units)
+        cov = covariance(told, axes, units, is_open, self.config.information.open_sigma)
+        outcome = self._judge(poses, scores, is_open, cov)
         if outcome is not Outcome.MATCHED:
-            return _failure(outcome, ref, cur, trace, scores)
+            return _silence(outcome, trace, scores)
         return MatchResult(
             method="curvescan",
             outcome=outcome,
@@ -128,68 +114,161 @@ class CurvescanMatcher:
             labels_current=_labels(cur, codes_cur),
             weak_direction=axes[:, 0] * units if is_open.any() else None,
             score=float(scores[0]),
-            runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
+            runner_up=_runner_up(scores),
         )
+
+    def _follow(
+        self, ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose
+    ) -> CurvescanTrace | None:
+        """Return the guess refined, when it is trusted."""
+        verification, steps = self.config.verification, self.config.hypotheses
+        near = refine(guess[np.newaxis], ref.view, cur.view, self._quick)
+        near, scores = select(near, ref.view, cur.view, *verification.close, 1, 64, 0.3)
+        if (
+            len(near)
+            and scores[0] > verification.trusted_score
+            and _distance(near[0], guess) < 2.0 * steps.lattice_step
+            and not len(slides(near, ref.view, cur.view, steps.lattice_step, 1, 0.1))
+        ):
+            return _trace(ref, cur, 1, near, scores)
+        return None
 
     def _search(
-        self, ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose | None, probes: Any
-    ) -> tuple[Floats, Floats, int]:
-        """Return the best poses, refined, their scores, and how many were tried."""
+        self, ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose | None
+    ) -> CurvescanTrace:
+        """Return the best poses of all that frames, turns and the guess propose."""
+        config = self.config.hypotheses
+        turned = turns(ref.directions, cur.directions, config.n_turns, _STAND_STILL)
         if guess is not None:
-            near, scores = select(refine(guess[None], *probes, _QUICK), *probes, 0.04, 0.005, 1, 64, 0.3)
-            moved = _apart(near[0], guess)
-            if scores[0] > 0.5 and moved < 0.3 and not len(slides(near, *probes, 0.15, 1, 0.1)):
-                return near, scores, 1
+            turned = np.concatenate((guess[np.newaxis], turned))
         pairs = pair_frames(
-            ref.keypoints, ref.surfels, ref.fan, ref.lookup,
-            cur.keypoints, cur.surfels, cur.fan, cur.lookup, 0.4, 4000,
+            ref.frames, cur.frames, ref.view, cur.view, config.turn_tolerance, config.max_pairs
         )
-        turned = turns(ref.directions, cur.directions, 4, np.zeros(3))
-        if guess is not None:
-            turned = np.concatenate((guess[None], turned))
-        hypotheses = np.concatenate((turned, most_voted(pairs, 0.3, 0.15, 96)))
-        candidates, scores = self._refined(hypotheses, probes)
-        if len(scores) == 0 or scores[0] < 0.35:
-            dense = lattice(turned, 0.15, 9)
-            candidates, scores = self._refined(np.concatenate((candidates, dense)), probes)
-            return candidates, scores, len(hypotheses) + len(dense)
-        return candidates, scores, len(hypotheses)
+        voted = most_voted(pairs, config.cell, 0.5 * config.cell, config.max_tried)
+        tried = np.concatenate((turned, voted))
+        candidates, scores = self._try(ref, cur, tried)
+        n_tried = len(tried)
+        if not len(scores) or scores[0] < self.config.verification.doubtful_score:
+            reach = round(config.lattice_reach / config.lattice_step)
+            dense = lattice(turned, config.lattice_step, reach)
+            candidates, scores = self._try(ref, cur, np.concatenate((candidates, dense)))
+            n_tried += len(dense)
+        return _trace(ref, cur, n_tried, candidates, scores)
 
-    def _refined(self, hypotheses: Floats, probes: tuple[Floats, ...]) -> tuple[Floats, Floats]:
-        """Return the best of many poses, refined, and their scores."""
-        chosen, _ = select(hypotheses, *probes, 0.08, 0.03, 5, 6, 0.3)
-        quick = refine(chosen, *probes, _QUICK)
-        slid = slides(quick[:2], *probes, 0.15, 12, 0.1)
+    def _try(
+        self, ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the best of many poses, refined on the probes, best first, and their scores."""
+        config, steps, views = (
+            self.config.verification,
+            self.config.hypotheses,
+            (ref.view, cur.view),
+        )
+        chosen, _ = select(poses, *views, *config.rough, config.n_kept, 6, 0.3)
+        quick = refine(chosen, *views, self._quick)
+        n_slides = round(steps.slide_reach / steps.lattice_step)
+        slid = slides(quick[:2], *views, steps.lattice_step, n_slides, 0.1)
         if len(slid):
-            chosen, _ = select(np.concatenate((quick, slid)), *probes, 0.06, 0.01, 6, 12, 0.3)
-            quick = refine(chosen, *probes, _QUICK)
-        return select(quick, *probes, 0.04, 0.005, 3, 64, 0.3)
+            every = np.concatenate((quick, slid))
+            chosen, _ = select(every, *views, *config.slid, config.n_kept + 1, 12, 0.3)
+            quick = refine(chosen, *views, self._quick)
+        return select(quick, *views, *config.close, 3, 64, 0.3)
+
+    def _finalists(self, trace: CurvescanTrace) -> tuple[Floats, Floats]:
+        """Return the best pose, refined on all readings, and its rival if it comes near, and their scores."""
+        ref, cur = trace.reference, trace.current
+        if not len(trace.scores):
+            return trace.candidates, trace.scores
+        near = trace.candidates[trace.scores > 0.75 * trace.scores[0]][:2]
+        closer = refine(near, ref.view, cur.view, self._closer)
+        final = refine(closer, ref.whole, cur.whole, self._full)
+        return select(final, ref.view, cur.view, *self.config.verification.fine, 2, 64, 0.2)
+
+    def _as_good(self, scores: Floats) -> bool:
+        share, margin = self.config.verification.ambiguity
+        return len(scores) > 1 and scores[1] > min(share * scores[0], scores[0] - margin)
+
+    def _prefer(self, guess: Pose | None, poses: Floats, scores: Floats) -> tuple[Floats, Floats]:
+        """Return the poses, or of two that are as good as each other the one that the guess is clearly nearer to."""
+        if guess is None or not self._as_good(scores):
+            return poses, scores
+        first, second = _distance(poses[0], guess), _distance(poses[1], guess)
+        if 2.0 * first < second:
+            return poses[:1], scores[:1]
+        if 2.0 * second < first:
+            return poses[1:], scores[1:]
+        return poses, scores
+
+    def _open_directions(
+        self,
+        trace: CurvescanTrace,
+        poses: Floats,
+        scores: Floats,
+        told: Floats,
+        feigned: Floats,
+        axes: Floats,
+        units: Floats,
+    ) -> Bools:
+        """Return which principal directions the scans leave open, (3,) the least informed first."""
+        config, views = self.config.information, (trace.reference.view, trace.current.view)
+        is_open: Bools = (told < 2.0 * feigned) | (told < config.max_sigma**-2)
+        if is_open[0] or told[0] > config.weak_ratio * told[1]:
+            return is_open
+        beside = best_beside(
+            poses[0], axes[:, 0] * units, self._offsets, *views, *self.config.verification.fine
+        )
+        is_open[0] = beside > config.flat_score * scores[0]
+        if self._as_good(scores):
+            along = axes.T @ (_difference(poses[1], poses[0]) / units)
+            is_open[0] |= along[0] ** 2 > 0.95 * (along @ along)
+        return is_open
+
+    def _judge(self, poses: Floats, scores: Floats, is_open: Bools, cov: Cov) -> Outcome:
+        """Return whether the best pose may be called the match."""
+        if scores[0] < self.config.verification.min_score or is_open.all():
+            return Outcome.UNSUPPORTED
+        if self._as_good(scores):
+            apart = _difference(poses[1], poses[0])
+            # a rival along an open direction is no rival: the covariance says so much
+            if apart @ np.linalg.solve(cov, apart) > 16.0:
+                return Outcome.AMBIGUOUS
+        return Outcome.MATCHED
 
 
-def _arrays(features: ConsensusFeatures) -> tuple[Floats, Floats, Floats, Ints]:
-    return features.probes, features.surfels, features.fan, features.lookup
+def _trace(
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    n_tried: int = 0,
+    candidates: Floats | None = None,
+    scores: Floats | None = None,
+) -> CurvescanTrace:
+    return CurvescanTrace(
+        reference=ref,
+        current=cur,
+        n_tried=n_tried,
+        candidates=np.empty((0, 3)) if candidates is None else candidates,
+        scores=np.empty(0) if scores is None else scores,
+    )
 
 
-def _apart(a: Pose, b: Pose) -> float:
+def _difference(pose: Pose, origin: Pose) -> Pose:
+    return np.array(
+        [
+            pose[0] - origin[0],
+            pose[1] - origin[1],
+            math.remainder(pose[2] - origin[2], 2.0 * math.pi),
+        ]
+    )
+
+
+def _distance(a: Pose, b: Pose) -> float:
     """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
-    turn = abs(math.remainder(a[2] - b[2], 2.0 * math.pi))
-    return max(math.hypot(a[0] - b[0], a[1] - b[1]), 2.0 * turn)
+    x, y, theta = _difference(a, b)
+    return max(math.hypot(x, y), 2.0 * abs(theta))
 
 
-def _nearer_first(poses: Floats, scores: Floats, guess: Pose) -> tuple[Floats, Floats]:
-    """Return two poses that are as good as each other with the one first, and alone, that the guess is near."""
-    if len(poses) < 2 or scores[1] < min(0.93 * scores[0], scores[0] - 0.04):
-        return poses, scores
-    distances = [_apart(pose, guess) for pose in poses]
-    k = int(np.argmin(distances))
-    if 2.0 * distances[k] > distances[1 - k]:
-        return poses, scores
-    return poses[k : k + 1], scores[k : k + 1]
-
-
-def _inverse(pose: Pose) -> Pose:
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
+def _runner_up(scores: Floats) -> float:
+    return float(scores[1]) if len(scores) > 1 else math.nan
 
 
 def _labels(features: ConsensusFeatures, codes: Codes) -> Codes:
@@ -198,15 +277,10 @@ def _labels(features: ConsensusFeatures, codes: Codes) -> Codes:
     return labels
 
 
-def _failure(
-    outcome: Outcome,
-    ref: ConsensusFeatures,
-    cur: ConsensusFeatures,
-    trace: CurvescanTrace | None,
-    scores: Floats = np.empty(0),
-) -> MatchResult:
+def _silence(outcome: Outcome, trace: CurvescanTrace, scores: Floats | None = None) -> MatchResult:
+    """Return a result without a pose."""
     labels = []
-    for features in (ref, cur):
+    for features in (trace.reference, trace.current):
         one = np.zeros(features.n_beams, dtype=np.uint8)
         one[features.beam_idx] = Label.UNMATCHED
         labels.append(one)
@@ -219,6 +293,6 @@ def _failure(
         trace=trace,
         labels_reference=labels[0],
         labels_current=labels[1],
-        score=float(scores[0]) if len(scores) else math.nan,
-        runner_up=float(scores[1]) if len(scores) > 1 else math.nan,
+        score=math.nan if scores is None else float(scores[0]),
+        runner_up=math.nan if scores is None else _runner_up(scores),
     )

@@ -1,4 +1,4 @@
-"""Characteristic points at three arm lengths, and physical ends of surfaces: the frames that hypotheses are made of.
+"""Frames: characteristic points at three arm lengths, and physical ends of surfaces: the frames that hypotheses are made of.
 
 A characteristic point is where a surface turns, as in CF-SMA (eq. 7), but measured between the two lines
 that leave it with arms of a fixed length, so that noise at close range makes no corners. It carries a
@@ -16,8 +16,8 @@ from curvescan._jit import kernel
 from curvescan.consensus.surfaces import fit_line
 from curvescan.types import Floats, Ints
 
-KX, KY, DIRECTION, TURN, KIND = range(5)
-"""Columns of a keypoint: position, direction of its frame, angle by which the surface turns there, kind."""
+FX, FY, DIRECTION, TURN, KIND = range(5)
+"""Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind."""
 
 BEGIN, END = 10, 20
 """Kinds of the first and last reading of a surface, plus the arm's number; a corner's kind is the arm's number."""
@@ -36,18 +36,18 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
 
 
 @kernel
-def find_keypoints(
+def find_corners(
     surfels: Floats,
     sums: Floats,
     bounds: Ints,
     arms: Floats,
     sigma: float,
     min_turn: float,
-    max_keypoints: int,
+    max_frames: int,
 ) -> Floats:
     """Return (k, 5) corners at each arm length and physical ends of surfaces."""
     m = surfels.shape[0]
-    found = np.empty((max_keypoints, 5))
+    found = np.empty((max_frames, 5))
     n_found = 0
     bend = np.zeros(m)
     lows = np.zeros(m, dtype=np.int64)
@@ -60,7 +60,10 @@ def find_keypoints(
             start, stop = bounds[s], bounds[s + 1]
             if stop - start < 5:
                 continue
-            ex, ey = surfels[stop - 1, 0] - surfels[start, 0], surfels[stop - 1, 1] - surfels[start, 1]
+            ex, ey = (
+                surfels[stop - 1, 0] - surfels[start, 0],
+                surfels[stop - 1, 1] - surfels[start, 1],
+            )
             low, high = start, start
             for i in range(start, stop):
                 bend[i] = 0.0
@@ -104,12 +107,10 @@ def find_keypoints(
                     if bend[j] > height:
                         is_peak = False
                         break
-                if not is_peak or n_found >= max_keypoints:
+                if not is_peak or n_found >= max_frames:
                     continue
                 x, y = surfels[i, 0], surfels[i, 1]
-                inx, iny = arm_direction(
-                    sums, low, i - 1, x - surfels[low, 0], y - surfels[low, 1]
-                )
+                inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, 0], y - surfels[low, 1])
                 outx, outy = arm_direction(
                     sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
                 )
@@ -139,11 +140,11 @@ def find_keypoints(
 
 @kernel
 def find_ends(
-    surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_keypoints: int
+    surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_frames: int
 ) -> Floats:
     """Return (k, 5) physical ends of surfaces: those that hide nothing nearer than themselves."""
     m = surfels.shape[0]
-    found = np.empty((max_keypoints, 5))
+    found = np.empty((max_frames, 5))
     n_found = 0
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
@@ -156,7 +157,7 @@ def find_ends(
                 if not is_closed:
                     continue
                 j = m - 1 if j < 0 else 0
-            if surfels[j, 2] < surfels[i, 2] or n_found >= max_keypoints:
+            if surfels[j, 2] < surfels[i, 2] or n_found >= max_frames:
                 continue
             k = i
             way = 1 if side == 0 else -1
