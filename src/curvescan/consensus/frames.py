@@ -60,10 +60,6 @@ def find_corners(
             start, stop = bounds[s], bounds[s + 1]
             if stop - start < 5:
                 continue
-            ex, ey = (
-                surfels[stop - 1, 0] - surfels[start, 0],
-                surfels[stop - 1, 1] - surfels[start, 1],
-            )
             low, high = start, start
             for i in range(start, stop):
                 bend[i] = 0.0

@@ -22,7 +22,7 @@ def is_in_sight(x: float, y: float, view: View, margin: float) -> bool:
     if j < 0:
         return True
     reach = view.surfels[j, 2] + margin
-    return x * x + y * y < reach * reach
+    return bool(x * x + y * y < reach * reach)
 
 
 @kernel
@@ -78,10 +78,10 @@ def most_voted(poses: Floats, cell: float, turn: float, max_kept: int) -> Floats
     keys = np.empty((n, 2), dtype=np.int64)
     for h in range(n):
         for g in range(2):
-            a = int(math.floor(poses[h, 0] / cell + 0.5 * g))
-            b = int(math.floor(poses[h, 1] / cell + 0.5 * g))
+            a = math.floor(poses[h, 0] / cell + 0.5 * g)
+            b = math.floor(poses[h, 1] / cell + 0.5 * g)
             # theta in (-pi, pi]: the seam may cut a cell, the other grid cuts it elsewhere
-            d = int(math.floor((poses[h, 2] + math.pi) / turn + 0.5 * g))
+            d = math.floor((poses[h, 2] + math.pi) / turn + 0.5 * g)
             key = (a * 73856093 ^ b * 19349663 ^ d * 83492791) & (size - 1)
             counts[g, key] += 1
             keys[h, g] = key
@@ -99,5 +99,6 @@ def most_voted(poses: Floats, cell: float, turn: float, max_kept: int) -> Floats
         place = starts[votes[h]]
         starts[votes[h]] += 1
         if place < max_kept:
-            kept[place] = poses[h]
+            for k in range(3):
+                kept[place, k] = poses[h, k]
     return kept

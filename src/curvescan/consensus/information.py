@@ -107,7 +107,7 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
                     a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
                     vkp, vkq = v[k, p], v[k, q]
                     v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
-    order = np.array([0, 1, 2])
+    order = np.arange(3)
     for i in range(2):
         for k in range(2 - i):
             if a[order[k], order[k]] > a[order[k + 1], order[k + 1]]:
@@ -116,7 +116,8 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
     vectors = np.empty((3, 3))
     for k in range(3):
         values[k] = a[order[k], order[k]]
-        vectors[:, k] = v[:, order[k]]
+        for i in range(3):
+            vectors[i, k] = v[i, order[k]]
     return values, vectors
 
 

@@ -65,10 +65,10 @@ def reading_at(x: float, y: float, view: View) -> int:
     a = -a if y < 0.0 else a
     # angle_min lies in (-pi, pi], so that the difference is at most one turn off
     place = (a - view.fan[0]) * view.fan[1] + 0.5
-    slot = int(math.floor(place))
+    slot = math.floor(place)
     n = view.lookup.size
     if slot < 0:
-        slot = int(math.floor(place + 2.0 * math.pi * view.fan[1]))
+        slot = math.floor(place + 2.0 * math.pi * view.fan[1])
     if slot >= n:
         slot = 0
     return int(view.lookup[slot])

@@ -43,6 +43,7 @@ def choose_probes(surfels: Floats, step: float, n_probes: int) -> Floats:
     probes = np.empty((count, surfels.shape[1]))
     k = 0
     for i in range(count):
-        probes[i] = surfels[chosen[k]]
+        for column in range(surfels.shape[1]):
+            probes[i, column] = surfels[chosen[k], column]
         k = (k + stride) % count
     return probes

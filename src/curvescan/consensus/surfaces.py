@@ -164,7 +164,9 @@ def fit_surfels(
     """
     m = readings.shape[0]
     surfels = np.empty((m, 9))
-    surfels[:, :3] = readings
+    for i in range(m):
+        for k in range(3):
+            surfels[i, k] = readings[i, k]
     fits = np.zeros((m, 8))  # cx, cy, ux, uy, variance across, along, first, last reading
     histogram = np.zeros(64, dtype=np.int64)
     n_fits = 0

@@ -53,7 +53,8 @@ def turns(histogram_ref: Floats, histogram_cur: Floats, n_turns: int, around: Fl
             total += histogram_cur[k] * histogram_ref[k + shift - n]
         likeness[shift] = total
     poses = np.empty((n_turns + 1, 3))
-    poses[0] = around
+    for k in range(3):
+        poses[0, k] = around[k]
     count = 1
     taken = np.zeros(n, dtype=np.bool_)
     while count <= n_turns:

@@ -161,10 +161,11 @@ def select(
             n = min(n + 1, n_kept)
         while place > 0 and scores[place - 1] < score:
             scores[place], n_alike[place] = scores[place - 1], n_alike[place - 1]
-            best[place] = best[place - 1]
+            for k in range(3):
+                best[place, k] = best[place - 1, k]
             place -= 1
         scores[place], n_alike[place] = score, alike
-        best[place] = poses[h]
+        best[place, 0], best[place, 1], best[place, 2] = x, y, theta
     return best[:n], scores[:n]
 
 

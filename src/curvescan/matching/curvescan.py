@@ -263,8 +263,8 @@ def _difference(pose: Pose, origin: Pose) -> Pose:
 
 def _distance(a: Pose, b: Pose) -> float:
     """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
-    x, y, theta = _difference(a, b)
-    return max(math.hypot(x, y), 2.0 * abs(theta))
+    x, y, theta = _difference(a, b).tolist()
+    return float(max(math.hypot(x, y), 2.0 * abs(theta)))
 
 
 def _runner_up(scores: Floats) -> float:
