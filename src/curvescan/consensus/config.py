@@ -156,9 +156,12 @@ class InformationConfig:
     """How far, metres at the typical reading."""
     flat_score: float = 0.92
     """It is open when the scans agree there by this share of their score."""
+    way_tolerance: float = 0.15
+    """Two poses differ by a slide or a turn along an open direction when nothing else of their difference exceeds
+    this, metres and radians."""
 
     def __post_init__(self) -> None:
-        for name in ("max_sigma", "open_sigma", "weak_ratio", "flat_score"):
+        for name in ("max_sigma", "open_sigma", "weak_ratio", "flat_score", "way_tolerance"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 

@@ -182,6 +182,12 @@ def covariance(
         for i in range(3):
             for j in range(i + 1):
                 cov[i, j] += variance * axes[i, k] * units[i] * axes[j, k] * units[j]
+        if is_open[k]:
+            # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
+            turn = abs(axes[2, k]) * units[2] * open_sigma
+            way = math.hypot(axes[0, k], axes[1, k]) * open_sigma
+            cov[0, 0] += 0.25 * turn * turn * way * way
+            cov[1, 1] += 0.25 * turn * turn * way * way
     for i in range(3):
         for j in range(i):
             cov[j, i] = cov[i, j]

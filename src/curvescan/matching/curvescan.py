@@ -23,7 +23,7 @@ from curvescan.consensus.turns import lattice, slides, turns
 from curvescan.consensus.verification import best_beside, select
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Codes, Cov, Floats, Pose
+from curvescan.types import Bools, Codes, Floats, Pose
 
 _STAND_STILL = np.zeros(3)
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
@@ -100,7 +100,7 @@ class CurvescanMatcher:
         )
         is_open = self._open_directions(trace, poses, scores, told, feigned, axes, units)
         cov = covariance(told, axes, units, is_open, self.config.information.open_sigma)
-        outcome = self._judge(poses, scores, is_open, cov)
+        outcome = self._judge(poses, scores, is_open, axes[:, 0] * units)
         if outcome is not Outcome.MATCHED:
             return _silence(outcome, trace, scores)
         return MatchResult(
@@ -218,20 +218,23 @@ class CurvescanMatcher:
             poses[0], axes[:, 0] * units, self._offsets, *views, *self.config.verification.fine
         )
         is_open[0] = beside > config.flat_score * scores[0]
-        if self._as_good(scores):
-            along = axes.T @ (_difference(poses[1], poses[0]) / units)
-            is_open[0] |= along[0] ** 2 > 0.95 * (along @ along)
+        is_open[0] |= self._as_good(scores) and _is_on_the_way(
+            axes[:, 0] * units, poses[0], poses[1], config.way_tolerance
+        )
         return is_open
 
-    def _judge(self, poses: Floats, scores: Floats, is_open: Bools, cov: Cov) -> Outcome:
+    def _judge(self, poses: Floats, scores: Floats, is_open: Bools, weakest: Floats) -> Outcome:
         """Return whether the best pose may be called the match."""
         if scores[0] < self.config.verification.min_score or is_open.all():
             return Outcome.UNSUPPORTED
-        if self._as_good(scores):
-            apart = _difference(poses[1], poses[0])
-            # a rival along an open direction is no rival: the covariance says so much
-            if apart @ np.linalg.solve(cov, apart) > 16.0:
-                return Outcome.AMBIGUOUS
+        if self._as_good(scores) and not (
+            # a rival along an open direction is no rival: the covariance says as much
+            is_open[0]
+            and _is_on_the_way(
+                weakest, poses[0], poses[1], self.config.information.way_tolerance
+            )
+        ):
+            return Outcome.AMBIGUOUS
         return Outcome.MATCHED
 
 
@@ -265,6 +268,20 @@ def _distance(a: Pose, b: Pose) -> float:
     """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
     x, y, theta = _difference(a, b).tolist()
     return float(max(math.hypot(x, y), 2.0 * abs(theta)))
+
+
+def _is_on_the_way(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
+    """Return whether a motion that starts in a direction and keeps to it, a line or an arc, passes another pose."""
+    x, y, theta = _difference(other, pose).tolist()
+    if abs(direction[2]) < 0.05 * math.hypot(direction[0], direction[1]):
+        norm = math.hypot(direction[0], direction[1])
+        across = abs(direction[0] * y - direction[1] * x) / norm
+        return max(across, abs(theta)) < tolerance
+    # the sensor circles around this place, seen from the pose
+    cx, cy = -direction[1] / direction[2], direction[0] / direction[2]
+    c, s = math.cos(theta), math.sin(theta)
+    arc_x, arc_y = cx - c * cx + s * cy, cy - s * cx - c * cy
+    return math.hypot(x - arc_x, y - arc_y) < tolerance * (1.0 + abs(theta))
 
 
 def _runner_up(scores: Floats) -> float:
