@@ -98,6 +98,10 @@ class VerificationConfig:
     """Tolerance of a pose to be judged."""
     n_kept: int = 5
     """Poses that are refined."""
+    n_wide: int = 192
+    """The same where a pose is judged."""
+    contested: float = 0.75
+    """Poses with this share of the best one's score are judged beside it."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
     trusted_score: float = 0.5
@@ -109,6 +113,7 @@ class VerificationConfig:
 
     def __post_init__(self) -> None:
         require(self.n_probes >= 6, "n_probes must be at least 6", self.n_probes)
+        require(self.n_wide >= 6, "n_wide must be at least 6", self.n_wide)
         require(self.n_kept >= 1, "n_kept must be at least 1", self.n_kept)
         for name in ("rough", "slid", "close", "fine"):
             tolerance = getattr(self, name)
@@ -117,7 +122,7 @@ class VerificationConfig:
                 f"{name} must be metres > 0 and a slope >= 0",
                 tolerance,
             )
-        for name in ("doubtful_score", "trusted_score", "min_score"):
+        for name in ("doubtful_score", "trusted_score", "min_score", "contested"):
             require(
                 -1.0 <= getattr(self, name) <= 1.0,
                 f"{name} must lie in [-1, 1]",
@@ -156,6 +161,8 @@ class InformationConfig:
     """How far, metres at the typical reading."""
     flat_score: float = 0.92
     """It is open when the scans agree there by this share of their score."""
+    tie: float = 0.97
+    """Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
     way_tolerance: float = 0.15
     """Two poses differ by a slide or a turn along an open direction when nothing else of their difference exceeds
     this, metres and radians."""

@@ -31,6 +31,8 @@ class ConsensusFeatures:
         Surface k is readings bounds[k]:bounds[k + 1].
     view : View
         The readings and the lines through them, and which reading stands in which direction.
+    wide : View
+        The same with more probes.
     whole : View
         The same with all readings for probes.
     frames : (k, 5) float64
@@ -43,6 +45,7 @@ class ConsensusFeatures:
     beam_idx: Ints
     bounds: Ints
     view: View
+    wide: View
     whole: View
     frames: Floats
     directions: Floats
@@ -91,6 +94,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         beam_idx=beam_idx,
         bounds=bounds,
         view=view,
+        wide=view._replace(probes=choose_probes(surfels, step, config.verification.n_wide)),
         whole=view._replace(probes=surfels),
         frames=np.concatenate((corners, ends)),
         directions=direction_histogram(surfels, step),

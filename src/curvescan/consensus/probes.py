@@ -12,10 +12,10 @@ from curvescan.types import Floats
 
 @kernel
 def choose_probes(surfels: Floats, step: float, n_probes: int) -> Floats:
-    """Return at most n_probes surfels, spread evenly over the lengths of the surfaces.
+    """Return n_probes surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
     A reading stands for the length of surface between it and its neighbours, but for no more than 0.3 m
-    and for no less than 0.03 m: near surfaces, which are dense, do not take all, nor far ones. The first few of the
+    and for no less than 0.03 m: near surfaces, which are dense, do not take all, nor far ones. A reading that stands for much may be chosen more than once. The first few of the
     probes are spread as evenly as all of them.
     """
     m = surfels.shape[0]
@@ -33,7 +33,7 @@ def choose_probes(surfels: Floats, step: float, n_probes: int) -> Floats:
     reached = 0.0
     for i in range(m):
         reached += weight[i]
-        if count < n_probes and weight[i] > 0.0 and reached * n_probes >= (count + 0.5) * total:
+        while count < n_probes and weight[i] > 0.0 and reached * n_probes >= (count + 0.5) * total:
             chosen[count] = i
             count += 1
     # a stride near the golden section that shares no factor with the count visits each one once

@@ -90,29 +90,27 @@ class CurvescanMatcher:
         if not len(poses):
             return _silence(Outcome.UNSUPPORTED, trace)
         poses, scores = self._prefer(guess, poses, scores)
-        pose = poses[0]
-        codes_cur, partner_cur = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
-        codes_ref, partner_ref = compare_readings(
-            ref.view.surfels, cur.view, se2.inverse(pose), 0.01
-        )
-        told, feigned, axes, units = pose_information(
-            ref.view.surfels, partner_ref, cur.view.surfels, partner_cur, pose
-        )
-        is_open = self._open_directions(trace, poses, scores, told, feigned, axes, units)
-        cov = covariance(told, axes, units, is_open, self.config.information.open_sigma)
-        outcome = self._judge(poses, scores, is_open, axes[:, 0] * units)
+        told = _consult(ref, cur, poses[0])
+        is_open = self._open_directions(trace, poses, scores, told)
+        nearest = self._nearest_on_the_way(guess, poses, scores, told, is_open)
+        if nearest > 0:
+            poses[[0, nearest]] = poses[[nearest, 0]]
+            told = _consult(ref, cur, poses[0])
+        outcome = self._judge(poses, scores, told, is_open)
         if outcome is not Outcome.MATCHED:
             return _silence(outcome, trace, scores)
         return MatchResult(
             method="curvescan",
             outcome=outcome,
-            pose=pose,
-            covariance=cov,
-            n_matched=int(np.count_nonzero(partner_cur >= 0)),
+            pose=poses[0],
+            covariance=covariance(
+                told.information, told.axes, told.units, is_open, self.config.information.open_sigma
+            ),
+            n_matched=told.n_agree,
             trace=trace,
-            labels_reference=_labels(ref, codes_ref),
-            labels_current=_labels(cur, codes_cur),
-            weak_direction=axes[:, 0] * units if is_open.any() else None,
+            labels_reference=_labels(ref, told.codes_ref),
+            labels_current=_labels(cur, told.codes_cur),
+            weak_direction=told.weakest if is_open.any() else None,
             score=float(scores[0]),
             runner_up=_runner_up(scores),
         )
@@ -175,67 +173,114 @@ class CurvescanMatcher:
         return select(quick, *views, *config.close, 3, 64, 0.3)
 
     def _finalists(self, trace: CurvescanTrace) -> tuple[Floats, Floats]:
-        """Return the best pose, refined on all readings, and its rival if it comes near, and their scores."""
-        ref, cur = trace.reference, trace.current
+        """Return the best pose, refined on all readings, and its rivals if they come near, and their scores."""
+        ref, cur, config = trace.reference, trace.current, self.config.verification
         if not len(trace.scores):
             return trace.candidates, trace.scores
-        near = trace.candidates[trace.scores > 0.75 * trace.scores[0]][:2]
+        near = trace.candidates[trace.scores > config.contested * trace.scores[0]]
         closer = refine(near, ref.view, cur.view, self._closer)
         final = refine(closer, ref.whole, cur.whole, self._full)
-        return select(final, ref.view, cur.view, *self.config.verification.fine, 2, 64, 0.2)
+        return select(final, ref.wide, cur.wide, *config.fine, 3, 4096, 0.2)
 
-    def _as_good(self, scores: Floats) -> bool:
+    def _rivals(self, scores: Floats) -> list[int]:
+        """Return the numbers of the poses that are as good as the first."""
         share, margin = self.config.verification.ambiguity
-        return len(scores) > 1 and scores[1] > min(share * scores[0], scores[0] - margin)
+        least = min(share * scores[0], scores[0] - margin)
+        return [k for k in range(1, len(scores)) if scores[k] > least]
 
     def _prefer(self, guess: Pose | None, poses: Floats, scores: Floats) -> tuple[Floats, Floats]:
-        """Return the poses, or of two that are as good as each other the one that the guess is clearly nearer to."""
-        if guess is None or not self._as_good(scores):
+        """Return the poses, or of those that are as good as each other the one that the guess is clearly nearest to."""
+        rivals = self._rivals(scores)
+        if guess is None or not rivals:
             return poses, scores
-        first, second = _distance(poses[0], guess), _distance(poses[1], guess)
-        if 2.0 * first < second:
-            return poses[:1], scores[:1]
-        if 2.0 * second < first:
-            return poses[1:], scores[1:]
-        return poses, scores
+        distances = np.array([_distance(poses[k], guess) for k in [0, *rivals]])
+        first, second = np.argsort(distances, kind="stable")[:2]
+        if 2.0 * distances[first] > distances[second]:
+            return poses, scores
+        kept = [0, *rivals][first]
+        return poses[kept : kept + 1], scores[kept : kept + 1]
 
     def _open_directions(
-        self,
-        trace: CurvescanTrace,
-        poses: Floats,
-        scores: Floats,
-        told: Floats,
-        feigned: Floats,
-        axes: Floats,
-        units: Floats,
+        self, trace: CurvescanTrace, poses: Floats, scores: Floats, told: _Told
     ) -> Bools:
         """Return which principal directions the scans leave open, (3,) the least informed first."""
         config, views = self.config.information, (trace.reference.view, trace.current.view)
-        is_open: Bools = (told < 2.0 * feigned) | (told < config.max_sigma**-2)
-        if is_open[0] or told[0] > config.weak_ratio * told[1]:
+        information = told.information
+        is_open: Bools = (information < 2.0 * told.feigned) | (information < config.max_sigma**-2)
+        if is_open[0] or information[0] > config.weak_ratio * information[1]:
             return is_open
-        beside = best_beside(
-            poses[0], axes[:, 0] * units, self._offsets, *views, *self.config.verification.fine
-        )
-        is_open[0] = beside > config.flat_score * scores[0]
-        is_open[0] |= self._as_good(scores) and _is_on_the_way(
-            axes[:, 0] * units, poses[0], poses[1], config.way_tolerance
+        fine = self.config.verification.fine
+        here = best_beside(poses[0], told.weakest, np.zeros(1), *views, *fine)
+        beside = best_beside(poses[0], told.weakest, self._offsets, *views, *fine)
+        is_open[0] = beside > config.flat_score * here or any(
+            _is_on_the_way(told.weakest, poses[0], poses[k], config.way_tolerance)
+            for k in self._rivals(scores)
         )
         return is_open
 
-    def _judge(self, poses: Floats, scores: Floats, is_open: Bools, weakest: Floats) -> Outcome:
+    def _nearest_on_the_way(
+        self, guess: Pose | None, poses: Floats, scores: Floats, told: _Told, is_open: Bools
+    ) -> int:
+        """Return which of the poses that tie along an open direction is nearest to the guess, or to standing still."""
+        if not is_open[0]:
+            return 0
+        around = _STAND_STILL if guess is None else guess
+        tolerance = self.config.information.way_tolerance
+        on_the_way = [
+            k
+            for k in self._rivals(scores)
+            if scores[k] > self.config.information.tie * scores[0]
+            and _is_on_the_way(told.weakest, poses[0], poses[k], tolerance)
+        ]
+        return min([0, *on_the_way], key=lambda k: _distance(poses[k], around))
+
+    def _judge(self, poses: Floats, scores: Floats, told: _Told, is_open: Bools) -> Outcome:
         """Return whether the best pose may be called the match."""
         if scores[0] < self.config.verification.min_score or is_open.all():
             return Outcome.UNSUPPORTED
-        if self._as_good(scores) and not (
+        tolerance = self.config.information.way_tolerance
+        for k in self._rivals(scores):
             # a rival along an open direction is no rival: the covariance says as much
-            is_open[0]
-            and _is_on_the_way(
-                weakest, poses[0], poses[1], self.config.information.way_tolerance
-            )
-        ):
-            return Outcome.AMBIGUOUS
+            if not is_open[0] or not _is_on_the_way(told.weakest, poses[0], poses[k], tolerance):
+                return Outcome.AMBIGUOUS
         return Outcome.MATCHED
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Told:
+    """What the readings of two scans tell of a pose; see labels.py and information.py."""
+
+    codes_ref: Codes
+    codes_cur: Codes
+    n_agree: int
+    information: Floats
+    feigned: Floats
+    axes: Floats
+    units: Floats
+
+    @property
+    def weakest(self) -> Pose:
+        """The change of pose that moves the readings least: metres, metres, radians for a metre's worth."""
+        weakest: Pose = self.axes[:, 0] * self.units
+        return weakest
+
+
+def _consult(ref: ConsensusFeatures, cur: ConsensusFeatures, pose: Pose) -> _Told:
+    surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
+    codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, 0.01)
+    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, se2.inverse(pose), 0.01)
+    information, feigned, axes, units = pose_information(
+        surfels_ref, partner_ref, surfels_cur, partner_cur, pose
+    )
+    return _Told(
+        codes_ref=codes_ref,
+        codes_cur=codes_cur,
+        n_agree=int(np.count_nonzero(partner_cur >= 0)),
+        information=information,
+        feigned=feigned,
+        axes=axes,
+        units=units,
+    )
 
 
 def _trace(
@@ -276,12 +321,12 @@ def _is_on_the_way(direction: Pose, pose: Pose, other: Pose, tolerance: float) -
     if abs(direction[2]) < 0.05 * math.hypot(direction[0], direction[1]):
         norm = math.hypot(direction[0], direction[1])
         across = abs(direction[0] * y - direction[1] * x) / norm
-        return max(across, abs(theta)) < tolerance
+        return bool(max(across, abs(theta)) < tolerance)
     # the sensor circles around this place, seen from the pose
     cx, cy = -direction[1] / direction[2], direction[0] / direction[2]
     c, s = math.cos(theta), math.sin(theta)
     arc_x, arc_y = cx - c * cx + s * cy, cy - s * cx - c * cy
-    return math.hypot(x - arc_x, y - arc_y) < tolerance * (1.0 + abs(theta))
+    return bool(math.hypot(x - arc_x, y - arc_y) < tolerance * (1.0 + abs(theta)))
 
 
 def _runner_up(scores: Floats) -> float:
