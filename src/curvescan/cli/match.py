@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cli.options import LogPath, Method, ScanNumber
+from curvescan.cli.options import LogPath, ScanNumber
 
 
 def match(
@@ -18,7 +18,7 @@ def match(
     /,
     *,
     out: Path,
-    method: Method = "cfsma",
+    method: Literal["cfsma"] = "cfsma",
     range_max: float | None = None,
     cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
 ) -> int:
@@ -37,7 +37,7 @@ def match(
     out
         Folder for the results; made if it is missing.
     method
-        The matcher.
+        The matcher; the figures are those of "cfsma".
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     cfsma

@@ -13,5 +13,5 @@ LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar
 ScanNumber: TypeAlias = tyro.conf.Positional[int]
 """Number of a scan in its log."""
 
-Method: TypeAlias = Literal["cfsma"]
+Method: TypeAlias = Literal["curvescan", "cfsma"]
 """Names of the table of matchers, written out so that --help loads none of them."""

@@ -16,11 +16,15 @@ from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 MATCHERS: dict[str, tuple[str, str]] = {
+    "curvescan": (
+        "curvescan.matching.curvescan:CurvescanMatcher",
+        "curvescan.consensus.config:ConsensusConfig",
+    ),
     "cfsma": ("curvescan.matching.cfsma:CfSmaMatcher", "curvescan.cfsma.config:CfSmaConfig"),
 }
 """Method name -> (matcher, its config), each as ``module:class``."""
 
-DEFAULT_METHOD = "cfsma"
+DEFAULT_METHOD = "curvescan"
 
 
 class Matcher(Protocol):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 import numpy as np
 
-from curvescan.types import Codes, Cov, Pose
+from curvescan.types import Codes, Cov, Floats, Pose
 
 
 class Outcome(Enum):
@@ -22,6 +23,8 @@ class Outcome(Enum):
     DISSIMILAR_LANDMARKS = "No corners of the scans' common segments look alike."
     AMBIGUOUS_LANDMARKS = "Corners look alike, but more than one pairing of them is as good."
     DEGENERATE = "The matched points lie in one place and fix no rotation."
+    UNSUPPORTED = "At no pose do enough readings of the two scans agree."
+    AMBIGUOUS = "Two poses that differ explain the scans nearly as well as each other."
 
 
 class Label(IntEnum):
@@ -33,6 +36,10 @@ class Label(IntEnum):
     """The reading took no part in the pose."""
     MATCHED = 2
     """The reading is paired with a reading of the other scan, and the pose stands on it."""
+    MOVED = 3
+    """The reading lies where the other scan saw through: what it hit has come or gone."""
+    NEW = 4
+    """The reading lies out of the other scan's sight: behind something, or outside its field of view."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,6 +64,13 @@ class MatchResult:
         What the matcher did on the way: a record of its own, ``CfSmaTrace`` for "cfsma".
     labels_reference, labels_current : (n_beams,) uint8
         A Label for each beam of the two scans, in the order of their own ranges.
+    weak_direction : (3,) float64 or None
+        The direction in which the scans fix the pose least, where they do not fix it at all: a unit vector over
+        x, y, theta, metres and radians. The covariance is wide along it. None where all of the pose is fixed, and
+        for matchers that do not tell.
+    score, runner_up : float
+        How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
+        none and for matchers that do not tell.
     """
 
     method: str
@@ -67,6 +81,9 @@ class MatchResult:
     trace: object
     labels_reference: Codes
     labels_current: Codes
+    weak_direction: Floats | None = None
+    score: float = math.nan
+    runner_up: float = math.nan
 
     @property
     def ok(self) -> bool:

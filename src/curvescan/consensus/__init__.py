@@ -1,0 +1,1 @@
+"""The default matcher's stages: features of one scan, pose hypotheses, their verification, refinement, covariance."""

@@ -1,0 +1,196 @@
+"""The parameters of the matcher "curvescan": lengths and angles of the places that robots work in, none of one log.
+
+Each class configures one stage. The range noise is not among them: it is estimated from each scan.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from curvescan.errors import InvalidArgumentError
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfacesConfig:
+    """Surfaces: where they break, and the line through each reading."""
+
+    incidence_limit: float = math.radians(10.0)
+    """Worst incidence angle at which two neighbouring readings are still one surface, radians in (0, pi/2)."""
+    max_gap: int = 2
+    """A run of at most this many missing readings does not end a surface by itself."""
+    arm: float = 0.12
+    """Readings within this distance decide the line through a reading, metres; two a side at least."""
+    range_sigma_min: float = 0.003
+    """Least range noise that a scan is taken to have, metres."""
+
+    def __post_init__(self) -> None:
+        require(
+            0.0 < self.incidence_limit < math.pi / 2,
+            "incidence_limit must lie in (0, pi/2) rad",
+            self.incidence_limit,
+        )
+        require(self.max_gap >= 0, "max_gap must be >= 0 readings", self.max_gap)
+        require(self.arm > 0.0, "arm must be > 0 m", self.arm)
+        require(self.range_sigma_min > 0.0, "range_sigma_min must be > 0 m", self.range_sigma_min)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramesConfig:
+    """Frames: corners and ends of surfaces."""
+
+    arms: tuple[float, ...] = (0.12, 0.25, 0.5)
+    """Lengths over which a surface is taken to turn, metres, ascending: furniture, door frames, walls."""
+    min_turn: float = 0.4
+    """Least turn of a corner, radians."""
+    max_frames: int = 96
+    """Corners and ends kept of a scan, at most."""
+
+    def __post_init__(self) -> None:
+        require(
+            len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms
+        )
+        require(0.0 < self.min_turn < math.pi, "min_turn must lie in (0, pi) rad", self.min_turn)
+        require(self.max_frames >= 1, "max_frames must be at least 1", self.max_frames)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HypothesesConfig:
+    """Hypotheses: which poses are tried."""
+
+    turn_tolerance: float = 0.4
+    """Two corners may be the same one if their turns differ by no more, radians."""
+    max_pairs: int = 4000
+    """Pairs of frames taken, at most."""
+    cell: float = 0.3
+    """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
+    max_tried: int = 96
+    """Most voted poses that are tried."""
+    n_turns: int = 4
+    """Rotations taken from the directions of all surfaces."""
+    lattice_step: float = 0.15
+    """Where no pose finds support, and along corridors, places this far apart are tried, metres."""
+    lattice_reach: float = 1.35
+    """How far the places tried lie from the reference's, metres on each axis."""
+    slide_reach: float = 1.8
+    """How far along a corridor places are tried, metres each way."""
+
+    def __post_init__(self) -> None:
+        for name in ("turn_tolerance", "cell", "lattice_step", "lattice_reach", "slide_reach"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("max_pairs", "max_tried", "n_turns"):
+            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationConfig:
+    """Verification: what counts as agreement, and how much of it is enough."""
+
+    n_probes: int = 48
+    """Readings of each scan that stand for all of them."""
+    rough: tuple[float, float] = (0.08, 0.03)
+    """Tolerance of a pose not yet refined: metres, and metres more for each metre of range."""
+    slid: tuple[float, float] = (0.06, 0.01)
+    """Tolerance of a pose along a corridor."""
+    close: tuple[float, float] = (0.04, 0.005)
+    """Tolerance of a pose after a quick refinement."""
+    fine: tuple[float, float] = (0.03, 0.004)
+    """Tolerance of a pose to be judged."""
+    n_kept: int = 5
+    """Poses that are refined."""
+    n_wide: int = 192
+    """The same where a pose is judged."""
+    contested: float = 0.75
+    """Poses with this share of the best one's score are judged beside it."""
+    doubtful_score: float = 0.35
+    """Below this score other ways to a pose are tried, too."""
+    trusted_score: float = 0.5
+    """From this score on a guess that fixes both axes is taken without a look at others."""
+    min_score: float = 0.15
+    """Least score of a match."""
+    ambiguity: tuple[float, float] = (0.93, 0.04)
+    """Another pose with this share of the score, or less below it than this, is as good."""
+
+    def __post_init__(self) -> None:
+        require(self.n_probes >= 6, "n_probes must be at least 6", self.n_probes)
+        require(self.n_wide >= 6, "n_wide must be at least 6", self.n_wide)
+        require(self.n_kept >= 1, "n_kept must be at least 1", self.n_kept)
+        for name in ("rough", "slid", "close", "fine"):
+            tolerance = getattr(self, name)
+            require(
+                tolerance[0] > 0.0 and tolerance[1] >= 0.0,
+                f"{name} must be metres > 0 and a slope >= 0",
+                tolerance,
+            )
+        for name in ("doubtful_score", "trusted_score", "min_score", "contested"):
+            require(
+                -1.0 <= getattr(self, name) <= 1.0,
+                f"{name} must lie in [-1, 1]",
+                getattr(self, name),
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementConfig:
+    """Refinement: how wrong a pose may be at each iteration."""
+
+    quick: tuple[float, ...] = (0.06, 0.02)
+    """Metres of slack of each iteration on the probes, for the few best poses."""
+    closer: tuple[float, ...] = (0.03, 0.01)
+    """The same for the one or two that are left."""
+    full: tuple[float, ...] = (0.0,)
+    """The same on all readings."""
+
+    def __post_init__(self) -> None:
+        for name in ("quick", "closer", "full"):
+            slacks = getattr(self, name)
+            require(all(s >= 0.0 for s in slacks), f"{name} must be lengths >= 0 m", slacks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InformationConfig:
+    """Covariance: when a direction counts as open, and how wide it then is."""
+
+    max_sigma: float = 0.1
+    """A direction known no better than this is open, metres at the typical reading."""
+    open_sigma: float = 1.0
+    """Standard deviation given to an open direction, metres at the typical reading."""
+    weak_ratio: float = 0.1
+    """A direction of which less than this share of the next one's information is known is slid along."""
+    offsets: tuple[float, ...] = (0.1, 0.2, 0.4)
+    """How far, metres at the typical reading."""
+    flat_score: float = 0.92
+    """It is open when the scans agree there by this share of their score."""
+    tie: float = 0.97
+    """Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
+    way_tolerance: float = 0.15
+    """Two poses differ by a slide or a turn along an open direction when nothing else of their difference exceeds
+    this, metres and radians."""
+
+    def __post_init__(self) -> None:
+        for name in ("max_sigma", "open_sigma", "weak_ratio", "flat_score", "way_tolerance"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsensusConfig:
+    """All parameters of the matcher, grouped by stage."""
+
+    surfaces: SurfacesConfig = field(default_factory=SurfacesConfig)
+    """Surfaces and lines."""
+    frames: FramesConfig = field(default_factory=FramesConfig)
+    """Corners and ends."""
+    hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
+    """Poses to try."""
+    verification: VerificationConfig = field(default_factory=VerificationConfig)
+    """Agreement of the scans."""
+    refinement: RefinementConfig = field(default_factory=RefinementConfig)
+    """Least squares."""
+    information: InformationConfig = field(default_factory=InformationConfig)
+    """Covariance."""
+
+
+def require(holds: bool, rule: str, value: object) -> None:
+    """Raise InvalidArgumentError with the rule and the value unless `holds`."""
+    if not holds:
+        raise InvalidArgumentError(f"{rule}, got {value!r}")

@@ -1,0 +1,101 @@
+"""All that the matcher knows of one scan, computed once and used whether it is the current scan or the reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.consensus.config import ConsensusConfig
+from curvescan.consensus.frames import find_corners, find_ends
+from curvescan.consensus.polar import View, polar_lookup
+from curvescan.consensus.probes import choose_probes
+from curvescan.consensus.surfaces import fit_surfels, moments, sweep
+from curvescan.consensus.turns import direction_histogram
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConsensusFeatures:
+    """Surfels, frames and the polar view of one scan.
+
+    Attributes
+    ----------
+    n_beams : int
+        Beams of the scan.
+    beam_idx : (m,) int64
+        The scan's own index of each valid reading, readings counter-clockwise from a breakpoint on.
+    bounds : (s + 1,) int64
+        Surface k is readings bounds[k]:bounds[k + 1].
+    view : View
+        The readings and the lines through them, and which reading stands in which direction.
+    wide : View
+        The same with more probes.
+    whole : View
+        The same with all readings for probes.
+    frames : (k, 5) float64
+        Corners and ends of surfaces; columns as in frames.py.
+    directions : (120,) float64
+        Length of surface that faces each direction.
+    """
+
+    n_beams: int
+    beam_idx: Ints
+    bounds: Ints
+    view: View
+    wide: View
+    whole: View
+    frames: Floats
+    directions: Floats
+
+    @property
+    def sigma(self) -> float:
+        """Range noise of the scan, metres."""
+        return float(self.view.fan[2])
+
+    @property
+    def points(self) -> Floats:
+        """(m, 2) readings, metres, sensor frame."""
+        return self.view.surfels[:, :2]
+
+
+def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatures:
+    """Return the features of a scan, also of one without a valid reading."""
+    n, step = len(scan), abs(scan.angle_increment)
+    is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
+    angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
+    n_slots = max(round(2.0 * math.pi / step), 1 if is_closed else n)
+    surfaces, frames = config.surfaces, config.frames
+    beam_idx, readings, bounds = sweep(
+        scan.ranges,
+        scan.directions,
+        scan.valid,
+        is_clockwise,
+        is_closed,
+        step,
+        surfaces.incidence_limit,
+        surfaces.max_gap,
+    )
+    sums = moments(readings)
+    surfels, sigma = fit_surfels(readings, sums, bounds, surfaces.arm, surfaces.range_sigma_min)
+    arms = np.array(frames.arms)
+    corners = find_corners(surfels, sums, bounds, arms, sigma, frames.min_turn, frames.max_frames)
+    ends = find_ends(surfels, sums, bounds, 0.25, is_closed, frames.max_frames)
+    view = View(
+        probes=choose_probes(surfels, step, config.verification.n_probes),
+        surfels=surfels,
+        fan=np.array([math.remainder(angle_min, 2.0 * math.pi), 1.0 / step, sigma]),
+        lookup=polar_lookup(beam_idx, n, n_slots, is_clockwise),
+    )
+    return ConsensusFeatures(
+        n_beams=n,
+        beam_idx=beam_idx,
+        bounds=bounds,
+        view=view,
+        wide=view._replace(probes=choose_probes(surfels, step, config.verification.n_wide)),
+        whole=view._replace(probes=surfels),
+        frames=np.concatenate((corners, ends)),
+        directions=direction_histogram(surfels, step),
+    )

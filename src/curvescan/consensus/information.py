@@ -1,0 +1,194 @@
+"""Covariance: what the agreeing readings tell of the pose, and the direction in which they tell nothing.
+
+The information of a point-to-line fit in closed form (Censi, "An accurate closed-form estimate of ICP's
+covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading tells of the pose along its
+line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to tell
+something along the wall as well: in a corridor that is all there is. Its expected amount is known from the
+fit and is taken off, so that a corridor stays unobservable along itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.types import Bools, Floats, Ints
+
+
+@kernel
+def add_information(
+    surfels: Floats,
+    surfels_other: Floats,
+    partner: Ints,
+    pose: Floats,
+    inverse: bool,
+    system: Floats,
+) -> None:
+    """Add what the readings of one scan tell, each against its partner's line.
+
+    Parameters
+    ----------
+    surfels, surfels_other : (m, 9), (k, 9) float64
+        Readings of both scans.
+    partner : (m,) int64
+        Reading of the other scan, -1 for none.
+    pose : (3,) float64
+        Of the current scan in the reference.
+    inverse : bool
+        Whether `surfels` is the reference.
+    system : (15,) float64
+        Upper triangles of the information (0:6) and of the part of it that tilt feigns (6:12); sums of
+        normalised squared residuals (12) and of their weights (13), of squared distances (14).
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(surfels.shape[0]):
+        j = partner[i]
+        if j < 0 or surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+            continue
+        ax, ay = surfels[i, 0], surfels[i, 1]
+        if inverse:
+            dx, dy = ax - pose[0], ay - pose[1]
+            qx, qy = c * dx + s * dy, c * dy - s * dx
+        else:
+            dx, dy = c * ax - s * ay, s * ax + c * ay
+            qx, qy = dx + pose[0], dy + pose[1]
+        nx, ny = surfels_other[j, 5], surfels_other[j, 6]
+        e = nx * (qx - surfels_other[j, 3]) + ny * (qy - surfels_other[j, 4])
+        if inverse:
+            nx, ny = c * nx - s * ny, s * nx + c * ny
+        va = surfels[i, 7]
+        variance = va + surfels_other[j, 7]
+        weight = 1.0 / variance
+        jt = ny * dx - nx * dy
+        system[0] += weight * nx * nx
+        system[1] += weight * nx * ny
+        system[2] += weight * nx * jt
+        system[3] += weight * ny * ny
+        system[4] += weight * ny * jt
+        system[5] += weight * jt * jt
+        weight *= surfels_other[j, 8]
+        jt = -nx * dx - ny * dy
+        system[6] += weight * ny * ny
+        system[7] -= weight * ny * nx
+        system[8] += weight * -ny * jt
+        system[9] += weight * nx * nx
+        system[10] += weight * nx * jt
+        system[11] += weight * jt * jt
+        system[12] += e * e / (va + 0.15 * surfels_other[j, 7])
+        system[13] += 1.0
+        system[14] += dx * dx + dy * dy
+
+
+@kernel
+def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return the eigenvalues, ascending, and eigenvectors (columns) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
+    a = matrix.copy()
+    v = np.eye(3)
+    for _ in range(8):
+        off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
+        if off <= 1e-15 * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if a[p, q] == 0.0:
+                    continue
+                ratio = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
+                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+                t = -t if ratio < 0.0 else t
+                c = 1.0 / math.sqrt(1.0 + t * t)
+                s = t * c
+                for k in range(3):
+                    akp, akq = a[k, p], a[k, q]
+                    a[k, p], a[k, q] = c * akp - s * akq, s * akp + c * akq
+                for k in range(3):
+                    apk, aqk = a[p, k], a[q, k]
+                    a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
+                    vkp, vkq = v[k, p], v[k, q]
+                    v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
+    order = np.arange(3)
+    for i in range(2):
+        for k in range(2 - i):
+            if a[order[k], order[k]] > a[order[k + 1], order[k + 1]]:
+                order[k], order[k + 1] = order[k + 1], order[k]
+    values = np.empty(3)
+    vectors = np.empty((3, 3))
+    for k in range(3):
+        values[k] = a[order[k], order[k]]
+        for i in range(3):
+            vectors[i, k] = v[i, order[k]]
+    return values, vectors
+
+
+@kernel
+def pose_information(
+    surfels_ref: Floats,
+    partner_ref: Ints,
+    surfels_cur: Floats,
+    partner_cur: Ints,
+    pose: Floats,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return what the agreeing readings tell of the pose, in its principal directions.
+
+    Returns
+    -------
+    told : (3,) float64
+        Information in each direction, 1 / m^2, ascending, less what tilted lines feign.
+    feigned : (3,) float64
+        What they feign.
+    axes : (3, 3) float64
+        Columns: the directions, orthonormal over x, y and theta times `lever`.
+    units : (3,) float64
+        1, 1 and 1 / lever: what one unit of each row of `axes` is in metres, metres and radians; the lever is the
+        root mean square distance of the readings.
+    """
+    system = np.zeros(15)
+    add_information(surfels_cur, surfels_ref, partner_cur, pose, False, system)
+    add_information(surfels_ref, surfels_cur, partner_ref, pose, True, system)
+    n = max(system[13], 1.0)
+    lever = math.sqrt(system[14] / n) + 1e-3
+    # every reading is told of twice, once a way: half of the sum. Residuals larger than the noise
+    # explains widen it, smaller ones do not narrow it
+    scale = 0.5 / max(system[12] / n, 1.0)
+    units = np.array([1.0, 1.0, 1.0 / lever])
+    net = np.empty((3, 3))
+    false = np.empty((3, 3))
+    k = 0
+    for i in range(3):
+        for j in range(i, 3):
+            unit = scale * units[i] * units[j]
+            net[i, j] = net[j, i] = unit * (system[k] - system[6 + k])
+            false[i, j] = false[j, i] = unit * system[6 + k]
+            k += 1
+    told, axes = eigen3(net)
+    feigned = np.zeros(3)
+    for k in range(3):
+        for i in range(3):
+            for j in range(3):
+                feigned[k] += axes[i, k] * false[i, j] * axes[j, k]
+    return told, feigned, axes, units
+
+
+@kernel
+def covariance(
+    told: Floats, axes: Floats, units: Floats, is_open: Bools, open_sigma: float
+) -> Floats:
+    """Return the (3, 3) covariance of a pose, m^2, m rad, rad^2, with open_sigma metres in each open direction."""
+    cov = np.zeros((3, 3))
+    least = 1.0 / (open_sigma * open_sigma)
+    for k in range(3):
+        variance = 1.0 / least if is_open[k] else 1.0 / max(told[k], least)
+        for i in range(3):
+            for j in range(i + 1):
+                cov[i, j] += variance * axes[i, k] * units[i] * axes[j, k] * units[j]
+        if is_open[k]:
+            # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
+            turn = abs(axes[2, k]) * units[2] * open_sigma
+            way = math.hypot(axes[0, k], axes[1, k]) * open_sigma
+            cov[0, 0] += 0.25 * turn * turn * way * way
+            cov[1, 1] += 0.25 * turn * turn * way * way
+    for i in range(3):
+        for j in range(i):
+            cov[j, i] = cov[i, j]
+    return cov

@@ -1,0 +1,70 @@
+"""Labels: what each reading of one scan is to the other scan, at the pose found."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.consensus.polar import View, reading_at
+from curvescan.types import Codes, Floats, Ints
+
+HIDDEN, AGREES, MOVED = 0, 1, 2
+"""Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
+
+
+@kernel
+def compare_readings(
+    surfels: Floats,
+    other: View,
+    pose: Floats,
+    margin: float,
+) -> tuple[Codes, Ints]:
+    """Return what each reading is to the other scan, and the reading there that it agrees with.
+
+    Parameters
+    ----------
+    surfels : (m, 9) float64
+        The readings.
+    other : View
+        The other scan.
+    pose : (3,) float64
+        Of the readings' scan in the other.
+    margin : float
+        Metres that two readings of one surface may lie apart besides three standard deviations of their noise.
+
+    Returns
+    -------
+    codes : (m,) uint8
+        HIDDEN, AGREES or MOVED.
+    partner : (m,) int64
+        Reading of the other scan where it AGREES, else -1.
+    """
+    m = surfels.shape[0]
+    codes = np.zeros(m, dtype=np.uint8)
+    partner = np.full(m, -1, dtype=np.int64)
+    surfels_other = other.surfels
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(m):
+        ax, ay = surfels[i, 0], surfels[i, 1]
+        qx, qy = c * ax - s * ay + pose[0], s * ax + c * ay + pose[1]
+        j = reading_at(qx, qy, other)
+        if j < 0:
+            continue
+        ux, uy = qx - surfels_other[j, 3], qy - surfels_other[j, 4]
+        nx, ny = surfels_other[j, 5], surfels_other[j, 6]
+        across, along = nx * ux + ny * uy, ny * ux - nx * uy
+        variance = abs(surfels[i, 7]) + abs(surfels_other[j, 7])
+        limit = 3.0 * math.sqrt(variance) + margin
+        reach = 0.1 + 0.1 * surfels_other[j, 2]
+        if surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+            limit, reach = 0.05 + margin, 0.1
+        if abs(across) < limit and along * along < reach * reach:
+            codes[i] = 1
+            partner[i] = j
+            continue
+        front = surfels_other[j, 2] - 2.0 * limit - 0.05
+        if front > 0.0 and qx * qx + qy * qy < front * front:
+            codes[i] = 2
+    return codes, partner
