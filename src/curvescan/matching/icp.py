@@ -1,0 +1,107 @@
+"""The matcher "icp": point to point ICP.
+
+P. J. Besl, N. D. McKay, "A method for registration of 3-D shapes", IEEE Transactions on Pattern Analysis and Machine
+Intelligence 14 (1992); partners that are too far are dropped, as Z. Zhang, "Iterative point matching for registration
+of free-form curves and surfaces", International Journal of Computer Vision 13 (1994), showed to be needed where one
+scan sees what the other does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.cfsma.alignment import align, fixes_rotation
+from curvescan.cfsma.covariance import pose_covariance
+from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
+from curvescan.matching.result import MatchResult, Outcome
+from curvescan.rivals.config import IcpConfig
+from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best
+from curvescan.rivals.neighbours import plant_tree
+from curvescan.rivals.sweep import Sweep, sweep_of
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Ints, Pose
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IcpFeatures:
+    """Readings of one scan and the tree in which the nearest of them is looked up."""
+
+    sweep: Sweep
+    tree: cKDTree
+
+
+class IcpMatcher:
+    """ICP: pair each reading with the nearest of the reference, align the pairs in closed form, repeat.
+
+    Departure: the greatest distance of a pair shrinks from iteration to iteration, as the scans come together.
+    """
+
+    def __init__(self, config: IcpConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> IcpFeatures:
+        """Return the readings of a scan and their tree."""
+        sweep = sweep_of(scan)
+        return IcpFeatures(sweep=sweep, tree=plant_tree(sweep.points))
+
+    def can_be_reference(self, features: IcpFeatures) -> bool:
+        """Return whether the scan has a surface at all."""
+        return has_surfaces(features.sweep)
+
+    def match(
+        self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the guess on."""
+        ref, cur = reference.sweep, current.sweep
+        if not (has_surfaces(ref) and has_surfaces(cur)):
+            return failure("icp", Outcome.NO_SEGMENTS, ref, cur)
+        gate = self.config.gate
+
+        def step(pose: Pose, iteration: int) -> Pose | None:
+            cur_idx, ref_idx = self._pair(reference, cur, pose, gate.at(iteration))
+            if cur_idx.size < LEAST_PAIRS or not fixes_rotation(cur.points[cur_idx]):
+                return None
+            return align(ref.points[ref_idx], cur.points[cur_idx])[0]
+
+        descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
+        cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
+        on_surface = ~np.isnan(ref.tangents[ref_idx, 0])
+        pairs = Pairs(
+            cur_idx=cur_idx[on_surface],
+            ref_idx=ref_idx[on_surface],
+            normals=ref.normals[ref_idx[on_surface]],
+        )
+        return conclude(
+            "icp",
+            descent,
+            pairs,
+            ref,
+            cur,
+            self.config.min_share,
+            lambda _: _covariance(ref, cur, descent.pose, pairs),
+        )
+
+    def _pair(
+        self, reference: IcpFeatures, current: Sweep, pose: Pose, gate: float
+    ) -> tuple[Ints, Ints]:
+        points = se2.transform(pose, current.points)
+        distances, ref_idx = reference.tree.query(points, distance_upper_bound=gate)
+        cur_idx = np.flatnonzero(keep_best(distances * distances, self.config.kept_share))
+        return cur_idx, ref_idx[cur_idx]
+
+
+def _covariance(reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs) -> Cov:
+    """Return the covariance of eqs. 16-17, which takes the pairs for the same points seen twice.
+
+    They are not: along a surface a pair says nothing, yet counts. Expect it to be too small (docs/rivals.md).
+    """
+    points = current.points[pairs.cur_idx]
+    apart = se2.transform(pose, points) - reference.points[pairs.ref_idx]
+    return pose_covariance(points, pose, float(np.vdot(apart, apart)))
