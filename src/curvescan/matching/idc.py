@@ -8,12 +8,12 @@ within a rotation window that shrinks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.cfsma.alignment import align
 from curvescan.cfsma.covariance import pose_covariance
 from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
@@ -21,9 +21,13 @@ from curvescan.rivals.config import IdcConfig
 from curvescan.rivals.correspondences import closest_points, matching_range_points
 from curvescan.rivals.filters import is_visible, median_filter
 from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best
+from curvescan.rivals.least_squares import align_kept
 from curvescan.rivals.sweep import Sweep, join
 from curvescan.scan import LaserScan, valid_readings
 from curvescan.types import Bools, Floats, Ints, Points, Pose
+
+Rule = Callable[[Points, Sweep, float, float], tuple[Points, Floats, Ints]]
+"""A correspondence rule: points, reference, window and gate in; partners, squared distances, readings out."""
 
 
 class IdcMatcher:
@@ -44,23 +48,31 @@ class IdcMatcher:
         """Return the pose of `current` in `reference`, found from the guess on."""
         if not (has_surfaces(reference) and has_surfaces(current)):
             return failure("idc", Outcome.NO_SEGMENTS, reference, current)
-        config = self.config
+        config, guess = self.config, start(guess)
+        is_hidden, is_ref_hidden = _hidden(reference, current, guess)
+
+        def pair(points: Points, rule: Rule, window: float, gate: float) -> _RulePairs:
+            partners, squared, ref_idx = rule(points, reference, window, gate)
+            squared[is_hidden | is_ref_hidden[ref_idx]] = np.inf
+            return _RulePairs(partners, ref_idx, squared, keep_best(squared, config.kept_share))
 
         def step(pose: Pose, iteration: int) -> Pose | None:
+            points = se2.transform(pose, current.points)
             window, gate = config.window.at(iteration), config.gate.at(iteration)
-            near, far = self._pair(reference, current, pose, window, gate)
-            if min(near.cur_idx.size, far.cur_idx.size) < LEAST_PAIRS:
+            closest = pair(points, closest_points, window, gate)
+            by_range = pair(points, matching_range_points, window, gate)
+            if min(closest.n_kept, by_range.n_kept) < LEAST_PAIRS:
                 return None
-            x, y, _ = align(near.partners, near.points)[0]
-            _, _, theta = align(far.partners, far.points)[0]
+            x, y, _ = align_kept(closest.partners, points, closest.kept)
+            _, _, theta = align_kept(by_range.partners, points, by_range.kept)
             return se2.compose(np.array([x, y, theta]), pose)
 
         n_shrinking = max(config.window.n_shrinking, config.gate.n_shrinking)
-        descent = descend(start(guess), step, config.convergence, n_shrinking)
-        near, _ = self._pair(
-            reference, current, descent.pose, config.window.last, config.gate.last
-        )
-        pairs = Pairs(cur_idx=near.cur_idx, ref_idx=near.ref_idx, normals=reference.normals[near.ref_idx])
+        descent = descend(guess, step, config.convergence, n_shrinking)
+        points = se2.transform(descent.pose, current.points)
+        last = pair(points, closest_points, config.window.last, config.gate.last)
+        pairs = last.on_surface(reference)
+        error = float(last.squared[pairs.cur_idx].sum())
         return conclude(
             "idc",
             descent,
@@ -68,52 +80,38 @@ class IdcMatcher:
             reference,
             current,
             config.min_share,
-            lambda _: pose_covariance(current.points[pairs.cur_idx], descent.pose, near.error),
+            lambda _: pose_covariance(current.points[pairs.cur_idx], descent.pose, error),
         )
 
-    def _pair(
-        self, reference: Sweep, current: Sweep, pose: Pose, window: float, gate: float
-    ) -> tuple[_DualPairs, _DualPairs]:
-        """Return the pairs of both rules, hidden readings and outliers left out."""
-        points = se2.transform(pose, current.points)
-        ref_seen = se2.transform(se2.inverse(pose), reference.points)
-        in_sight = is_visible(points, current.is_joined, reference.angle_step)
-        ref_in_sight = is_visible(ref_seen, reference.is_joined, current.angle_step)
-        found = (
-            closest_points(points, reference, window, gate),
-            matching_range_points(points, reference, window, gate),
-        )
-        near, far = (
-            _keep(points, rule, in_sight, ref_in_sight, self.config.kept_share) for rule in found
-        )
-        return near, far
 
+class _RulePairs(NamedTuple):
+    """What one rule finds for each current reading, and which of it to keep."""
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _DualPairs:
-    """Pairs of one rule: readings of cur, their points and their partners' in ref."""
-
-    cur_idx: Ints
-    ref_idx: Ints
-    points: Points
     partners: Points
-    error: float
+    ref_idx: Ints
+    squared: Floats
+    kept: Bools
+
+    @property
+    def n_kept(self) -> int:
+        return int(np.count_nonzero(self.kept))
+
+    def on_surface(self, reference: Sweep) -> Pairs:
+        """Return the kept pairs whose partner is no isolated reading."""
+        normals = reference.normals[self.ref_idx]
+        cur_idx = np.flatnonzero(self.kept & ~np.isnan(normals[:, 0]))
+        return Pairs(cur_idx=cur_idx, ref_idx=self.ref_idx[cur_idx], normals=normals[cur_idx])
 
 
-def _keep(
-    points: Points,
-    found: tuple[Points, Floats, Ints],
-    in_sight: Bools,
-    ref_in_sight: Bools,
-    share: float,
-) -> _DualPairs:
-    partners, squared, ref_idx = found
-    squared = np.where(in_sight & ref_in_sight[ref_idx], squared, np.inf)
-    cur_idx = np.flatnonzero(keep_best(squared, share))
-    return _DualPairs(
-        cur_idx=cur_idx,
-        ref_idx=ref_idx[cur_idx],
-        points=points[cur_idx],
-        partners=partners[cur_idx],
-        error=float(squared[cur_idx].sum()),
+def _hidden(reference: Sweep, current: Sweep, guess: Pose) -> tuple[Bools, Bools]:
+    """Return which readings of cur, and of ref, the other viewpoint cannot see if the guess is right.
+
+    Once, before the first step, as the authors do. Again at every step it would trust poses that are still wrong,
+    and people hide walls: among people it lost 4 to 7 matches in a hundred.
+    """
+    cur_in_ref = se2.transform(guess, current.points)
+    ref_in_cur = se2.transform(se2.inverse(guess), reference.points)
+    return (
+        ~is_visible(cur_in_ref, current.is_joined, reference.angle_step),
+        ~is_visible(ref_in_cur, reference.is_joined, current.angle_step),
     )

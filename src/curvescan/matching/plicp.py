@@ -63,7 +63,7 @@ class PlIcpMatcher:
             reference,
             current,
             self.config.min_share,
-            lambda rows: _covariance(reference, current, descent.pose, pairs, rows),
+            lambda rows: self._covariance(reference, current, descent.pose, pairs, rows),
         )
 
     def _pair(self, reference: Sweep, current: Sweep, pose: Pose, gate: float) -> Pairs:
@@ -80,18 +80,17 @@ class PlIcpMatcher:
             normals=reference.normals[ref_idx[cur_idx]],
         )
 
-
-def _covariance(
-    reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs, rows: Floats
-) -> Cov:
-    """Return Censi's closed form: range noise of both scans, each along its own beam."""
-    points = se2.transform(pose, current.points[pairs.cur_idx])
-    anchors = reference.points[pairs.ref_idx]
-    beams_cur = (points - pose[:2]) / current.ranges[pairs.cur_idx, np.newaxis]
-    beams_ref = anchors / reference.ranges[pairs.ref_idx, np.newaxis]
-    errors = np.sum(pairs.normals * (points - anchors), axis=1)
-    sources = (
-        (np.arange(pairs.cur_idx.size), np.sum(pairs.normals * beams_cur, axis=1)),
-        (pairs.ref_idx, np.sum(pairs.normals * beams_ref, axis=1)),
-    )
-    return propagated_covariance(rows, errors, sources)
+    def _covariance(
+        self, reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs, rows: Floats
+    ) -> Cov:
+        """Return Censi's closed form: range noise of both scans, each along its own beam."""
+        points = se2.transform(pose, current.points[pairs.cur_idx])
+        anchors = reference.points[pairs.ref_idx]
+        beams_cur = (points - pose[:2]) / current.ranges[pairs.cur_idx, np.newaxis]
+        beams_ref = anchors / reference.ranges[pairs.ref_idx, np.newaxis]
+        errors = np.sum(pairs.normals * (points - anchors), axis=1)
+        sources = (
+            (np.arange(pairs.cur_idx.size), np.sum(pairs.normals * beams_cur, axis=1)),
+            (pairs.ref_idx, np.sum(pairs.normals * beams_ref, axis=1)),
+        )
+        return propagated_covariance(rows, errors, sources, self.config.range_sigma)

@@ -64,9 +64,9 @@ class LinesConfig:
 
     max_error: float = 0.04
     """A line is split where a reading lies farther from it, metres: four times the noise of an LMS200."""
-    min_readings: int = 5
+    min_readings: int = 4
     """Lines of fewer readings are dropped; at least 3."""
-    min_length: float = 0.2
+    min_length: float = 0.1
     """Shorter lines are dropped, metres."""
 
     def __post_init__(self) -> None:
@@ -83,12 +83,12 @@ class IdcConfig:
     """When to stop."""
     window: ShrinkConfig = field(
         default_factory=lambda: ShrinkConfig(
-            first=math.radians(60.0), last=math.radians(2.0), decay=0.15
+            first=math.radians(60.0), last=math.radians(2.0), decay=0.2
         )
     )
     """Half width of the rotation window B(t) = B(0) exp(-alpha t), radians. Measured."""
     gate: ShrinkConfig = field(
-        default_factory=lambda: ShrinkConfig(first=2.0, last=0.15, decay=0.1)
+        default_factory=lambda: ShrinkConfig(first=4.0, last=0.15, decay=0.15)
     )
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.9
@@ -121,7 +121,7 @@ class CoxConfig:
         default_factory=lambda: ShrinkConfig(first=2.0, last=0.05, decay=0.1)
     )
     """Greatest distance of a point from its line, metres. Measured."""
-    min_share: float = 0.3
+    min_share: float = 0.2
     """Least share of the current readings that must take part, in [0, 1]."""
 
     def __post_init__(self) -> None:
@@ -169,7 +169,9 @@ class IcpConfig:
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     """When to stop."""
-    gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=2.0, last=0.1, decay=0.1))
+    gate: ShrinkConfig = field(
+        default_factory=lambda: ShrinkConfig(first=4.0, last=0.1, decay=0.15)
+    )
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.95
     """Share of the pairs, the closest, that take part, in (0, 1]."""
@@ -195,6 +197,8 @@ class PlIcpConfig:
     """Quantile of the distances that sets the adaptive gate, in (0, 1]. Censi's program: 0.7."""
     adaptive_factor: float = 2.0
     """Pairs farther than this many times that quantile are outliers. Censi's program: 2."""
+    range_sigma: float = 0.01
+    """Range noise of the sensor, metres, for the covariance; more where the pairs show more. Censi's program: 0.01."""
     min_share: float = 0.3
     """Least share of the current readings that must take part, in [0, 1]."""
 
@@ -204,6 +208,7 @@ class PlIcpConfig:
         require(
             self.adaptive_factor >= 1.0, "adaptive_factor must be at least 1", self.adaptive_factor
         )
+        require(self.range_sigma > 0.0, "range_sigma must be > 0 m", self.range_sigma)
         require_share(self.min_share, "min_share")
 
 

@@ -7,6 +7,7 @@ J = [n_x, n_y, n . (R p)'] with v' = (-v_y, v_x).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import cast
 
@@ -15,7 +16,7 @@ import numpy as np
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.cfsma.covariance import LEAST_SIGMA
-from curvescan.types import Cov, Floats, Ints, Points, Pose
+from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
 
 LEAST_SHARE = 0.01
 """Share of the matched readings that must look along every direction of motion. Below it what holds the pose is
@@ -72,15 +73,37 @@ def point_to_line_step(
     (3,) float64 or None
         None where the lines leave a direction free.
     """
-    moved = _gauss_newton(points_cur, anchors, normals, pose, repeats)
-    if not np.isfinite(moved).all():
+    x, y, theta = _gauss_newton(points_cur, anchors, normals, pose, repeats)
+    if not math.isfinite(x + y + theta):
         return None
-    moved[2] = float(se2.wrap(moved[2]))
-    return moved
+    return np.array([x, y, math.pi - (math.pi - theta) % (2.0 * math.pi)])
+
+
+def align_kept(points_ref: Points, points_cur: Points, kept: Bools) -> Pose:
+    """Return the pose that minimises the squared distances of the kept pairs, in closed form (eqs. 10-12).
+
+    As :func:`curvescan.cfsma.alignment.align`, in one pass: the iterated methods call it some fifty times a match.
+
+    Parameters
+    ----------
+    points_ref, points_cur : (n, 2) float64
+        Pairs row by row, metres, each in its own frame; rows that are not kept may be NaN.
+    kept : (n,) bool
+        At least two.
+
+    Returns
+    -------
+    (3,) float64
+        Pose of cur in ref, theta in [-pi, pi].
+    """
+    return np.array(_align_kept(points_ref, points_cur, kept))
 
 
 def propagated_covariance(
-    rows: Floats, errors: Floats, sources: Sequence[tuple[Ints, Floats]]
+    rows: Floats,
+    errors: Floats,
+    sources: Sequence[tuple[Ints, Floats]],
+    least_sigma: float = LEAST_SIGMA,
 ) -> Cov:
     """Return the covariance of a least squares pose from the noise of the readings behind each error.
 
@@ -88,8 +111,8 @@ def propagated_covariance(
     H^-1 S^T with the readings' noise, H = J^T J, and row s of S the sum of J over the errors that reading s takes
     part in. A reading of the reference takes part in many, which (J^T J)^-1 sigma^2 does not see.
 
-    Departure: Censi takes sigma from the data sheet. Here it is what the errors themselves show, n - 3 degrees of
-    freedom (each pair gives one equation), so that it also holds for a sensor nobody described.
+    Sigma is what the errors themselves show, with n - 3 degrees of freedom (each pair gives one equation), or the
+    data sheet's where that is more, as a method that trims and that picks the nearest reading shows too little.
 
     Parameters
     ----------
@@ -100,10 +123,12 @@ def propagated_covariance(
     sources : sequence of ((n,) int64, (n,) float64)
         Each: which source of unit noise takes part in each error, and by how much. Sources of one pair are
         numbered together, those of different pairs apart.
+    least_sigma : float
+        Range noise that is known to be there, metres.
     """
     n = len(rows)
     spread = sum(float(weights @ weights) for _, weights in sources) / n
-    variance = max(float(errors @ errors) / max(n - 3, 1) / spread, LEAST_SIGMA**2)
+    variance = max(float(errors @ errors) / max(n - 3, 1) / spread, least_sigma**2)
     middle = np.zeros((3, 3))
     for source_idx, weights in sources:
         shares = [np.bincount(source_idx, rows[:, k] * weights) for k in range(3)]
@@ -117,7 +142,7 @@ def propagated_covariance(
 @kernel
 def _gauss_newton(
     points: Points, anchors: Points, normals: Points, pose: Pose, repeats: int
-) -> Pose:
+) -> tuple[float, float, float]:
     """Solve the 3x3 normal equations by elimination about the centre of the points; NaN where singular."""
     x, y, theta = pose[0], pose[1], pose[2]
     for _ in range(repeats):
@@ -151,4 +176,29 @@ def _gauss_newton(
         x += d_x
         y += d_y
         theta += d_theta
-    return np.array([x, y, theta])
+    return x, y, theta
+
+
+@kernel
+def _align_kept(points_ref: Points, points_cur: Points, kept: Bools) -> tuple[float, float, float]:
+    """Take centred cross and dot products; the centres first, for their digits."""
+    n = 0
+    ref_x, ref_y, cur_x, cur_y = 0.0, 0.0, 0.0, 0.0
+    for i in range(kept.size):
+        if kept[i]:
+            n += 1
+            ref_x += points_ref[i, 0]
+            ref_y += points_ref[i, 1]
+            cur_x += points_cur[i, 0]
+            cur_y += points_cur[i, 1]
+    ref_x, ref_y, cur_x, cur_y = ref_x / n, ref_y / n, cur_x / n, cur_y / n
+    dot, cross = 0.0, 0.0
+    for i in range(kept.size):
+        if kept[i]:
+            ax, ay = points_cur[i, 0] - cur_x, points_cur[i, 1] - cur_y
+            bx, by = points_ref[i, 0] - ref_x, points_ref[i, 1] - ref_y
+            dot += ax * bx + ay * by
+            cross += ax * by - ay * bx
+    theta = math.atan2(cross, dot)
+    c, s = math.cos(theta), math.sin(theta)
+    return ref_x - (c * cur_x - s * cur_y), ref_y - (s * cur_x + c * cur_y), theta

@@ -98,9 +98,7 @@ def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[In
     squared : (n,) float64
         Square metres; inf where there is none.
     """
-    return _nearest_lines(
-        points, lines.centres, lines.directions, lines.extents, max_distance
-    )
+    return _nearest_lines(points, lines.centres, lines.directions, lines.extents, max_distance)
 
 
 @kernel
@@ -119,7 +117,11 @@ def _fit(points: Points, start: int, stop: int) -> tuple[float, float, float, fl
         yy += dy * dy
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
     ux, uy = math.cos(angle), math.sin(angle)
-    if ux * (points[stop - 1, 0] - points[start, 0]) + uy * (points[stop - 1, 1] - points[start, 1]) < 0.0:
+    if (
+        ux * (points[stop - 1, 0] - points[start, 0])
+        + uy * (points[stop - 1, 1] - points[start, 1])
+        < 0.0
+    ):
         ux, uy = -ux, -uy
     worst = 0.0
     for k in range(start, stop):
@@ -134,7 +136,9 @@ def _split_and_merge(
     """Split each surface with a stack of open stretches, merge each finished one with the one before it."""
     n = points.shape[0]
     found = np.empty((n, 2), dtype=np.int64)
-    pending = np.empty(n + 1, dtype=np.int64)  # ends (inclusive) of stretches still to look at, last first
+    pending = np.empty(
+        n + 1, dtype=np.int64
+    )  # ends (inclusive) of stretches still to look at, last first
     n_found = 0
     for s in range(starts.size):
         first_of_surface = n_found
