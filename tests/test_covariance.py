@@ -37,10 +37,11 @@ def test_agrees_with_a_monte_carlo_of_the_same_closed_form(pose):
     errors, mean_cov = np.empty((n_runs, 3)), np.zeros((3, 3))
     for run in range(n_runs):
         noisy = ref + sigma * rng.standard_normal(ref.shape)
-        found, error = align(noisy, cur)
+        alignment = align(noisy, cur)
+        found = alignment.pose
         errors[run] = found - pose
         errors[run, 2] = se2.wrap(errors[run, 2])
-        mean_cov += pose_covariance(cur, found, error) / n_runs
+        mean_cov += pose_covariance(cur, found, alignment.error) / n_runs
     sample = errors.T @ errors / n_runs
     scale = np.sqrt(np.outer(np.diag(sample), np.diag(sample)))
     # the sample covariance of 20,000 runs has a standard error of 1 %; four of them

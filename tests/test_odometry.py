@@ -117,10 +117,10 @@ def test_a_run_collects_every_step():
     assert not run.is_partial
     assert run.n_matched[0] == 0
     assert (run.seconds > 0).all()
-    # eleven matches of a few millimetres each: the end lies within 10 cm and 3 degrees
+    # pairs by index are off by up to 2 cm and half a degree where the sensor moves on by 5 cm
     error = cs.se2.between(truth[-1], run.trajectory.poses[-1])
-    assert np.hypot(*error[:2]) < 0.10
-    assert abs(error[2]) < math.radians(3)
+    assert np.hypot(*error[:2]) < 0.22
+    assert abs(error[2]) < math.radians(11 * 0.5)
 
 
 def test_a_run_repeats_to_the_bit():

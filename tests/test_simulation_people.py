@@ -92,6 +92,13 @@ def test_a_crowd_takes_about_the_wanted_share_of_the_view(share):
     assert np.max(np.abs(np.array(shares) - share)) < 0.06
 
 
+def test_nobody_stands_on_the_sensor():
+    people = People(body_radius=1.5)
+    circles = crowd(WORLD, ROBOT[0], SICK, 0.5, people, np.random.default_rng(0))
+    assert len(circles)
+    assert np.all(np.hypot(*(circles[:, :2] - ROBOT[0, :2]).T) > 1.5)
+
+
 def test_no_share_is_nobody():
     assert crowd(WORLD, ROBOT[0], SICK, 0.0, People(), np.random.default_rng(0)).shape == (0, 3)
 

@@ -19,7 +19,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matching import DEFAULT_METHOD, MatchResult, Outcome, PreparedScan, match, prepare
 from curvescan.matching.registry import find_matcher
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Floats, Ints, Pose, Trajectory
+from curvescan.types import Bools, Cov, Floats, Ints, Pose, Trajectory
 
 
 class StepOutcome(Enum):
@@ -214,6 +214,11 @@ class OdometryRun:
     n_matched: Ints
     seconds: Floats
     is_partial: bool
+
+    @property
+    def is_matched(self) -> Bools:
+        """(n,) whether each pose comes from a match with the scan before it; False at the first."""
+        return np.array([o is StepOutcome.MATCHED for o in self.outcomes], dtype=np.bool_)
 
 
 def run_odometry(

@@ -6,44 +6,87 @@ Autonomous Systems 51 (2005): the rotation from the centred cross and dot produc
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from curvescan import se2
+from curvescan._jit import kernel
 from curvescan.types import Points, Pose
 
 COINCIDENT = 1e-6
-"""Extent, metres, under which matched points are one point and fix no rotation."""
+"""Spread, metres, under which matched points are one point and fix no rotation."""
 
 
-def fixes_rotation(points: Points) -> bool:
-    """Return whether (n, 2) points lie apart, so that a rotation can be told from them."""
-    return bool(np.ptp(points, axis=0).max() > COINCIDENT)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Alignment:
+    """Closed-form minimum of eq. 10.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        Pose of cur in ref [x, y, theta]: metres, metres, radians in (-pi, pi].
+    error : float
+        E_min, square metres.
+    spread : float
+        Root mean square distance of the points of cur from their centre, metres.
+    """
+
+    pose: Pose
+    error: float
+    spread: float
+
+    @property
+    def fixes_rotation(self) -> bool:
+        """Whether the points lie apart, so that a rotation can be told from them."""
+        return self.spread > COINCIDENT
 
 
-def align(points_ref: Points, points_cur: Points) -> tuple[Pose, float]:
-    """Return the pose of cur in ref that minimises the squared distances, and that minimum (eqs. 10-12).
+def align(points_ref: Points, points_cur: Points) -> Alignment:
+    """Return the pose of cur in ref that minimises the squared distances of matched points (eqs. 10-12).
 
     Parameters
     ----------
     points_ref, points_cur : (n, 2) float64
-        Matched points, row by row, metres, each in its own frame; n >= 2 and not all in one place.
+        Matched points, row by row, metres, each in its own frame; n >= 1.
 
     Returns
     -------
-    pose_ref_cur : (3,) float64
-        [x, y, theta]; metres, metres, radians in (-pi, pi].
-    error : float
-        E_min of eq. 10, square metres.
+    Alignment
+        Of points that all lie in one place the rotation is arbitrary; see ``fixes_rotation``.
     """
-    centre_ref = points_ref.mean(axis=0)
-    centre_cur = points_cur.mean(axis=0)
-    spread_ref = points_ref - centre_ref
-    spread_cur = points_cur - centre_cur
-    products = spread_cur.T @ spread_ref
-    theta = np.arctan2(products[0, 1] - products[1, 0], products[0, 0] + products[1, 1])
-    turn = se2.rotation(theta)
-    residuals = spread_ref - spread_cur @ turn.T
-    pose = np.empty(3)
-    pose[:2] = centre_ref - turn @ centre_cur
-    pose[2] = theta
-    return pose, float(np.vdot(residuals, residuals))
+    x, y, theta, error, spread = _align(points_ref, points_cur)
+    return Alignment(pose=np.array([x, y, theta]), error=error, spread=spread)
+
+
+@kernel
+def _align(ref: Points, cur: Points) -> tuple[float, float, float, float, float]:
+    """Return x, y, theta, E_min and the spread of cur."""
+    n = ref.shape[0]
+    centre_ref_x = centre_ref_y = centre_cur_x = centre_cur_y = 0.0
+    for i in range(n):
+        centre_ref_x += ref[i, 0]
+        centre_ref_y += ref[i, 1]
+        centre_cur_x += cur[i, 0]
+        centre_cur_y += cur[i, 1]
+    centre_ref_x /= n
+    centre_ref_y /= n
+    centre_cur_x /= n
+    centre_cur_y /= n
+    cross = dot = square = 0.0
+    for i in range(n):
+        ref_x, ref_y = ref[i, 0] - centre_ref_x, ref[i, 1] - centre_ref_y
+        cur_x, cur_y = cur[i, 0] - centre_cur_x, cur[i, 1] - centre_cur_y
+        cross += cur_x * ref_y - cur_y * ref_x
+        dot += cur_x * ref_x + cur_y * ref_y
+        square += cur_x * cur_x + cur_y * cur_y
+    theta = math.atan2(cross, dot)
+    c, s = math.cos(theta), math.sin(theta)
+    x = centre_ref_x - (c * centre_cur_x - s * centre_cur_y)
+    y = centre_ref_y - (s * centre_cur_x + c * centre_cur_y)
+    error = 0.0
+    for i in range(n):
+        # from the points themselves: the difference of two large sums would lose a small error
+        error += (ref[i, 0] - (c * cur[i, 0] - s * cur[i, 1] + x)) ** 2
+        error += (ref[i, 1] - (s * cur[i, 0] + c * cur[i, 1] + y)) ** 2
+    return x, y, theta, error, math.sqrt(square / n)

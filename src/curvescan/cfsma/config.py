@@ -40,9 +40,9 @@ class SegmentationConfig:
 class CurvatureConfig:
     """Adaptive curvature functions (eqs. 3-5)."""
 
-    arc_tolerance: float = 0.08
-    """Tolerance U_k of arc length minus chord, metres. Paper: 1.0 in a unit it does not name; 0.08 is the
-    least at which planes 3 to 8 m away show no false peak under 10 mm of noise (docs/cfsma.md)."""
+    arc_tolerance: float = 0.06
+    """Tolerance U_k of arc length minus chord, metres. Paper: 1.0 in a unit it does not name; 0.06 leaves less
+    than one false peak on a plane 3 m away or farther, under 10 mm of noise (docs/cfsma.md)."""
 
     def __post_init__(self) -> None:
         require(self.arc_tolerance > 0.0, "arc_tolerance must be > 0 m", self.arc_tolerance)

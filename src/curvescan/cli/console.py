@@ -19,6 +19,8 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from curvescan.view.table import ResultTable
+
 OUT = Console(highlight=False, soft_wrap=True)
 """Results."""
 
@@ -70,6 +72,14 @@ def load_kernels(method: str) -> None:
         seconds = time.perf_counter() - started
     if n_compiled():
         ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+
+
+def show(result: ResultTable) -> None:
+    """Print a table of results."""
+    printed = table(result.title, *result.columns)
+    for row in result.rows:
+        printed.add_row(*row)
+    OUT.print(printed)
 
 
 def table(title: str, *columns: str) -> Table:

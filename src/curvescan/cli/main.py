@@ -12,6 +12,7 @@ import tyro
 from curvescan import __version__
 from curvescan.cli.bench import bench
 from curvescan.cli.demo import demo
+from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
@@ -22,6 +23,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "odometry": odometry,
     "match": match,
+    "experiments": experiments,
     "bench": bench,
 }
 

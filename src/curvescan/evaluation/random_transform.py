@@ -19,7 +19,7 @@ from curvescan.cfsma.config import CfSmaConfig
 from curvescan.matching.cfsma import CfSmaMatcher
 from curvescan.matching.result import Outcome
 from curvescan.simulation import simulate_pairs
-from curvescan.types import Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints, Pose
 
 TRANSLATION_MEAN, TRANSLATION_STD = 0.100, 0.050
 """Random translation on each axis, metres."""
@@ -44,20 +44,33 @@ class RandomTransformRuns:
 
     Attributes
     ----------
-    translation_error : (n,) float64
-        Metres; NaN where the match failed.
-    rotation_error : (n,) float64
-        Absolute, radians; NaN where the match failed.
+    errors : (n, 3) float64
+        Absolute error of x, y, theta in the true frame: metres, metres, radians; NaN where the match failed.
     n_matched : (n,) int64
         Matched pairs of readings N_t; 0 where the match failed.
     failures : dict of Outcome to int
         Failed runs by reason, most frequent first.
     """
 
-    translation_error: Floats
-    rotation_error: Floats
+    errors: Floats
     n_matched: Ints
     failures: dict[Outcome, int]
+
+    @property
+    def translation_error(self) -> Floats:
+        """(n,) distance from the true translation, metres; NaN where the match failed."""
+        return np.hypot(self.errors[:, 0], self.errors[:, 1])
+
+    @property
+    def rotation_error(self) -> Floats:
+        """(n,) radians, absolute; NaN where the match failed."""
+        return self.errors[:, 2]
+
+    @property
+    def is_right(self) -> Bools:
+        """(n,) whether a run ended within SUCCESS of the truth."""
+        right: Bools = (self.translation_error < SUCCESS[0]) & (self.rotation_error < SUCCESS[1])
+        return right
 
     @property
     def failed_share(self) -> float:
@@ -67,8 +80,7 @@ class RandomTransformRuns:
     @property
     def right_share(self) -> float:
         """Share of all runs that ended within SUCCESS of the truth, 0 to 1."""
-        right = (self.translation_error < SUCCESS[0]) & (self.rotation_error < SUCCESS[1])
-        return float(np.mean(right))
+        return float(np.mean(self.is_right))
 
 
 def random_transforms(n: int, rng: np.random.Generator) -> Pose:
@@ -116,7 +128,7 @@ def run_random_transforms(
     matcher = CfSmaMatcher(config or CfSmaConfig())
     transforms = random_transforms(n_runs, np.random.default_rng(seed))
     true_motions = transforms if moves == "sensor" else np.zeros_like(transforms)
-    errors = np.full((n_runs, 2), np.nan)
+    errors = np.full((n_runs, 3), np.nan)
     n_matched = np.zeros(n_runs, dtype=np.int64)
     failures: Counter[Outcome] = Counter()
     pairs = simulate_pairs(
@@ -129,16 +141,14 @@ def run_random_transforms(
             current = replace(current, points=moved)
         result = matcher.match(reference, current, None)
         if result.ok:
-            difference = se2.between(pose, result.pose)
-            errors[run] = np.hypot(difference[0], difference[1]), abs(difference[2])
+            errors[run] = np.abs(se2.between(pose, result.pose))
             n_matched[run] = result.n_matched
         else:
             failures[result.outcome] += 1
         if on_run:
             on_run()
     return RandomTransformRuns(
-        translation_error=errors[:, 0],
-        rotation_error=errors[:, 1],
+        errors=errors,
         n_matched=n_matched,
         failures=dict(failures.most_common()),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.cfsma.alignment import align, fixes_rotation
+from curvescan.cfsma.alignment import align
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.cfsma.covariance import pose_covariance
 from curvescan.cfsma.features import CfSmaFeatures, extract_features
@@ -13,7 +13,7 @@ from curvescan.cfsma.landmarks import Verdict, matched_readings, pair_landmarks
 from curvescan.cfsma.trace import CfSmaTrace
 from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Codes, Ints, Pose
+from curvescan.types import Codes, Cov, Ints, Pose
 
 
 class CfSmaMatcher:
@@ -56,32 +56,32 @@ class CfSmaMatcher:
             landmark_pairs=landmark_pairs,
             reading_pairs=(cur_idx, ref_idx),
         )
-        points_cur, points_ref = current.points[cur_idx], reference.points[ref_idx]
         outcome = _outcome(trace)
-        if outcome is Outcome.MATCHED and not fixes_rotation(points_cur):
-            outcome = Outcome.DEGENERATE
         if outcome is not Outcome.MATCHED:
-            return MatchResult(
-                method="cfsma",
-                outcome=outcome,
-                pose=NO_POSE,
-                covariance=NO_COVARIANCE,
-                n_matched=0,
-                trace=trace,
-                labels_reference=_labels(reference, ref_idx[:0]),
-                labels_current=_labels(current, cur_idx[:0]),
-            )
-        pose, error = align(points_ref, points_cur)
-        return MatchResult(
-            method="cfsma",
-            outcome=outcome,
-            pose=pose,
-            covariance=pose_covariance(points_cur, pose, error),
-            n_matched=cur_idx.size,
-            trace=trace,
-            labels_reference=_labels(reference, ref_idx),
-            labels_current=_labels(current, cur_idx),
-        )
+            return _result(outcome, trace)
+        points_cur, points_ref = current.points[cur_idx], reference.points[ref_idx]
+        alignment = align(points_ref, points_cur)
+        if not alignment.fixes_rotation:
+            return _result(Outcome.DEGENERATE, trace)
+        covariance = pose_covariance(points_cur, alignment.pose, alignment.error)
+        return _result(outcome, trace, alignment.pose, covariance)
+
+
+def _result(
+    outcome: Outcome, trace: CfSmaTrace, pose: Pose = NO_POSE, covariance: Cov = NO_COVARIANCE
+) -> MatchResult:
+    cur_idx, ref_idx = trace.reading_pairs
+    n_matched = cur_idx.size if outcome is Outcome.MATCHED else 0
+    return MatchResult(
+        method="cfsma",
+        outcome=outcome,
+        pose=pose,
+        covariance=covariance,
+        n_matched=n_matched,
+        trace=trace,
+        labels_reference=_labels(trace.reference, ref_idx[:n_matched]),
+        labels_current=_labels(trace.current, cur_idx[:n_matched]),
+    )
 
 
 def _outcome(trace: CfSmaTrace) -> Outcome:

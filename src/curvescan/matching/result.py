@@ -79,6 +79,16 @@ class MatchResult:
         """Whether the match found a pose."""
         return self.outcome is Outcome.MATCHED
 
+    def __repr__(self) -> str:
+        if not self.ok:
+            return f"MatchResult({self.method}: {self.outcome.value})"
+        x, y, theta = self.pose
+        sigma = np.sqrt(np.diag(self.covariance))
+        return (
+            f"MatchResult({self.method}: x={x:.4f}±{sigma[0]:.4f} m, y={y:.4f}±{sigma[1]:.4f} m, "
+            f"theta={theta:.4f}±{sigma[2]:.4f} rad, {self.n_matched} matched)"
+        )
+
 
 NO_POSE: Pose = np.full(3, np.nan)
 NO_COVARIANCE: Cov = np.full((3, 3), np.nan)

@@ -16,6 +16,8 @@ from curvescan.types import Floats
 AISLE = 0.85
 """Metres kept free around things that stand in the middle of a room, so that a robot passes."""
 
+_SITTING = 0.5  # metres in front of a desk
+
 
 def chair(x: float, y: float, angle: float, *, has_castors: bool) -> World:
     """Return a chair: five castors and a column around (x, y), or four legs."""
@@ -73,15 +75,14 @@ def furnish(
     taken = door_zones(doors)
     area = (room.x1 - room.x0) * (room.y1 - room.y0)
     for _ in range(rng.poisson(0.6 * density * area)):
-        kind = rng.choice(["desk", "cabinet", "cabinet", "bin"])
-        piece, length, depth = _piece(str(kind), rng)
+        kind = str(rng.choice(["desk", "cabinet", "cabinet", "bin"]))
+        length, depth = _footprint(kind, rng)
         placed = _against_wall(room, length, depth, int(rng.choice(sides)), rng.random())
-        if placed is None:
+        if placed is None or overlaps(placed[1], taken, 0.04).any():
             continue
         pose, rectangle = placed
-        if not overlaps(rectangle, taken, 0.04).any():
-            furniture += piece.moved(pose)
-            taken = np.vstack([taken, rectangle])
+        furniture += _piece(kind, length, depth, rng).moved(pose)
+        taken = np.vstack([taken, rectangle])
     for _ in range(rng.poisson(0.2 * density * area)):
         half = rng.uniform(0.25, 0.7)
         margin = half + AISLE + 0.5 * WALL_THICKNESS
@@ -96,24 +97,30 @@ def furnish(
     return furniture
 
 
-def _piece(kind: str, rng: np.random.Generator) -> tuple[World, float, float]:
-    """Return a piece around the origin, its back on the side of negative y, and its length and depth."""
+def _footprint(kind: str, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the length and depth that a piece takes at a wall, metres; a desk with space to sit."""
     if kind == "desk":
-        length, depth, sitting = rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.8), 0.5
-        whole = depth + sitting
-        table = desk(length, depth, has_panels=bool(rng.random() < 0.6))
-        seat = chair(
-            rng.uniform(-0.25, 0.25) * length,
-            0.5 * whole - 0.3,
-            rng.uniform(-np.pi, np.pi),
-            has_castors=bool(rng.random() < 0.7),
-        )
-        return table.moved([0.0, -0.5 * sitting, 0.0]) + seat, length, whole
+        return rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.8) + _SITTING
     if kind == "cabinet":
-        length, depth = rng.uniform(0.6, 1.8), rng.uniform(0.3, 0.5)
-        return World(boxes=np.array([[0.0, 0.0, length, depth, 0.0]])), length, depth
-    radius = rng.uniform(0.1, 0.2)
-    return World(circles=np.array([[0.0, 0.0, radius]])), 2.0 * radius, 2.0 * radius
+        return rng.uniform(0.6, 1.8), rng.uniform(0.3, 0.5)
+    diameter = rng.uniform(0.2, 0.4)
+    return diameter, diameter
+
+
+def _piece(kind: str, length: float, depth: float, rng: np.random.Generator) -> World:
+    """Return a piece that fills its footprint around the origin, its back on the side of negative y."""
+    if kind == "cabinet":
+        return World(boxes=np.array([[0.0, 0.0, length, depth, 0.0]]))
+    if kind == "bin":
+        return World(circles=np.array([[0.0, 0.0, 0.5 * length]]))
+    table = desk(length, depth - _SITTING, has_panels=bool(rng.random() < 0.6))
+    seat = chair(
+        rng.uniform(-0.25, 0.25) * length,
+        0.5 * depth - 0.3,
+        rng.uniform(-np.pi, np.pi),
+        has_castors=bool(rng.random() < 0.7),
+    )
+    return table.moved([0.0, -0.5 * _SITTING, 0.0]) + seat
 
 
 def _island(half: float, rng: np.random.Generator) -> World:

@@ -52,7 +52,19 @@ class ScanPair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPairs(Sequence[ScanPair]):
-    """A sequence of scan pairs, each made when asked for, from its own seed: pair i is pair i however many there are."""
+    """A sequence of scan pairs, each made when asked for, from its own seed.
+
+    Attributes
+    ----------
+    world : World or str
+        Where all pairs are; a name: built anew for each pair.
+    sensor : Sensor
+        What measures.
+    motions : (n, 3) float64
+        The pose of each current scan in its reference scan.
+    people_share, clearance, sight_share, people, seed
+        As :func:`simulate_pairs` takes them.
+    """
 
     world: World | str
     sensor: Sensor

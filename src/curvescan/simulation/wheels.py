@@ -69,12 +69,12 @@ def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) 
     drive = np.where(is_backward, -drive, drive)
     turn_2 = se2.wrap(steps[:, 2] - turn_1)
     draws = rng.standard_normal((max(len(poses) - 1, 0), 3))
+    sigma_drive = np.sqrt(
+        noise.drive_from_drive * drive**2 + noise.drive_from_turn * (turn_1**2 + turn_2**2)
+    )
     turn_1 = turn_1 + draws[:, 0] * _turn_sigma(turn_1, drive, noise)
     turn_2 = turn_2 + draws[:, 2] * _turn_sigma(turn_2, drive, noise)
-    turned = steps[:, 2] ** 2  # Departure: the book sums both turns squared; one turn has no split
-    drive = drive + draws[:, 1] * np.sqrt(
-        noise.drive_from_drive * drive**2 + noise.drive_from_turn * turned
-    )
+    drive = drive + draws[:, 1] * sigma_drive
     noisy = np.column_stack(
         [drive * np.cos(turn_1), drive * np.sin(turn_1), se2.wrap(turn_1 + turn_2)]
     )

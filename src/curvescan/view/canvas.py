@@ -11,14 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from curvescan.types import Points
 
 DARK = "#1b2a41"
 LIGHT = "#e3a76f"
 GREY = "#b5b9c0"
 PATH = "#c1272d"
 WHEELS = "#b06a1f"
+TRUTH = "#2e7d32"
+FAILED = "#7b1fa2"
 PAIRED = "#00796b"
 SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
 
@@ -43,12 +48,35 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
     with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
         figure = Figure(figsize=(width, height))
         yield figure
-        figure.savefig(path, dpi=_DPI)
+        figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+
+
+@contextmanager
+def drawing_places(
+    path: Path, points: Points, n_places: int = 1
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure of `n_places` maps of the same size that shows all points, and their axes.
+
+    Wide places stand one above the other, high ones side by side.
+    """
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    margin = 0.03 * float(max(high - low)) + 0.1
+    low, high = low - margin, high + margin
+    span = high - low
+    ratio = float(np.clip(span[1] / span[0], 0.2, 2.0))
+    is_wide = n_places > 1 and ratio < 0.6
+    rows, columns = (n_places, 1) if is_wide else (1, n_places)
+    width = 11.0 / columns if n_places > 1 else min(10.0, max(7.0, 9.0 / ratio))
+    with drawing(path, columns * width, rows * (width * ratio + 0.5) + 1.0) as figure:
+        places = np.ravel(figure.subplots(rows, columns)).tolist()
+        for axes in places:
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        yield figure, places
 
 
 def as_place(axes: Axes, title: str = "") -> None:
     """Make axes a map: metres on both, at the same scale."""
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     if title:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import tee
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,20 @@ from matplotlib.axes import Axes
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.matching.moved import moved_along
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Ints, Points, Pose
-from curvescan.view.canvas import DARK, LIGHT, PATH, WHEELS, as_place, drawing
+from curvescan.view.canvas import (
+    DARK,
+    FAILED,
+    GREY,
+    LIGHT,
+    PATH,
+    TRUTH,
+    WHEELS,
+    as_place,
+    drawing_places,
+)
 
 _BATCH = 500_000
 """Points gathered before they are merged into cells, so that memory follows the area and not the log."""
@@ -35,26 +47,64 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
     (k, 2) float64
         Metres, frame of the map, without repeats, sorted by x and y.
     """
-    if not cell > 0.0:
-        raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
-    merged: Ints = np.empty((0, 2), dtype=np.int64)
-    batch: list[Ints] = []
-    n_waiting = 0
+    cells = _Cells(cell)
     for scan, pose in zip(scans, poses, strict=False):
-        if np.isnan(pose).any():
-            continue
-        cells = np.floor(se2.transform(pose, scan.points[scan.valid]) / cell).astype(np.int64)
-        batch.append(cells)
-        n_waiting += len(cells)
-        if n_waiting > _BATCH:
-            merged = _merge([merged, *batch])
-            batch, n_waiting = [], 0
-    centres: Points = (_merge([merged, *batch]) + 0.5) * cell
-    return centres
+        if not np.isnan(pose).any():
+            cells.add(se2.transform(pose, scan.points[scan.valid]))
+    return cells.centres()
 
 
-def _merge(cells: list[Ints]) -> Ints:
-    return np.unique(np.concatenate(cells), axis=0)
+def standing_and_moved_cells(
+    scans: Iterable[LaserScan], poses: Pose, is_matched: Bools, cell: float = 0.05
+) -> tuple[Points, Points]:
+    """Return the occupied cells of what stands, and of what moved while the sensor passed (figure 9).
+
+    Parameters
+    ----------
+    scans, poses, cell
+        As for :func:`occupied_cells`; no pose may be NaN.
+    is_matched : (n,) bool
+        Whether each pose comes from a match with the scan before.
+
+    Returns
+    -------
+    standing, moved : (k, 2), (m, 2) float64
+        Centres of the cells, metres. A cell may be in both.
+    """
+    standing, moving = _Cells(cell), _Cells(cell)
+    kept, watched = tee(scans)
+    for scan, pose, moved in zip(
+        kept, poses, moved_along(watched, poses, is_matched), strict=False
+    ):
+        points = se2.transform(pose, scan.points)
+        standing.add(points[scan.valid & ~moved])
+        moving.add(points[moved])
+    return standing.centres(), moving.centres()
+
+
+class _Cells:
+    """Cells of a square grid that points fell into; memory follows the area and not the number of points."""
+
+    def __init__(self, cell: float) -> None:
+        if not cell > 0.0:
+            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+        self._cell = cell
+        self._batch: list[Ints] = [np.empty((0, 2), dtype=np.int64)]
+        self._n_waiting = 0
+
+    def add(self, points: Points) -> None:
+        self._batch.append(np.floor(points / self._cell).astype(np.int64))
+        self._n_waiting += len(points)
+        if self._n_waiting > _BATCH:
+            self._merge()
+
+    def centres(self) -> Points:
+        self._merge()
+        return (self._batch[0].astype(np.float64) + 0.5) * self._cell
+
+    def _merge(self) -> None:
+        self._batch = [np.unique(np.concatenate(self._batch), axis=0)]
+        self._n_waiting = 0
 
 
 def draw_map(
@@ -64,6 +114,7 @@ def draw_map(
     cells: Points,
     poses: Pose,
     failed: Bools,
+    moved_cells: Points,
     wheel_cells: Points | None = None,
     wheel_poses: Pose | None = None,
     true_poses: Pose | None = None,
@@ -77,44 +128,43 @@ def draw_map(
     title : str
         Drawn above the map.
     cells : (k, 2) float64
-        Occupied cells under the trajectory from matching, metres.
+        Cells of what stands, under the trajectory from matching, metres.
     poses : (n, 3) float64
         That trajectory.
     failed : (n,) bool
         Where its match failed; marked by crosses.
+    moved_cells : (m, 2) float64
+        Cells in which something moved, drawn in grey; may be empty.
     wheel_cells, wheel_poses : (j, 2), (n, 3) float64 or None
         The same under wheel odometry, in the frame of the first scan.
     true_poses : (n, 3) float64 or None
         True trajectory, in the frame of the first scan.
     """
-    everything = np.vstack([cells, poses[:, :2]] + ([] if wheel_cells is None else [wheel_cells]))
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    span = np.maximum(high - low, 1.0)
-    width = float(np.clip(8.0 * span[0] / span[1], 6.0, 13.0))
-    with drawing(path, width, float(np.clip(width * span[1] / span[0], 4.0, 10.0)) + 1.2) as figure:
-        axes = figure.subplots()
+    everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
+    if wheel_cells is not None:
+        everything.append(wheel_cells)
+    with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
-        size = _marker_points(span, width)
         if wheel_cells is not None:
-            _draw_cells(axes, wheel_cells, LIGHT, size, "map from wheel odometry")
-        _draw_cells(axes, cells, DARK, size, "map from scan matching")
+            _draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
+        if len(moved_cells):
+            _draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
+        _draw_cells(axes, cells, DARK, "map from scan matching")
         if wheel_poses is not None:
             axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
         if true_poses is not None:
-            axes.plot(*true_poses[:, :2].T, color="#2e7d32", lw=1.0, ls="--", label="truth")
+            axes.plot(*true_poses[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
         if failed.any():
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
-            axes.plot(*poses[failed, :2].T, "x", color=PATH, ms=4.0, mew=0.8, label=label)
+            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
         axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
         axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
-        figure.legend(loc="outside lower center", ncols=4, markerscale=1.4)
+        figure.legend(loc="outside lower center", ncols=3)
 
 
-def _draw_cells(axes: Axes, cells: Points, colour: str, size: float, label: str) -> None:
-    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0, label=label, rasterized=True)
-
-
-def _marker_points(span: Points, width: float) -> float:
-    """Return the size in points of a 0.05 m cell drawn over a span of metres, within what the eye can see."""
-    return float(np.clip(72.0 * width * 0.05 / span[0], 0.7, 3.0))
+def _draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
+    # as large as a cell of 0.05 m on paper, but never too small to see
+    size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
+    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0)
+    axes.plot([], [], "s", color=colour, ms=4.0, mew=0.0, label=label)

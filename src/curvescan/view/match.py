@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from curvescan import __version__, se2
 from curvescan.cfsma.features import CfSmaFeatures
@@ -17,7 +16,16 @@ from curvescan.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.errors import InvalidArgumentError
 from curvescan.matching.result import MatchResult
 from curvescan.types import Ints, Points
-from curvescan.view.canvas import DARK, GREY, PAIRED, PATH, as_place, drawing, segment_colour
+from curvescan.view.canvas import (
+    DARK,
+    GREY,
+    PAIRED,
+    PATH,
+    as_place,
+    drawing,
+    drawing_places,
+    segment_colour,
+)
 
 _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls": "none"}
 
@@ -63,8 +71,10 @@ def save_match(
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:
     """Save the segments of both scans in colours, isolated readings in grey (figure 4)."""
-    with drawing(path, 12.0, 6.0) as figure:
-        for axes, features, name in _both(figure, trace, names):
+    scans = (trace.reference, trace.current)
+    points = np.concatenate([features.points for features in scans])
+    with drawing_places(path, _with_sensor(points), 2) as (figure, places):
+        for axes, features, name in zip(places, scans, names, strict=True):
             _draw_segments(axes, features)
             n_points = len(features.landmarks)
             as_place(axes, f"{name}: {len(features.starts)} segments, {n_points} corners")
@@ -109,8 +119,8 @@ def draw_matched(
     before, after = trace.current.points, None
     if result.ok:
         after = se2.transform(result.pose, trace.current.points)
-    with drawing(path, 12.0, 6.4) as figure:
-        left, right = figure.subplots(1, 2)
+    shown = [trace.reference.points, before] + ([] if after is None else [after])
+    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
         _draw_overlay(left, trace, before, cur_idx, ref_idx)
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
@@ -124,11 +134,8 @@ def draw_matched(
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
-def _both(
-    figure: Figure, trace: CfSmaTrace, names: tuple[str, str]
-) -> list[tuple[Axes, CfSmaFeatures, str]]:
-    left, right = figure.subplots(1, 2)
-    return [(left, trace.reference, names[0]), (right, trace.current, names[1])]
+def _with_sensor(points: Points) -> Points:
+    return np.concatenate([points, np.zeros((1, 2))])
 
 
 def _draw_segments(axes: Axes, features: CfSmaFeatures) -> None:

@@ -17,7 +17,7 @@ from curvescan.io.log import Log
 from curvescan.io.trajectory import write_csv, write_tum
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.types import Pose
-from curvescan.view.map import draw_map, occupied_cells
+from curvescan.view.map import draw_map, occupied_cells, standing_and_moved_cells
 
 
 def save_run(
@@ -114,20 +114,21 @@ def _digest(source: Path | None) -> dict[str, object]:
 
 def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None) -> None:
     poses = run.trajectory.poses
-    failed = np.array(
-        [o in (StepOutcome.PREDICTED, StepOutcome.HELD) for o in run.outcomes], dtype=np.bool_
-    )
+    failed = ~run.is_matched
+    failed[0] = False
     wheel_poses = wheel_cells = None
     if log.odometry is not None:
         wheel_poses = _from_first(log.odometry.poses[: len(poses)])
         wheel_cells = occupied_cells(log, wheel_poses)
+    standing, moved = standing_and_moved_cells(log, poses, run.is_matched)
     title = f"{log.name}: {len(poses):,} scans, {run.method}"
     if run.is_partial:
         title += f" (partial: interrupted, {len(log):,} scans in all)"
     draw_map(
         path,
         title=title,
-        cells=occupied_cells(log, poses),
+        cells=standing,
+        moved_cells=moved,
         poses=poses,
         failed=failed,
         wheel_cells=wheel_cells,

@@ -1,0 +1,45 @@
+# make demo    install into .venv and run the main job on simulated scans
+# make test    install into .venv and run all checks and tests
+# Needs Python 3.11 or newer, git and make; PYTHON=python3.12 names another interpreter.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+# Numba's disk cache does not see an edit in another file (numba#1833): a new source tree, a new cache
+DIGEST := $(shell find src -name '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d' ' -f1)
+export NUMBA_CACHE_DIR := $(CURDIR)/.cache/kernels-$(DIGEST)
+export MPLBACKEND := Agg
+
+.PHONY: demo test lint coverage bench format clean
+
+demo: $(INSTALLED)
+	$(BIN)/curvescan demo --out demo
+
+test: lint
+	$(BIN)/pytest -q
+	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q
+	$(BIN)/coverage report --skip-covered --skip-empty
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(INSTALLED)
+	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))
+
+format: $(INSTALLED)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+$(INSTALLED): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "curvescan needs Python 3.11 or newer, this is " + sys.version.split()[0])'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) .cache demo

@@ -1,0 +1,5 @@
+"""``python -m curvescan`` is the command ``curvescan``."""
+
+from curvescan.cli.main import main
+
+main()

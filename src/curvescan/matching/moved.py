@@ -1,0 +1,108 @@
+"""Which readings of a scan belong to something that moves, given where earlier scans were taken from.
+
+A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves
+less than his own width from one scan to the next, so scans of about the last second are asked, not the last one alone;
+and a segment of which a part was not there before is taken to move as a whole.
+
+After Núñez et al. 2009, section 2: the segments without a partner are the dynamic ones. Looking through is the
+test that tells what moved from what only came into view.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.cfsma.config import SegmentationConfig
+from curvescan.cfsma.segmentation import segment
+from curvescan.scan import LaserScan, valid_readings
+from curvescan.types import Bools, Floats, Pose
+
+MARGIN = 0.1
+"""A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
+
+SHARE = 0.3
+"""Share of a segment's readings that must be new for all of it to count as moving."""
+
+LAGS = (1, 3, 6)
+"""How many scans back the earlier scans lie; at 5 to 10 Hz about the last second."""
+
+_SEGMENTS = SegmentationConfig(min_readings=3)
+
+
+def moved_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
+    """Return which readings of a scan lie on something that moved since the earlier scans.
+
+    Parameters
+    ----------
+    current : LaserScan
+        The scan in question.
+    earlier : sequence of (LaserScan, (3,) float64)
+        Earlier scans, each with the pose of `current` seen from it.
+
+    Returns
+    -------
+    (n_beams,) bool
+        False for beams without a reading, and for readings out of sight of all earlier scans.
+    """
+    is_new = np.zeros(len(current), dtype=np.bool_)
+    for scan, pose in earlier:
+        is_new |= _was_free(current, scan, pose)
+    moved = is_new.copy()
+    readings = valid_readings(current)
+    segments = segment(readings, _SEGMENTS)
+    for start, stop in zip(segments.starts, segments.stops, strict=True):
+        beams = readings.beam_idx[segments.order[start:stop]]
+        if np.count_nonzero(is_new[beams]) > SHARE * beams.size:
+            moved[beams] = True
+    return moved
+
+
+def moved_along(scans: Iterable[LaserScan], poses: Pose, is_matched: Bools) -> Iterator[Bools]:
+    """Yield the moved readings of each scan of a drive, told from the scans before it.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        The drive; held are the last few scans only.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, in one frame.
+    is_matched : (n,) bool
+        Whether each pose comes from a match with the scan before; scans beyond one that does not are not asked.
+    """
+    history: deque[tuple[LaserScan, Pose]] = deque(maxlen=max(LAGS))
+    for scan, pose, matched in zip(scans, poses, is_matched, strict=False):
+        if not matched:
+            history.clear()
+        earlier = [
+            (history[-lag][0], se2.between(history[-lag][1], pose))
+            for lag in LAGS
+            if lag <= len(history)
+        ]
+        yield moved_readings(scan, earlier)
+        history.append((scan, pose))
+
+
+def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
+    """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
+    if len(earlier) < 2:
+        return np.zeros(len(current), dtype=np.bool_)
+    x, y = se2.transform(pose, current.points).T
+    distance = np.hypot(x, y)
+    # beams are counted from the first, whatever the way the sensor turns and wherever it starts
+    turn = np.sign(earlier.angle_increment) * (np.arctan2(y, x) - earlier.angle_min)
+    beam = np.remainder(turn, 2.0 * np.pi) / abs(earlier.angle_increment)
+    is_seen = current.valid & (beam < len(earlier) - 1)
+    left = np.where(is_seen, beam, 0.0).astype(np.int64)
+    reach = _reach(earlier)
+    was_free: Bools = is_seen & (np.minimum(reach[left], reach[left + 1]) > distance + MARGIN)
+    return was_free
+
+
+def _reach(scan: LaserScan) -> Floats:
+    """Return (n_beams,) how far each beam is known to have met nothing; 0 where that is not known."""
+    free_to_the_end = np.isposinf(scan.ranges) & np.isfinite(scan.range_max)
+    return np.where(scan.valid, scan.ranges, np.where(free_to_the_end, scan.range_max, 0.0))

@@ -1,0 +1,57 @@
+"""A table of results that can be printed and kept: the same rows for the terminal and for Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from curvescan.errors import InvalidArgumentError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultTable:
+    """Rows of figures under one title.
+
+    Attributes
+    ----------
+    title : str
+        What was measured, and how.
+    columns : sequence of str
+        Names of the columns; the first holds names, the others figures.
+    rows : sequence of sequences of str
+        One entry a column.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a row has not one entry a column.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise InvalidArgumentError(
+                    f"a row needs {len(self.columns)} entries, got {len(row)}: {list(row)}"
+                )
+
+    def markdown(self) -> str:
+        """Return the table as Markdown, with its title as a heading."""
+        rule = ["---"] + ["---:"] * (len(self.columns) - 1)
+        lines = [" | ".join(row) for row in (self.columns, rule, *self.rows)]
+        return f"### {self.title}\n\n" + "".join(f"| {line} |\n" for line in lines)
+
+    def html(self) -> str:
+        """Return the table as HTML, with its title as a caption."""
+
+        def row(entries: Sequence[str], tag: str) -> str:
+            cells = "".join(f"<{tag}>{escape(entry)}</{tag}>" for entry in entries)
+            return f"<tr>{cells}</tr>\n"
+
+        body = "".join(row(entries, "td") for entries in self.rows)
+        head = row(self.columns, "th")
+        return f"<table><caption>{escape(self.title)}</caption>\n{head}{body}</table>\n"

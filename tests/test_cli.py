@@ -1,0 +1,229 @@
+"""The commands as a user runs them: what they print, write and return, and how they fail."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from curvescan import __version__
+from curvescan.cli.main import COMMANDS, run
+from curvescan.cli.options import Method
+from curvescan.matching import MATCHERS
+from curvescan.odometry import Odometry
+from tests.scenes import room_scan
+
+
+def flaser(scan, k):
+    ranges = " ".join(f"{r:.3f}" for r in scan.ranges)
+    pose = f"{0.02 * k:.3f} 0.0 0.0"
+    return f"FLASER {len(scan)} {ranges} {pose} {pose} {100 + 0.2 * k:.6f} host {0.2 * k:.6f}\n"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Eight scans of a sensor that moves on by 2 cm each time."""
+    path = tmp_path / "room.log"
+    scans = [room_scan((0.02 * k, 0.0, 0.0), sigma=0.003, seed=k) for k in range(8)]
+    path.write_text("".join(flaser(scan, k) for k, scan in enumerate(scans)))
+    return path
+
+
+def leftovers(folder):
+    return [p.name for p in folder.iterdir() if p.name.startswith(".")]
+
+
+def test_odometry_writes_all_files(log, tmp_path, capsys):
+    out = tmp_path / "deep" / "result"
+    assert run(["odometry", str(log), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "8 scans" in printed
+    assert f"wrote {out}/trajectory.tum" in printed
+    lines = (out / "trajectory.tum").read_text().splitlines()
+    assert [line.split()[0] for line in lines[:2]] == ["100.0", "100.2"]
+    assert all(len(line.split()) == 8 for line in lines)
+    assert json.loads((out / "run.json").read_text())["input"]["scans"] == 8
+    assert (out / "map.png").stat().st_size > 1000
+
+
+def test_odometry_takes_gzip_and_parameters(log, tmp_path):
+    packed = tmp_path / "packed.clf"
+    packed.write_bytes(gzip.compress(log.read_bytes()))
+    arguments = ["odometry", str(packed), "--out", str(tmp_path / "o"), "--method", "cfsma"]
+    assert run([*arguments, "--cfsma.landmarks.n-neighbours", "12"]) == 0
+    record = json.loads((tmp_path / "o" / "run.json").read_text())
+    assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 12
+
+
+def test_match_prints_the_pose_and_draws(log, tmp_path, capsys):
+    out = tmp_path / "m"
+    assert run(["match", str(log), "0", "3", "--out", str(out)]) == 0
+    assert "scan 3 seen from scan 0" in capsys.readouterr().out
+    record = json.loads((out / "match.json").read_text())
+    assert record["outcome"] == "matched"
+    assert record["pose"][0] == pytest.approx(0.06, abs=0.03)
+
+
+def test_info_tells_what_is_in_a_log(log, capsys):
+    assert run(["info", str(log)]) == 0
+    printed = capsys.readouterr().out
+    assert "CARMEN log" in printed
+    assert "361" in printed
+    assert "180.00 deg from -90.00 deg in steps of 0.5 deg" in printed
+
+
+def test_demo_needs_no_data(tmp_path, capsys):
+    assert run(["demo", "--out", str(tmp_path / "d"), "--world", "room", "--scans", "5"]) == 0
+    printed = capsys.readouterr().out
+    assert "wheel odometry" in printed
+    assert (tmp_path / "d" / "map.png").exists()
+
+
+def test_bench_measures_and_tabulates(log, tmp_path, capsys):
+    arguments = ["bench", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
+    assert run(arguments) == 0
+    printed = capsys.readouterr().out
+    written = (tmp_path / "bench" / "bench.md").read_text()
+    for title in ("Time of a scan of 361 beams", "Experiment 1, cfsma, 3 runs", "real logs"):
+        assert title in printed
+        assert f"### {title}" in written or title in written
+    assert "| room.log | cfsma | 7 |" in written
+
+
+def bad_inputs(tmp_path):
+    empty, text, cut = tmp_path / "empty.log", tmp_path / "notes.txt", tmp_path / "cut.log"
+    empty.touch()
+    text.write_text("Dear diary\n" * 20)
+    cut.write_text("FLASER 361 1.0 1.0")
+    return {
+        "missing": (tmp_path / "nowhere.log", "no"),
+        "empty": (empty, "empty"),
+        "folder": (tmp_path, "folder"),
+        "text": (text, "notes.txt"),
+        "cut": (cut, "cut.log"),
+    }
+
+
+@pytest.mark.parametrize("kind", ["missing", "empty", "folder", "text", "cut"])
+@pytest.mark.parametrize("command", ["info", "odometry", "match"])
+def test_bad_input_is_one_sentence_and_status_1(command, kind, tmp_path, capsys):
+    path, word = bad_inputs(tmp_path)[kind]
+    rest = {"info": [], "odometry": ["--out"], "match": ["0", "1", "--out"]}[command]
+    if rest:
+        rest = [*rest, str(tmp_path / "out")]
+    assert run([command, str(path), *rest]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("curvescan: ")
+    assert word in error
+    assert "Traceback" not in error
+    assert len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+    assert not leftovers(tmp_path)
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_work(log, tmp_path, capsys):
+    taken = tmp_path / "taken"
+    taken.write_text("a file")
+    for out in (taken, taken / "below"):
+        assert run(["odometry", str(log), "--out", str(out)]) == 1
+        captured = capsys.readouterr()
+        assert "taken" in captured.err
+        assert len(captured.err.strip().splitlines()) == 1
+    assert taken.read_text() == "a file"
+
+
+def test_a_scan_that_does_not_exist_is_told(log, tmp_path, capsys):
+    assert run(["match", str(log), "0", "8", "--out", str(tmp_path / "m")]) == 1
+    assert "there is no scan 8: room.log has 8 scans, numbered 0 to 7" in capsys.readouterr().err
+
+
+def test_parameters_out_of_range_are_told(log, tmp_path, capsys):
+    arguments = ["odometry", str(log), "--out", str(tmp_path / "o")]
+    with pytest.raises(SystemExit) as exit_info:
+        run([*arguments, "--cfsma.functions.length", "100"])
+    assert exit_info.value.code == 2
+    assert "two, at least 8, got 100" in capsys.readouterr().err
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["odometry"], ["info", "a", "--no-such"]])
+def test_a_wrong_command_line_is_status_2(arguments):
+    with pytest.raises(SystemExit) as exit_info:
+        run(arguments)
+    assert exit_info.value.code == 2
+
+
+@pytest.mark.parametrize("command", [[], *[[name] for name in COMMANDS]])
+def test_help_explains_itself_and_loads_nothing_heavy(command):
+    code = (
+        "import sys; from curvescan.cli.main import run\n"
+        "try: run(sys.argv[1:])\n"
+        "except SystemExit as end: status = end.code\n"
+        "assert not {'numba', 'matplotlib'} & set(sys.modules), 'heavy'\n"
+        "sys.exit(status)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *command, "--help"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert "usage: curvescan" in done.stdout
+
+
+def test_version(capsys):
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"curvescan {__version__}\n"
+
+
+def test_the_methods_of_the_command_line_are_those_of_the_library():
+    assert set(get_args(Method)) == set(MATCHERS)
+
+
+def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):
+    add = Odometry.add
+
+    def interrupted_at_five(self, scan):
+        step = add(self, scan)
+        if step.index == 5:
+            signal.raise_signal(signal.SIGINT)
+        return step
+
+    monkeypatch.setattr(Odometry, "add", interrupted_at_five)
+    out = tmp_path / "out"
+    assert run(["odometry", str(log), "--out", str(out)]) == 0
+    assert "of 8 (partial)" in capsys.readouterr().out
+    record = json.loads((out / "run.json").read_text())
+    assert record["is_partial"] is True
+    assert record["scans"] in (5, 6)
+    assert len((out / "trajectory.tum").read_text().splitlines()) == record["scans"]
+    assert not leftovers(tmp_path)
+
+
+def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("curvescan.view.run.save_run", interrupted)
+    assert run(["odometry", str(log), "--out", str(tmp_path / "out")]) == 130
+    assert "interrupted, nothing written" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert not leftovers(tmp_path)
+
+
+def test_the_module_runs_as_the_command_does():
+    done = subprocess.run(
+        [sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == f"curvescan {__version__}\n"
+
+
+@pytest.mark.parametrize(("name", "n_scans"), [("malaga-sena-loop/malaga-sena-loop.clf.gz", 224)])
+def test_a_real_log_runs_through(real_data: Path, tmp_path, name, n_scans):
+    assert run(["odometry", str(real_data / name), "--out", str(tmp_path / "o")]) == 0
+    assert np.loadtxt(tmp_path / "o" / "trajectory.tum").shape == (n_scans, 8)
