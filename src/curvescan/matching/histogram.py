@@ -179,7 +179,9 @@ class HistogramMatcher:
         width / sqrt(n); what is written down once more here is that the x histogram of a scan turned by too much is
         moved by that angle times the mean y of the readings that face x.
         """
-        assert trace.rotation and trace.x and trace.y
+        assert trace.rotation
+        assert trace.x
+        assert trace.y
         facing = _facing(angles - trace.main_direction)
         turned = points @ se2.rotation(trace.main_direction - theta)
         variance = np.array(

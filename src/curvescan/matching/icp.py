@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan import se2
+from curvescan.cfsma.alignment import align
 from curvescan.cfsma.covariance import pose_covariance
 from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
 from curvescan.rivals.config import IcpConfig
 from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best
-from curvescan.rivals.least_squares import align_kept
 from curvescan.rivals.neighbours import plant_tree
 from curvescan.rivals.sweep import Sweep, sweep_of
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Cov, Ints, Pose
+from curvescan.types import Cov, Ints, Pose
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -65,15 +65,13 @@ class IcpMatcher:
         gate = self.config.gate
 
         def step(pose: Pose, iteration: int) -> Pose | None:
-            ref_idx, kept = self._pair(reference, cur, pose, gate.at(iteration))
-            if np.count_nonzero(kept) < LEAST_PAIRS:
+            cur_idx, ref_idx = self._pair(reference, cur, pose, gate.at(iteration))
+            if cur_idx.size < LEAST_PAIRS:
                 return None
-            return align_kept(ref.points.take(ref_idx, axis=0, mode="clip"), cur.points, kept)
+            return align(ref.points[ref_idx], cur.points[cur_idx]).pose
 
         descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
-        ref_idx, kept = self._pair(reference, cur, descent.pose, gate.last)
-        cur_idx = np.flatnonzero(kept)
-        ref_idx = ref_idx[cur_idx]
+        cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
         on_surface = ~np.isnan(ref.tangents[ref_idx, 0])
         pairs = Pairs(
             cur_idx=cur_idx[on_surface],
@@ -92,11 +90,12 @@ class IcpMatcher:
 
     def _pair(
         self, reference: IcpFeatures, current: Sweep, pose: Pose, gate: float
-    ) -> tuple[Ints, Bools]:
-        """Return the reading nearest to each of the current ones, and which of these pairs to keep."""
+    ) -> tuple[Ints, Ints]:
+        """Return the current readings that keep a partner, and the reading nearest to each."""
         points = se2.transform(pose, current.points)
         distances, ref_idx = reference.tree.query(points, distance_upper_bound=gate)
-        return ref_idx, keep_best(distances * distances, self.config.kept_share)
+        cur_idx = np.flatnonzero(keep_best(distances * distances, self.config.kept_share))
+        return cur_idx, ref_idx[cur_idx]
 
 
 def _covariance(reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs) -> Cov:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
+from curvescan.cfsma.alignment import align
 from curvescan.cfsma.covariance import pose_covariance
 from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
@@ -21,7 +22,6 @@ from curvescan.rivals.config import IdcConfig
 from curvescan.rivals.correspondences import closest_points, matching_range_points
 from curvescan.rivals.filters import is_visible, median_filter
 from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best
-from curvescan.rivals.least_squares import align_kept
 from curvescan.rivals.sweep import Sweep, join
 from curvescan.scan import LaserScan, valid_readings
 from curvescan.types import Bools, Floats, Ints, Points, Pose
@@ -63,8 +63,8 @@ class IdcMatcher:
             by_range = pair(points, matching_range_points, window, gate)
             if min(closest.n_kept, by_range.n_kept) < LEAST_PAIRS:
                 return None
-            x, y, _ = align_kept(closest.partners, points, closest.kept)
-            _, _, theta = align_kept(by_range.partners, points, by_range.kept)
+            x, y, _ = align(closest.partners[closest.kept], points[closest.kept]).pose
+            _, _, theta = align(by_range.partners[by_range.kept], points[by_range.kept]).pose
             return se2.compose(np.array([x, y, theta]), pose)
 
         n_shrinking = max(config.window.n_shrinking, config.gate.n_shrinking)

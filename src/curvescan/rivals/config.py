@@ -96,7 +96,7 @@ class IdcConfig:
     median_readings: int = 3
     """Readings the median filter looks at, odd; 1 for none. Gutmann's is 5; it rounds corners."""
     min_share: float = 0.3
-    """Least share of the current readings that must take part, in [0, 1]."""
+    """Least share of the current readings that must take part, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require(self.window.first <= math.pi, "window must be <= pi rad", self.window.first)
@@ -122,7 +122,7 @@ class CoxConfig:
     )
     """Greatest distance of a point from its line, metres. Measured."""
     min_share: float = 0.2
-    """Least share of the current readings that must take part, in [0, 1]."""
+    """Least share of the current readings that must take part, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require_share(self.min_share, "min_share")
@@ -147,7 +147,7 @@ class HistogramConfig:
     max_translation: float = 1.0
     """Translations farther from the guess, along either axis, are not looked at, metres."""
     min_agreement: float = 0.3
-    """Least correlation coefficient of the x and of the y histograms at the pose found."""
+    """Least correlation coefficient of the x and of the y histograms at the pose found, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require(self.angle_bins >= 36, "angle_bins must be at least 36", self.angle_bins)
@@ -176,7 +176,7 @@ class IcpConfig:
     kept_share: float = 0.95
     """Share of the pairs, the closest, that take part, in (0, 1]."""
     min_share: float = 0.3
-    """Least share of the current readings that must take part, in [0, 1]."""
+    """Least share of the current readings that must take part, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require_share(self.kept_share, "kept_share")
@@ -200,7 +200,7 @@ class PlIcpConfig:
     range_sigma: float = 0.01
     """Range noise of the sensor, metres, for the covariance; more where the pairs show more. Censi's program: 0.01."""
     min_share: float = 0.3
-    """Least share of the current readings that must take part, in [0, 1]."""
+    """Least share of the current readings that must take part, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require_share(self.kept_share, "kept_share")

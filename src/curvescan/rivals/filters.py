@@ -63,7 +63,7 @@ def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
 def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: float) -> Bools:
     """Draw all stretches that face the origin into a ring of least ranges, then look each reading up."""
     n = points.shape[0]
-    n_bins = int(math.ceil(2.0 * math.pi / angle_step))
+    n_bins = math.ceil(2.0 * math.pi / angle_step)
     width = 2.0 * math.pi / n_bins
     nearest = np.full(n_bins, np.inf)
     bearings, ranges = np.empty(n), np.empty(n)
@@ -89,6 +89,6 @@ def _is_visible(points: Points, is_joined: Bools, angle_step: float, margin: flo
             nearest[at] = min(nearest[at], reach)
     visible = np.ones(n, dtype=np.bool_)
     for i in range(n):
-        at = int(math.floor((bearings[i] + math.pi) / width)) % n_bins
+        at = math.floor((bearings[i] + math.pi) / width) % n_bins
         visible[i] = turns_back[i] < 2 and ranges[i] <= nearest[at] + margin
     return visible

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.cfsma.covariance import LEAST_SIGMA
-from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
+from curvescan.types import Cov, Floats, Ints, Points, Pose
 
 LEAST_SHARE = 0.01
 """Share of the matched readings that must look along every direction of motion. Below it what holds the pose is
@@ -79,26 +78,6 @@ def point_to_line_step(
     return np.array([x, y, math.pi - (math.pi - theta) % (2.0 * math.pi)])
 
 
-def align_kept(points_ref: Points, points_cur: Points, kept: Bools) -> Pose:
-    """Return the pose that minimises the squared distances of the kept pairs, in closed form (eqs. 10-12).
-
-    As :func:`curvescan.cfsma.alignment.align`, in one pass: the iterated methods call it some fifty times a match.
-
-    Parameters
-    ----------
-    points_ref, points_cur : (n, 2) float64
-        Pairs row by row, metres, each in its own frame; rows that are not kept may be NaN.
-    kept : (n,) bool
-        At least two.
-
-    Returns
-    -------
-    (3,) float64
-        Pose of cur in ref, theta in [-pi, pi].
-    """
-    return np.array(_align_kept(points_ref, points_cur, kept))
-
-
 def propagated_covariance(
     rows: Floats,
     errors: Floats,
@@ -135,8 +114,8 @@ def propagated_covariance(
         scores = np.stack(shares, axis=1)
         middle += scores.T @ scores
     inverse = np.linalg.inv(rows.T @ rows)
-    covariance = inverse @ middle @ inverse * variance
-    return cast(Cov, 0.5 * (covariance + covariance.T))
+    covariance: Cov = inverse @ middle @ inverse * variance
+    return 0.5 * (covariance + covariance.T)
 
 
 @kernel
@@ -177,28 +156,3 @@ def _gauss_newton(
         y += d_y
         theta += d_theta
     return x, y, theta
-
-
-@kernel
-def _align_kept(points_ref: Points, points_cur: Points, kept: Bools) -> tuple[float, float, float]:
-    """Take centred cross and dot products; the centres first, for their digits."""
-    n = 0
-    ref_x, ref_y, cur_x, cur_y = 0.0, 0.0, 0.0, 0.0
-    for i in range(kept.size):
-        if kept[i]:
-            n += 1
-            ref_x += points_ref[i, 0]
-            ref_y += points_ref[i, 1]
-            cur_x += points_cur[i, 0]
-            cur_y += points_cur[i, 1]
-    ref_x, ref_y, cur_x, cur_y = ref_x / n, ref_y / n, cur_x / n, cur_y / n
-    dot, cross = 0.0, 0.0
-    for i in range(kept.size):
-        if kept[i]:
-            ax, ay = points_cur[i, 0] - cur_x, points_cur[i, 1] - cur_y
-            bx, by = points_ref[i, 0] - ref_x, points_ref[i, 1] - ref_y
-            dot += ax * bx + ay * by
-            cross += ax * by - ay * bx
-    theta = math.atan2(cross, dot)
-    c, s = math.cos(theta), math.sin(theta)
-    return ref_x - (c * cur_x - s * cur_y), ref_y - (s * cur_x + c * cur_y), theta

@@ -166,10 +166,10 @@ def _split_and_merge(
             # the reading where it was split ends this stretch; the next begins after it
             start, stop = begin, end + 1
             begin = end + 1
-            if n_found > first_of_surface:
-                if _fit(points, found[n_found - 1, 0], stop)[4] <= max_error:
-                    start = found[n_found - 1, 0]
-                    n_found -= 1
+            has_before = n_found > first_of_surface
+            if has_before and _fit(points, found[n_found - 1, 0], stop)[4] <= max_error:
+                start = found[n_found - 1, 0]
+                n_found -= 1
             found[n_found, 0], found[n_found, 1] = start, stop
             n_found += 1
     return found[:n_found, 0].copy(), found[:n_found, 1].copy()
