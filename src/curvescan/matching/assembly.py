@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,26 +11,7 @@ from curvescan.matching.result import NO_COVARIANCE, NO_POSE, Label, MatchResult
 from curvescan.rivals.iteration import LEAST_PAIRS, Descent
 from curvescan.rivals.least_squares import is_constrained, jacobian
 from curvescan.rivals.sweep import Sweep
-from curvescan.types import Codes, Cov, Floats, Ints, Points, Pose
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Pairs:
-    """What a method's last pose stands on.
-
-    Attributes
-    ----------
-    cur_idx : (n,) int64
-        Readings of the current scan that take part.
-    ref_idx : (k,) int64
-        Readings of the reference that take part, in any order, repeated or not.
-    normals : (n, 2) float64
-        Unit normal of the surface each current reading is paired with, frame ref.
-    """
-
-    cur_idx: Ints
-    ref_idx: Ints
-    normals: Points
+from curvescan.types import Codes, Cov, Ints, Pose
 
 
 def start(guess: Pose | None) -> Pose:
@@ -47,11 +27,11 @@ def has_surfaces(sweep: Sweep) -> bool:
 def conclude(
     method: str,
     descent: Descent,
-    pairs: Pairs,
     reference: Sweep,
     current: Sweep,
+    matched: tuple[Ints, Ints],
     min_share: float,
-    covariance: Callable[[Floats], Cov],
+    covariance: Callable[[], Cov],
 ) -> MatchResult:
     """Return the result of an iterated method: its pose when it converged and something holds it, or why not.
 
@@ -61,20 +41,20 @@ def conclude(
         Name of the matcher.
     descent : Descent
         How it got there; becomes the trace.
-    pairs : Pairs
-        At its last pose.
     reference, current : Sweep
         The scans.
+    matched : ((k,) int64, (n,) int64)
+        Readings of the reference and of the current scan that the last pose stands on; those of the reference may
+        repeat.
     min_share : float
         Least share of the current readings that must take part.
     covariance : callable
-        Takes the (n, 3) rows of :func:`curvescan.rivals.least_squares.jacobian`; called for a good pose only.
+        Called for a good pose only.
     """
-    n_pairs = pairs.cur_idx.size
-    if descent.is_lost or n_pairs < max(LEAST_PAIRS, min_share * len(current)):
+    ref_idx, cur_idx = matched
+    if descent.is_lost or cur_idx.size < max(LEAST_PAIRS, min_share * len(current)):
         return failure(method, Outcome.TOO_FEW_PAIRS, reference, current, descent)
-    rows = jacobian(current.points[pairs.cur_idx], pairs.normals, descent.pose)
-    if not is_constrained(rows):
+    if not _holds(descent.pose, current, cur_idx):
         return failure(method, Outcome.UNCONSTRAINED, reference, current, descent)
     if not descent.has_converged:
         return failure(method, Outcome.NOT_CONVERGED, reference, current, descent)
@@ -82,12 +62,22 @@ def conclude(
         method=method,
         outcome=Outcome.MATCHED,
         pose=descent.pose,
-        covariance=covariance(rows),
-        n_matched=n_pairs,
+        covariance=covariance(),
+        n_matched=cur_idx.size,
         trace=descent,
-        labels_reference=labels(reference, pairs.ref_idx),
-        labels_current=labels(current, pairs.cur_idx),
+        labels_reference=labels(reference, ref_idx),
+        labels_current=labels(current, cur_idx),
     )
+
+
+def _holds(pose: Pose, current: Sweep, cur_idx: Ints) -> bool:
+    """Return whether the surfaces the matched readings lie on fix the pose.
+
+    Asked of the current scan's own surfaces: the lines that Cox makes of a round room would say that it has corners.
+    """
+    on_surface = cur_idx[~np.isnan(current.tangents[cur_idx, 0])]
+    points, normals = current.points[on_surface], current.normals[on_surface]
+    return is_constrained(jacobian(points, normals @ se2.rotation(pose[2]).T, pose), points)
 
 
 def failure(

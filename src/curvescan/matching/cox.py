@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
-from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
+from curvescan.matching.assembly import conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
 from curvescan.rivals.config import CoxConfig
 from curvescan.rivals.iteration import LEAST_PAIRS, descend
-from curvescan.rivals.least_squares import point_to_line_step, propagated_covariance
+from curvescan.rivals.least_squares import jacobian, point_to_line_step, propagated_covariance
 from curvescan.rivals.lines import Lines, extract_lines, nearest_lines
 from curvescan.rivals.sweep import Sweep, sweep_of
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Floats, Ints, Pose
+from curvescan.types import Cov, Ints, Points, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,19 +71,14 @@ class CoxMatcher:
 
         descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
         cur_idx, line_idx = _assign(lines, sweep, descent.pose, gate.last)
-        pairs = Pairs(
-            cur_idx=cur_idx,
-            ref_idx=lines.readings(reference.sweep, np.unique(line_idx)),
-            normals=lines.normals[line_idx],
-        )
         return conclude(
             "cox",
             descent,
-            pairs,
             reference.sweep,
             sweep,
+            (lines.readings(reference.sweep, np.unique(line_idx)), cur_idx),
             self.config.min_share,
-            lambda rows: _covariance(lines, sweep, descent.pose, pairs, line_idx, rows),
+            lambda: _covariance(lines, line_idx, sweep.points[cur_idx], descent.pose),
         )
 
 
@@ -94,9 +89,7 @@ def _assign(lines: Lines, current: Sweep, pose: Pose, gate: float) -> tuple[Ints
     return cur_idx, line_idx[cur_idx]
 
 
-def _covariance(
-    lines: Lines, current: Sweep, pose: Pose, pairs: Pairs, line_idx: Ints, rows: Floats
-) -> Cov:
+def _covariance(lines: Lines, line_idx: Ints, points_cur: Points, pose: Pose) -> Cov:
     """Return the covariance of the least squares fit, the lines' own errors included.
 
     A line fitted to m readings errs by sigma / sqrt(m) across at its centre, and by sigma / sqrt(sum s^2) in angle.
@@ -104,14 +97,15 @@ def _covariance(
     Departure: Cox's lines are a map and exact. Here they have the noise of the one scan they come from, and
     without it the covariance would be half of what it is.
     """
-    away = se2.transform(pose, current.points[pairs.cur_idx]) - lines.centres[line_idx]
-    errors = np.sum(pairs.normals * away, axis=1)
+    normals = lines.normals[line_idx]
+    away = se2.transform(pose, points_cur) - lines.centres[line_idx]
+    errors = np.sum(normals * away, axis=1)
     along = np.sum(lines.directions[line_idx] * away, axis=1)
     n_readings = (lines.stops - lines.starts)[line_idx]
     length = np.ptp(lines.extents, axis=1)[line_idx]
     sources = (
-        (np.arange(pairs.cur_idx.size), np.ones(pairs.cur_idx.size)),
+        (np.arange(line_idx.size), np.ones(line_idx.size)),
         (line_idx, 1.0 / np.sqrt(n_readings)),
-        (line_idx, along / (length * np.sqrt(n_readings / 12.0))),  # evenly spread readings
+        (line_idx, along / (length * np.sqrt(n_readings / 12.0))),  # readings spread evenly
     )
-    return propagated_covariance(rows, errors, sources)
+    return propagated_covariance(jacobian(points_cur, normals, pose), errors, sources)

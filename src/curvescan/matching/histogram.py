@@ -113,7 +113,7 @@ class HistogramMatcher:
         pose = np.append(se2.rotation(main) @ shift, se2.wrap(theta))
         points, angles = current.sweep.points[current.on_line], current.angles + theta
         rows = jacobian(points, np.stack([-np.sin(angles), np.cos(angles)], axis=1), pose)
-        if not is_constrained(rows):
+        if not is_constrained(rows, points):
             return _failure(Outcome.UNCONSTRAINED, reference, current, trace)
         return MatchResult(
             method="histogram",

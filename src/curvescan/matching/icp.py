@@ -16,14 +16,14 @@ import numpy as np
 from curvescan import se2
 from curvescan.cfsma.alignment import align
 from curvescan.cfsma.covariance import pose_covariance
-from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
+from curvescan.matching.assembly import conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
 from curvescan.rivals.config import IcpConfig
 from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best
 from curvescan.rivals.neighbours import plant_tree
 from curvescan.rivals.sweep import Sweep, sweep_of
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Ints, Pose
+from curvescan.types import Cov, Ints, Points, Pose
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -72,20 +72,14 @@ class IcpMatcher:
 
         descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
         cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
-        on_surface = ~np.isnan(ref.tangents[ref_idx, 0])
-        pairs = Pairs(
-            cur_idx=cur_idx[on_surface],
-            ref_idx=ref_idx[on_surface],
-            normals=ref.normals[ref_idx[on_surface]],
-        )
         return conclude(
             "icp",
             descent,
-            pairs,
             ref,
             cur,
+            (ref_idx, cur_idx),
             self.config.min_share,
-            lambda _: _covariance(ref, cur, descent.pose, pairs),
+            lambda: _covariance(ref.points[ref_idx], cur.points[cur_idx], descent.pose),
         )
 
     def _pair(
@@ -98,11 +92,10 @@ class IcpMatcher:
         return cur_idx, ref_idx[cur_idx]
 
 
-def _covariance(reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs) -> Cov:
+def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
     """Return the covariance of eqs. 16-17, which takes the pairs for the same points seen twice.
 
-    They are not: along a surface a pair says nothing, yet counts. Expect it to be too small (docs/rivals.md).
+    They are not: along a surface a pair says nothing, yet counts. Expect it to be far too small (docs/rivals.md).
     """
-    points = current.points[pairs.cur_idx]
-    apart = se2.transform(pose, points) - reference.points[pairs.ref_idx]
-    return pose_covariance(points, pose, float(np.vdot(apart, apart)))
+    apart = se2.transform(pose, points_cur) - points_ref
+    return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))

@@ -16,7 +16,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.cfsma.alignment import align
 from curvescan.cfsma.covariance import pose_covariance
-from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
+from curvescan.matching.assembly import conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
 from curvescan.rivals.config import IdcConfig
 from curvescan.rivals.correspondences import closest_points, matching_range_points
@@ -71,16 +71,16 @@ class IdcMatcher:
         descent = descend(guess, step, config.convergence, n_shrinking)
         points = se2.transform(descent.pose, current.points)
         last = pair(points, closest_points, config.window.last, config.gate.last)
-        pairs = last.on_surface(reference)
-        error = float(last.squared[pairs.cur_idx].sum())
+        cur_idx = np.flatnonzero(last.kept)
+        error = float(last.squared[cur_idx].sum())
         return conclude(
             "idc",
             descent,
-            pairs,
             reference,
             current,
+            (last.ref_idx[cur_idx], cur_idx),
             config.min_share,
-            lambda _: pose_covariance(current.points[pairs.cur_idx], descent.pose, error),
+            lambda: pose_covariance(current.points[cur_idx], descent.pose, error),
         )
 
 
@@ -95,12 +95,6 @@ class _RulePairs(NamedTuple):
     @property
     def n_kept(self) -> int:
         return int(np.count_nonzero(self.kept))
-
-    def on_surface(self, reference: Sweep) -> Pairs:
-        """Return the kept pairs whose partner is no isolated reading."""
-        normals = reference.normals[self.ref_idx]
-        cur_idx = np.flatnonzero(self.kept & ~np.isnan(normals[:, 0]))
-        return Pairs(cur_idx=cur_idx, ref_idx=self.ref_idx[cur_idx], normals=normals[cur_idx])
 
 
 def _hidden(reference: Sweep, current: Sweep, guess: Pose) -> tuple[Bools, Bools]:

@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.matching.assembly import Pairs, conclude, failure, has_surfaces, start
+from curvescan.matching.assembly import conclude, failure, has_surfaces, start
 from curvescan.matching.result import MatchResult, Outcome
 from curvescan.rivals.config import PlIcpConfig
 from curvescan.rivals.correspondences import nearest_readings
 from curvescan.rivals.iteration import LEAST_PAIRS, descend, keep_best, within_quantile
-from curvescan.rivals.least_squares import point_to_line_step, propagated_covariance
+from curvescan.rivals.least_squares import jacobian, point_to_line_step, propagated_covariance
 from curvescan.rivals.sweep import Sweep, sweep_of
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Floats, Pose
+from curvescan.types import Cov, Ints, Pose
 
 
 class PlIcpMatcher:
@@ -48,49 +48,47 @@ class PlIcpMatcher:
         gate = self.config.gate
 
         def step(pose: Pose, iteration: int) -> Pose | None:
-            pairs = self._pair(reference, current, pose, gate.at(iteration))
-            if pairs.cur_idx.size < LEAST_PAIRS:
+            ref_idx, cur_idx = self._pair(reference, current, pose, gate.at(iteration))
+            if cur_idx.size < LEAST_PAIRS:
                 return None
-            points, anchors = current.points[pairs.cur_idx], reference.points[pairs.ref_idx]
-            return point_to_line_step(points, anchors, pairs.normals, pose)
+            anchors, normals = reference.points[ref_idx], reference.normals[ref_idx]
+            return point_to_line_step(current.points[cur_idx], anchors, normals, pose)
 
         descent = descend(start(guess), step, self.config.convergence)
         pairs = self._pair(reference, current, descent.pose, gate.at(descent.n_iterations))
         return conclude(
             "plicp",
             descent,
-            pairs,
             reference,
             current,
+            pairs,
             self.config.min_share,
-            lambda rows: self._covariance(reference, current, descent.pose, pairs, rows),
+            lambda: self._covariance(reference, current, descent.pose, pairs),
         )
 
-    def _pair(self, reference: Sweep, current: Sweep, pose: Pose, gate: float) -> Pairs:
+    def _pair(self, reference: Sweep, current: Sweep, pose: Pose, gate: float) -> tuple[Ints, Ints]:
+        """Return the readings of the reference and of the current scan that belong together."""
         config = self.config
         points = se2.transform(pose, current.points)
         ref_idx, squared = nearest_readings(points, reference, gate)
         squared[np.isnan(reference.tangents[ref_idx, 0])] = np.inf
         kept = keep_best(squared, config.kept_share)
         kept = within_quantile(squared, kept, config.adaptive_order, config.adaptive_factor)
-        cur_idx = np.flatnonzero(kept)
-        return Pairs(
-            cur_idx=cur_idx,
-            ref_idx=ref_idx[cur_idx],
-            normals=reference.normals[ref_idx[cur_idx]],
-        )
+        return ref_idx[kept], np.flatnonzero(kept)
 
     def _covariance(
-        self, reference: Sweep, current: Sweep, pose: Pose, pairs: Pairs, rows: Floats
+        self, reference: Sweep, current: Sweep, pose: Pose, pairs: tuple[Ints, Ints]
     ) -> Cov:
         """Return Censi's closed form: range noise of both scans, each along its own beam."""
-        points = se2.transform(pose, current.points[pairs.cur_idx])
-        anchors = reference.points[pairs.ref_idx]
-        beams_cur = (points - pose[:2]) / current.ranges[pairs.cur_idx, np.newaxis]
-        beams_ref = anchors / reference.ranges[pairs.ref_idx, np.newaxis]
-        errors = np.sum(pairs.normals * (points - anchors), axis=1)
+        ref_idx, cur_idx = pairs
+        points, anchors = current.points[cur_idx], reference.points[ref_idx]
+        normals = reference.normals[ref_idx]
+        beams_cur = points @ se2.rotation(pose[2]).T / current.ranges[cur_idx, np.newaxis]
+        beams_ref = anchors / reference.ranges[ref_idx, np.newaxis]
+        errors = np.sum(normals * (se2.transform(pose, points) - anchors), axis=1)
         sources = (
-            (np.arange(pairs.cur_idx.size), np.sum(pairs.normals * beams_cur, axis=1)),
-            (pairs.ref_idx, np.sum(pairs.normals * beams_ref, axis=1)),
+            (np.arange(cur_idx.size), np.sum(normals * beams_cur, axis=1)),
+            (ref_idx, np.sum(normals * beams_ref, axis=1)),
         )
+        rows = jacobian(points, normals, pose)
         return propagated_covariance(rows, errors, sources, self.config.range_sigma)

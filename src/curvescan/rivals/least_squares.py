@@ -21,6 +21,9 @@ LEAST_SHARE = 0.01
 """Share of the matched readings that must look along every direction of motion. Below it what holds the pose is
 noise: tangents err by 2 to 3 degrees, and sin^2(3 deg) = 0.003 of a single wall's readings seem to look along it."""
 
+DAMPING = 1e-3
+"""Share of a reading added to the information along every direction of a step."""
+
 
 def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
     """Return (n, 3) change of each normal distance with x, y, theta of the pose: 1, 1, metres a radian."""
@@ -31,24 +34,25 @@ def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
     return rows
 
 
-def is_constrained(rows: Floats) -> bool:
+def is_constrained(rows: Floats, points_cur: Points) -> bool:
     """Return whether normal distances fix all three of x, y and theta.
 
     Parameters
     ----------
     rows : (n, 3) float64
-        Of :func:`jacobian`. Rotation is weighed at the readings' own root mean square lever.
+        Of :func:`jacobian`.
+    points_cur : (n, 2) float64
+        The points they belong to, metres. Rotation is weighed at their distance from their centre.
     """
     if len(rows) < 3:
         return False
     information = rows.T @ rows / len(rows)
-    # rotation about the point that leaves translation alone: the frame's origin must not matter
-    across = information[:2, :2]
+    across, coupling = information[:2, :2], information[:2, 2]
     if np.linalg.eigvalsh(across)[0] < LEAST_SHARE:
         return False
-    coupling = information[:2, 2]
+    # what rotation changes that no translation can make good: where the origin lies does not matter
     left = float(information[2, 2] - coupling @ np.linalg.solve(across, coupling))
-    return left > LEAST_SHARE * float(information[2, 2]) and left > LEAST_SIGMA**2
+    return left > max(LEAST_SHARE * float(points_cur.var(axis=0).sum()), LEAST_SIGMA**2)
 
 
 def point_to_line_step(
@@ -70,7 +74,8 @@ def point_to_line_step(
     Returns
     -------
     (3,) float64 or None
-        None where the lines leave a direction free.
+        None where there is nothing to solve. A direction that the lines leave free stays where it is: a
+        thousandth of damping (Levenberg 1944) moves no minimum, and keeps noise from moving the rest.
     """
     x, y, theta = _gauss_newton(points_cur, anchors, normals, pose, repeats)
     if not math.isfinite(x + y + theta):
@@ -127,13 +132,14 @@ def _gauss_newton(
     for _ in range(repeats):
         c, s = np.cos(theta), np.sin(theta)
         a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        b0, b1, b2 = 0.0, 0.0, 0.0
+        b0, b1, b2, square = 0.0, 0.0, 0.0, 0.0
         for i in range(points.shape[0]):
             rx = c * points[i, 0] - s * points[i, 1]
             ry = s * points[i, 0] + c * points[i, 1]
             nx, ny = normals[i, 0], normals[i, 1]
             lever = ny * rx - nx * ry
             error = nx * (rx + x - anchors[i, 0]) + ny * (ry + y - anchors[i, 1])
+            square += rx * rx + ry * ry
             a00 += nx * nx
             a01 += nx * ny
             a02 += nx * lever
@@ -143,6 +149,9 @@ def _gauss_newton(
             b0 -= nx * error
             b1 -= ny * error
             b2 -= lever * error
+        a00 += DAMPING * points.shape[0]
+        a11 += DAMPING * points.shape[0]
+        a22 += DAMPING * square
         # symmetric elimination, translation first
         p01, p02 = a01 / a00, a02 / a00
         d11, d12 = a11 - p01 * a01, a12 - p01 * a02
