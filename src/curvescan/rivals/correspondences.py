@@ -16,6 +16,9 @@ from curvescan.rivals.sweep import Sweep
 from curvescan.types import Bools, Floats, Ints, Points
 
 _TWO_PI = 2.0 * math.pi
+_TOUCH = (
+    1e-9  # metres: a reading that is itself the least or greatest range of a surface is still on it
+)
 
 
 def nearest_readings(points: Points, reference: Sweep, max_distance: float) -> tuple[Ints, Floats]:
@@ -115,6 +118,14 @@ def _first_at_or_after(angles: Floats, bearing: float) -> tuple[int, float]:
 
 
 @kernel
+def _reach(squared: float, rho: float) -> float:
+    """Return the turn beyond which every ray passes a point, at range rho, farther off than a squared distance."""
+    if squared >= rho * rho:
+        return math.pi
+    return math.asin(math.sqrt(squared) / rho)
+
+
+@kernel
 def _nearest_readings(
     points: Points, ref_points: Points, ref_angles: Floats, max_distance: float
 ) -> tuple[Ints, Floats]:
@@ -124,9 +135,10 @@ def _nearest_readings(
     squared = np.full(n, np.inf)
     for i in range(n):
         x, y = points[i, 0], points[i, 1]
-        rho2 = x * x + y * y
+        rho = math.hypot(x, y)
         start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
         best = max_distance * max_distance
+        reach = _reach(best, rho)
         for way in (1, -1):
             for step in range(m):
                 k = start + step if way == 1 else start - 1 - step
@@ -137,17 +149,14 @@ def _nearest_readings(
                 elif k < 0:
                     k += m
                     turn = -_TWO_PI
-                away = way * (ref_angles[k] + turn - bearing)
-                if away > math.pi:
-                    break
-                sine = math.sin(min(max(away, 0.0), 0.5 * math.pi))
-                if sine * sine * rho2 > best:
+                if way * (ref_angles[k] + turn - bearing) > reach:
                     break
                 dx, dy = ref_points[k, 0] - x, ref_points[k, 1] - y
                 distance = dx * dx + dy * dy
                 # a tie goes to the lower index, whichever way it was met
                 if distance < best or (distance == best and (nearest[i] < 0 or k < nearest[i])):
                     best = distance
+                    reach = _reach(best, rho)
                     nearest[i] = k
                     squared[i] = distance
     return nearest, squared
@@ -169,9 +178,10 @@ def _closest_points(
     ref_idx = np.full(n, -1, dtype=np.int64)
     for i in range(n):
         x, y = points[i, 0], points[i, 1]
-        rho2 = x * x + y * y
+        rho = math.hypot(x, y)
         start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
         best = max_distance * max_distance
+        reach = min(_reach(best, rho), window)
         for way in (1, -1):
             # the stretch that begins before the bearing may end after it: it belongs to the way down
             for step in range(m):
@@ -185,14 +195,9 @@ def _closest_points(
                     turn = -_TWO_PI
                 following = k + 1 if k + 1 < m else 0
                 near_end = k if way == 1 else following
-                near_turn = turn
-                if way == -1 and following == 0 and k == m - 1:
-                    near_turn = turn + _TWO_PI
-                away = way * (ref_angles[near_end] + near_turn - bearing)
-                if away > min(window, math.pi):
-                    break
-                sine = math.sin(min(max(away, 0.0), 0.5 * math.pi))
-                if sine * sine * rho2 > best:
+                if way == -1 and following == 0:
+                    turn += _TWO_PI
+                if way * (ref_angles[near_end] + turn - bearing) > reach:
                     break
                 px, py = ref_points[k, 0], ref_points[k, 1]
                 if is_joined[k]:
@@ -207,6 +212,7 @@ def _closest_points(
                 distance = (px - x) ** 2 + (py - y) ** 2
                 if distance < best or (distance == best and np.isinf(squared[i])):
                     best = distance
+                    reach = min(_reach(best, rho), window)
                     partners[i, 0], partners[i, 1] = px, py
                     squared[i] = distance
                     ref_idx[i] = k
@@ -233,6 +239,9 @@ def _matching_range_points(
         rho = math.hypot(x, y)
         start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
         best = max_distance * max_distance
+        # points at the same range lie a chord apart
+        reach = 2.0 * math.asin(min(0.5 * max_distance / rho, 1.0)) if rho > 0.0 else math.pi
+        reach = min(reach, window)
         for way in (1, -1):
             for step in range(m):
                 k = start + step if way == 1 else start - 1 - step
@@ -244,21 +253,17 @@ def _matching_range_points(
                     k += m
                     turn = -_TWO_PI
                 following = k + 1 if k + 1 < m else 0
-                away = way * (ref_angles[k] + turn - bearing)
-                # a stretch that begins before the bearing may end after it, hence one more on the way down
-                if step > 0:
-                    if away > min(window, math.pi):
-                        break
-                    # readings at the same range lie a chord apart
-                    chord = 2.0 * rho * math.sin(0.5 * away)
-                    if chord * chord > best:
-                        break
+                near_end = k if way == 1 else following
+                if way == -1 and following == 0:
+                    turn += _TWO_PI
+                if way * (ref_angles[near_end] + turn - bearing) > reach:
+                    break
                 if not is_joined[k]:
                     continue
                 here, there = ref_ranges[k] - rho, ref_ranges[following] - rho
-                if here * there > 0.0:
+                if here * there > 0.0 and min(abs(here), abs(there)) > _TOUCH:
                     continue
-                share = here / (here - there) if here != there else 0.0
+                share = min(max(here / (here - there), 0.0), 1.0) if here != there else 0.0
                 px = ref_points[k, 0] + share * (ref_points[following, 0] - ref_points[k, 0])
                 py = ref_points[k, 1] + share * (ref_points[following, 1] - ref_points[k, 1])
                 distance = (px - x) ** 2 + (py - y) ** 2
