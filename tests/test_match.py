@@ -79,7 +79,9 @@ def test_swapped_scans_give_the_inverse(method):
         assert there.outcome is back.outcome
         if there.ok:
             ok += 1
-            np.testing.assert_allclose(cs.se2.compose(there.pose, back.pose), 0.0, atol=1e-9)
+            # a closed form inverts exactly, least squares to a fifth of a standard deviation
+            atol = 1e-9 if method == "cfsma" else 2e-4
+            np.testing.assert_allclose(cs.se2.compose(there.pose, back.pose), 0.0, atol=atol)
     assert ok >= 5
 
 
@@ -156,7 +158,7 @@ def test_the_outcome_names_the_gate_that_left_nothing():
     assert result.outcome is cs.Outcome.DISSIMILAR_LANDMARKS
     assert result.trace.rejections()["corners unlike their candidates (S_min)"] > 0
     blunt = CfSmaConfig(landmarks=LandmarksConfig(min_curvature=3.0))
-    assert cs.match(a, b, config=blunt).outcome is cs.Outcome.NO_LANDMARKS
+    assert cs.match(a, b, method="cfsma", config=blunt).outcome is cs.Outcome.NO_LANDMARKS
 
 
 def test_gates_tell_what_became_of_every_reading():

@@ -67,7 +67,10 @@ def load_kernels(method: str) -> None:
         from curvescan import LaserScan, match
         from curvescan._jit import n_compiled
 
-        scan = LaserScan(np.ones(3), angle_min=0.0, angle_increment=0.1)
+        # a square room seen all around: a scan that every method carries to its end
+        angles = np.arange(180) * (np.pi / 90.0)
+        ranges = 2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
+        scan = LaserScan(ranges, angle_min=0.0, angle_increment=np.pi / 90.0)
         match(scan, scan, method=method)
         seconds = time.perf_counter() - started
     if n_compiled():

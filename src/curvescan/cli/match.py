@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cli.options import LogPath, ScanNumber
+from curvescan.cli.options import Configs, LogPath, Method, MethodConfigs, ScanNumber
+
+if TYPE_CHECKING:
+    from curvescan.cfsma.trace import CfSmaTrace
 
 
 def match(
@@ -18,13 +20,14 @@ def match(
     /,
     *,
     out: Path,
-    method: Literal["cfsma"] = "cfsma",
+    method: Method = "curvescan",
     range_max: float | None = None,
-    cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
+    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Print the pose of scan J seen from scan I, and draw the paper's figures of the match.
+    """Print the pose of scan J seen from scan I, and draw how it came about.
 
-    Writes segments.png (figure 4), curvature.png (figure 5), matched.png (figures 6 and 9) and match.json.
+    Writes matched.png (figures 6 and 9 of the paper) and match.json; with the method "cfsma" also segments.png (figure 4)
+    and curvature.png (figure 5).
 
     Parameters
     ----------
@@ -37,17 +40,17 @@ def match(
     out
         Folder for the results; made if it is missing.
     method
-        The matcher; the figures are those of "cfsma".
+        The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
-    cfsma
-        Parameters of the method "cfsma".
+    configs
+        Parameters of the methods; those of the method that runs are used.
     """
     import numpy as np
 
     from curvescan import match as match_scans
-    from curvescan.cfsma.trace import CfSmaTrace, Gate, count_gates
-    from curvescan.cli.console import OUT, load_kernels, table
+    from curvescan.cfsma.trace import CfSmaTrace
+    from curvescan.cli.console import OUT, load_kernels
     from curvescan.io import output_folder, pick_scans, read_log
     from curvescan.view.match import save_match
 
@@ -55,12 +58,13 @@ def match(
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)
-        result = match_scans(reference, current, method=method, config=cfsma)
-        save_match(
+        result = match_scans(reference, current, method=method, config=configs.of(method))
+        written = save_match(
             folder,
             result,
+            scans=(reference, current),
             names=(f"scan {i}", f"scan {j}"),
-            min_curvature=cfsma.landmarks.min_curvature,
+            min_curvature=configs.cfsma.landmarks.min_curvature,
         )
     OUT.print(f"[bold]{source.name}: scan {j} seen from scan {i}[/bold]: {result.outcome.value}")
     if result.ok:
@@ -71,13 +75,20 @@ def match(
             f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
             f"{result.n_matched} matched pairs"
         )
+    if isinstance(result.trace, CfSmaTrace):
+        _show_gates(result.trace, i, j)
+    OUT.print(f"wrote {', '.join(str(out / name) for name in written)}")
+    return 0
+
+
+def _show_gates(trace: CfSmaTrace, i: int, j: int) -> None:
+    from curvescan.cfsma.trace import Gate, count_gates
+    from curvescan.cli.console import OUT, table
+
     gates = table("What became of the readings", "", f"scan {i}", f"scan {j}", "decided by")
-    assert isinstance(result.trace, CfSmaTrace)
-    in_reference = count_gates(result.trace.gates_reference)
-    in_current = count_gates(result.trace.gates_current)
+    in_reference = count_gates(trace.gates_reference)
+    in_current = count_gates(trace.gates_current)
     for gate in Gate:
         name = gate.name.lower()
         gates.add_row(gate.sentence, f"{in_reference[name]}", f"{in_current[name]}", gate.parameter)
     OUT.print(gates)
-    OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
-    return 0

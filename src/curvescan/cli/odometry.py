@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cli.options import LogPath, Method
+from curvescan.cli.options import Configs, LogPath, Method, MethodConfigs
 
 
 def odometry(
@@ -14,9 +13,9 @@ def odometry(
     /,
     *,
     out: Path,
-    method: Method = "cfsma",
+    method: Method = "curvescan",
     range_max: float | None = None,
-    cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
+    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Match each scan of a log with the one before, and write the trajectory and the map.
 
@@ -33,8 +32,8 @@ def odometry(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
-    cfsma
-        Parameters of the method "cfsma".
+    configs
+        Parameters of the methods; those of the method that runs are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
@@ -43,7 +42,7 @@ def odometry(
     from curvescan.view.run import save_run
 
     source = read_log(log, range_max=range_max)
-    chain = Odometry(method, matcher_config=cfsma)
+    chain = Odometry(method, matcher_config=configs.of(method))
     with output_folder(out) as folder:
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:

@@ -168,6 +168,13 @@ def fit_surfels(
         for k in range(3):
             surfels[i, k] = readings[i, k]
     fits = np.zeros((m, 8))  # cx, cy, ux, uy, variance across, along, first, last reading
+    # two fifths of the variances of n residuals lie below this share of the true one: the chi-square quantile by
+    # Wilson and Hilferty
+    share = np.empty(65)
+    for n in range(5, 65):
+        spread = 2.0 / (9.0 * (n - 2))
+        root = 1.0 - spread - 0.2533 * math.sqrt(spread)
+        share[n] = root * root * root
     histogram = np.zeros(64, dtype=np.int64)
     n_fits = 0
     for s in range(bounds.size - 1):
@@ -200,7 +207,9 @@ def fit_surfels(
                 cos2 = max(facing * facing, 0.05)
                 # bins of a quarter of an octave of variance, from (0.1 mm)^2 on
                 level = int(
-                    4.0 * (math.log(variance / cos2 + 1e-12) - math.log(1e-8)) / math.log(2.0)
+                    4.0
+                    * (math.log(variance / (cos2 * share[min(n, 64)]) + 1e-12) - math.log(1e-8))
+                    / math.log(2.0)
                 )
                 histogram[min(max(level, 0), 63)] += 1
                 n_fits += 1

@@ -21,6 +21,14 @@ MATCHERS: dict[str, tuple[str, str]] = {
         "curvescan.consensus.config:ConsensusConfig",
     ),
     "cfsma": ("curvescan.matching.cfsma:CfSmaMatcher", "curvescan.cfsma.config:CfSmaConfig"),
+    "idc": ("curvescan.matching.idc:IdcMatcher", "curvescan.rivals.config:IdcConfig"),
+    "cox": ("curvescan.matching.cox:CoxMatcher", "curvescan.rivals.config:CoxConfig"),
+    "histogram": (
+        "curvescan.matching.histogram:HistogramMatcher",
+        "curvescan.rivals.config:HistogramConfig",
+    ),
+    "icp": ("curvescan.matching.icp:IcpMatcher", "curvescan.rivals.config:IcpConfig"),
+    "plicp": ("curvescan.matching.plicp:PlIcpMatcher", "curvescan.rivals.config:PlIcpConfig"),
 }
 """Method name -> (matcher, its config), each as ``module:class``."""
 

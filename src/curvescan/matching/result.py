@@ -22,6 +22,11 @@ class Outcome(Enum):
     )
     DISSIMILAR_LANDMARKS = "No corners of the scans' common segments look alike."
     AMBIGUOUS_LANDMARKS = "Corners look alike, but more than one pairing of them is as good."
+    NO_LINES = "The reference has no straight line that is long enough."
+    TOO_FEW_PAIRS = "Too few readings of the scans come close to each other to carry a pose."
+    NO_AGREEMENT = "The histograms of the scans have no clear best agreement near the guess."
+    UNCONSTRAINED = "What the scans share leaves a motion free, as one wall or a round room does."
+    NOT_CONVERGED = "The iteration did not settle within its limit."
     DEGENERATE = "The matched points lie in one place and fix no rotation."
     UNSUPPORTED = "At no pose do enough readings of the two scans agree."
     AMBIGUOUS = "Two poses that differ explain the scans nearly as well as each other."
@@ -35,7 +40,7 @@ class Label(IntEnum):
     UNMATCHED = 1
     """The reading took no part in the pose."""
     MATCHED = 2
-    """The reading is paired with a reading of the other scan, and the pose stands on it."""
+    """The reading has a partner in the other scan (a reading, a line, a peak), and the pose stands on it."""
     MOVED = 3
     """The reading lies where the other scan saw through: what it hit has come or gone."""
     NEW = 4
@@ -61,7 +66,8 @@ class MatchResult:
     n_matched : int
         Pairs of readings that the pose stands on (N_t of the paper); 0 unless `ok`.
     trace : object
-        What the matcher did on the way: a record of its own, ``CfSmaTrace`` for "cfsma".
+        What the matcher did on the way: a record of its own, ``CfSmaTrace`` for "cfsma", ``Descent`` for the
+        iterated methods, ``HistogramTrace`` for "histogram".
     labels_reference, labels_current : (n_beams,) uint8
         A Label for each beam of the two scans, in the order of their own ranges.
     weak_direction : (3,) float64 or None

@@ -1,4 +1,4 @@
-"""The paper's figures of one match: segments (4), curvature functions (5), matched points (6 and 9)."""
+"""The figures of one match: matched points (6 and 9); of CF-SMA also segments (4) and curvature functions (5)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from curvescan import __version__, se2
 from curvescan.cfsma.features import CfSmaFeatures
 from curvescan.cfsma.landmarks import Verdict
 from curvescan.cfsma.trace import CfSmaTrace, count_gates
-from curvescan.errors import InvalidArgumentError
-from curvescan.matching.result import MatchResult
+from curvescan.matching.result import Label, MatchResult
+from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points
 from curvescan.view.canvas import (
     DARK,
@@ -31,27 +31,34 @@ _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls"
 
 
 def save_match(
-    folder: Path, result: MatchResult, *, names: tuple[str, str], min_curvature: float
-) -> None:
-    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder.
+    folder: Path,
+    result: MatchResult,
+    *,
+    scans: tuple[LaserScan, LaserScan],
+    names: tuple[str, str],
+    min_curvature: float,
+) -> list[str]:
+    """Write matched.png and match.json of a match into a folder, and what else its trace has to show.
 
     Parameters
     ----------
     folder : Path
         An existing folder; see :func:`curvescan.io.output_folder`.
     result : MatchResult
-        Of the method "cfsma": the figures show its trace.
+        Of any method. "cfsma" also gets segments.png and curvature.png.
+    scans : (LaserScan, LaserScan)
+        The reference and the current scan.
     names : (str, str)
-        What to call the reference and the current scan.
+        What to call them.
     min_curvature : float
-        U_p, radians, drawn with the curvature functions.
+        U_p of "cfsma", radians, drawn with the curvature functions.
+
+    Returns
+    -------
+    list of str
+        Names of the files written.
     """
     trace = result.trace
-    if not isinstance(trace, CfSmaTrace):
-        raise InvalidArgumentError(f"the figures need a match by 'cfsma', got {result.method!r}")
-    draw_segments(folder / "segments.png", trace, names)
-    draw_curvature(folder / "curvature.png", trace, names, min_curvature)
-    draw_matched(folder / "matched.png", result, trace, names)
     record = {
         "curvescan": __version__,
         "reference": names[0],
@@ -62,11 +69,20 @@ def save_match(
         "pose": result.pose.tolist() if result.ok else None,
         "covariance": result.covariance.tolist() if result.ok else None,
         "n_matched": result.n_matched,
-        "rejections": trace.rejections(),
-        "readings_reference": count_gates(trace.gates_reference),
-        "readings_current": count_gates(trace.gates_current),
     }
+    written = ["matched.png", "match.json"]
+    draw_matched(folder / "matched.png", result, scans, names)
+    if isinstance(trace, CfSmaTrace):
+        draw_segments(folder / "segments.png", trace, names)
+        draw_curvature(folder / "curvature.png", trace, names, min_curvature)
+        written = ["segments.png", "curvature.png", *written]
+        record |= {
+            "rejections": trace.rejections(),
+            "readings_reference": count_gates(trace.gates_reference),
+            "readings_current": count_gates(trace.gates_current),
+        }
     (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return written
 
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:
@@ -112,23 +128,21 @@ def draw_curvature(
 
 
 def draw_matched(
-    path: Path, result: MatchResult, trace: CfSmaTrace, names: tuple[str, str]
+    path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]
 ) -> None:
     """Save the matched points of both scans, the rest in grey, before and after (figures 6 and 9)."""
-    cur_idx, ref_idx = trace.reading_pairs
-    before, after = trace.current.points, None
-    if result.ok:
-        after = se2.transform(result.pose, trace.current.points)
-    shown = [trace.reference.points, before] + ([] if after is None else [after])
+    reference, before = scans[0].points, scans[1].points
+    after = se2.transform(result.pose, before) if result.ok else None
+    shown = [reference, before] + ([] if after is None else [after])
     with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
-        _draw_overlay(left, trace, before, cur_idx, ref_idx)
+        _draw_overlay(left, result, reference, before)
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
             right.axis("off")
             right.text(0.5, 0.5, result.outcome.value, ha="center", va="center", wrap=True)
         else:
-            _draw_overlay(right, trace, after, cur_idx, ref_idx)
-            as_place(right, f"after the match: {result.n_matched} matched pairs of readings")
+            _draw_overlay(right, result, reference, after)
+            as_place(right, f"after the match: {result.n_matched} readings matched")
         left.plot([], [], ".", color=DARK, label=f"{names[0]}, matched")
         left.plot([], [], ".", color=PAIRED, label=f"{names[1]}, matched")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -157,14 +171,17 @@ def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
     axes.margins(x=0.01)
 
 
-def _draw_overlay(
-    axes: Axes, trace: CfSmaTrace, points_cur: Points, cur_idx: Ints, ref_idx: Ints
-) -> None:
-    points_ref = trace.reference.points
+def _draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
+    took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
     axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="took no part")
     axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)
-    ends = np.stack([points_ref[ref_idx], points_cur[cur_idx]])
-    axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
-    axes.plot(*ends[0].T, ".", color=DARK, ms=4.0)
-    axes.plot(*ends[1].T, ".", color=PAIRED, ms=4.0)
+    if isinstance(result.trace, CfSmaTrace):
+        # the one method that pairs reading with reading, once
+        cur_idx, ref_idx = result.trace.reading_pairs
+        beams_ref = result.trace.reference.beam_idx[ref_idx]
+        beams_cur = result.trace.current.beam_idx[cur_idx]
+        ends = np.stack([points_ref[beams_ref], points_cur[beams_cur]])
+        axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
+    axes.plot(*points_ref[took_part[0]].T, ".", color=DARK, ms=4.0)
+    axes.plot(*points_cur[took_part[1]].T, ".", color=PAIRED, ms=4.0)
     axes.plot(0, 0, **_SENSOR, label="sensor of the first")

@@ -1,0 +1,133 @@
+"""Slow, obvious twins of the default matcher's kernels, written from the words of their docstrings."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from curvescan import se2
+
+
+def surfaces(points, ranges, beams, n_beams, is_closed, step, incidence_limit, max_gap):
+    """Lists of reading numbers, one a surface, in sweep order; the seam of a closed sweep joined."""
+    n = len(points)
+    groups = []
+    for i in range(n):
+        skipped = (beams[i] - beams[i - 1]) % n_beams if n > 1 else n_beams
+        is_same = 0 < skipped <= max_gap + 1
+        if is_same:
+            angle = skipped * step
+            slope = (
+                np.sin(angle) / np.sin(incidence_limit - angle)
+                if angle < 0.9 * incidence_limit
+                else 10.0 * np.sin(angle)
+            )
+            gap = np.linalg.norm(points[i] - points[i - 1])
+            is_same = gap <= min(ranges[i], ranges[i - 1]) * slope + 0.03
+        if i == 0 or not is_same:
+            if i == 0 and is_same and is_closed and n > 2:
+                groups.append(["joins the last", i])
+            else:
+                groups.append([i])
+        else:
+            groups[-1].append(i)
+    if len(groups) > 1 and groups[0][0] == "joins the last":
+        groups[-1] += groups.pop(0)[1:]
+    return [[i for i in group if i != "joins the last"] for group in groups]
+
+
+def line(points):
+    """Centre, unit direction, sums of squares across and along, by the eigenvectors of the scatter."""
+    centre = points.mean(axis=0)
+    values, vectors = np.linalg.eigh((points - centre).T @ (points - centre))
+    return centre, vectors[:, 1], values[0], values[1]
+
+
+def reading_at(point, angles, lookup_by_beam):
+    """Reading of the beam nearest in direction; -2 when none lies within half a step and a little."""
+    off = np.abs(se2.wrap(np.arctan2(point[1], point[0]) - angles))
+    beam = int(np.argmin(off))
+    step = abs(angles[1] - angles[0])
+    return lookup_by_beam[beam] if off[beam] <= 0.5 * step + 3e-5 else -2
+
+
+def support(probes, view, find, pose, tolerance, slope):
+    """Agreements less half the contradictions; `find` gives the reading in the direction of a point."""
+    score = 0.0
+    rotation = se2.rotation(pose[2])
+    for probe in probes:
+        point = rotation @ probe[:2] + pose[:2]
+        j = find(point)
+        if j < 0:
+            continue
+        surfel = view.surfels[j]
+        limit = tolerance + slope * surfel[2]
+        across = surfel[5:7] @ (point - surfel[3:5])
+        alike = surfel[5:7] @ (rotation @ probe[5:7])
+        if abs(across) < limit and np.linalg.norm(point - surfel[3:5]) < 3 * limit and alike > 0:
+            score += (1.0 - (across / limit) ** 2) * alike
+        elif np.linalg.norm(point) < surfel[2] - 2.0 * limit:
+            score -= 0.5
+    return score
+
+
+def residual(pose, point_a, surfel_b, inverse):
+    """Distance of a reading from the other scan's line, at the pose of the current scan in the reference."""
+    moved = se2.transform(se2.inverse(pose) if inverse else pose, point_a)
+    return surfel_b[5:7] @ (moved - surfel_b[3:5])
+
+
+def jacobian(pose, point_a, surfel_b, inverse, h=1e-6):
+    """(3,) derivative of the residual by the pose, by central differences."""
+    steps = h * np.eye(3)
+    return np.array(
+        [
+            (
+                residual(pose + s, point_a, surfel_b, inverse)
+                - residual(pose - s, point_a, surfel_b, inverse)
+            )
+            / (2 * h)
+            for s in steps
+        ]
+    )
+
+
+def information(surfels_ref, partner_ref, surfels_cur, partner_cur, pose):
+    """(3, 3) information over x, y, theta before tilt is taken off, and the scale of the residuals."""
+    total = np.zeros((3, 3))
+    squares = []
+    for surfels, others, partner, inverse in (
+        (surfels_cur, surfels_ref, partner_cur, False),
+        (surfels_ref, surfels_cur, partner_ref, True),
+    ):
+        for surfel, j in zip(surfels, partner, strict=True):
+            if j < 0 or surfel[7] < 0 or others[j, 7] < 0:
+                continue
+            slope = jacobian(pose, surfel[:2], others[j], inverse)
+            if inverse:
+                # theta also turns the line; what is told of the pose is the motion of the reading
+                moved = surfel[:2] - pose[:2]
+                normal = se2.rotation(pose[2]) @ others[j, 5:7]
+                slope = -np.array([*normal, normal @ [-moved[1], moved[0]]])
+            total += np.outer(slope, slope) / (surfel[7] + others[j, 7])
+            e = residual(pose, surfel[:2], others[j], inverse)
+            squares.append(e * e / (surfel[7] + 0.15 * others[j, 7]))
+    return 0.5 * total / max(np.mean(squares), 1.0)
+
+
+def votes(poses, cell, turn):
+    """Votes of each pose: how many stand in its cell, summed over two grids half a cell apart."""
+    counts = np.zeros(len(poses), dtype=int)
+    for shift in (0.0, 0.5):
+        keys = [
+            (
+                int(np.floor(x / cell + shift)),
+                int(np.floor(y / cell + shift)),
+                int(np.floor((theta + np.pi) / turn + shift)),
+            )
+            for x, y, theta in poses
+        ]
+        total = Counter(keys)
+        counts += [total[key] for key in keys]
+    return counts
