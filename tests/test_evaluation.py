@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,13 +14,14 @@ from hypothesis import strategies as st
 
 import curvescan as cs
 from curvescan.cfsma.config import CfSmaConfig
-from curvescan.evaluation.drives import MovedScore
+from curvescan.evaluation.drives import MovedScore, find_lost_steps
 from curvescan.evaluation.errors import trajectory_errors
 from curvescan.evaluation.experiments import count_parameters, run_experiments
 from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
 from curvescan.evaluation.real_logs import judge_log
 from curvescan.evaluation.speed import measure_speed
+from curvescan.odometry import run_odometry
 from curvescan.simulation import SENSORS, simulate
 from curvescan.view.experiments import as_record, save_experiments
 
@@ -164,3 +166,17 @@ def test_a_log_without_odometry_is_judged_by_its_motion():
     distance, angle = judged.largest_motion
     assert distance < 0.2
     assert angle < math.radians(5)
+
+
+def test_lost_steps_are_found_and_put_right():
+    log = simulate("room", n_scans=20, seed=4)
+    blind = [
+        log[k] if k not in (8, 9) else cs.LaserScan([], angle_min=0, angle_increment=1)
+        for k in range(20)
+    ]
+    run = run_odometry(blind, cs.Odometry("cfsma"))
+    lost = find_lost_steps(log.truth.poses, run)
+    assert lost.n_failed == np.count_nonzero(~run.is_matched[1:]) >= 2
+    assert lost.motion > 0.0
+    exact = replace(run, trajectory=cs.Trajectory(stamps=log.truth.stamps, poses=log.truth.poses))
+    assert find_lost_steps(log.truth.poses, exact).end_without < 1e-9

@@ -78,6 +78,8 @@ def _drive_record(result: DriveResult) -> dict[str, object]:
         "end_translation": result.errors.end_translation,
         "end_rotation": result.errors.end_rotation,
         "failed": result.n_failed,
+        "wrong": result.lost.n_wrong,
+        "end_without_lost_steps": result.lost.end_without,
         "mean_variance": result.variances.mean(axis=0).tolist() if len(result.variances) else None,
         "largest_variance": result.variances.max(axis=0).tolist()
         if len(result.variances)
@@ -129,6 +131,7 @@ def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:
         f"{100 * drive.log.is_person.mean():.1f} % of the beams hit people."
     )
     yield drive_table(drive)
+    yield from _lost_ways(drive)
     if number == 2:
         yield (
             "The paper's robot ended at about (46, 52) mm by measurement and at about (29, 26) mm, 3.9 deg by its matching "
@@ -142,6 +145,20 @@ def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:
         method = best_method(drive)
         draw_moved(folder / f"moved_{number}.png", drive, method)
         yield (f"moved_{number}.png", f"Map by {method}, discarded dynamic readings in grey.")
+
+
+def _lost_ways(drive: DriveComparison) -> Iterator[str]:
+    """Yield why a method ended more than 1 % of the path away from the truth."""
+    for method, result in drive.results.items():
+        lost = result.lost
+        if result.errors.drift <= 0.01 or lost.n_failed + lost.n_wrong == 0:
+            continue
+        yield (
+            f"{method} ends more than 1 % of the path away: {lost.n_failed} matches failed and {lost.n_wrong} were off by more than "
+            f"0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m and turned {np.degrees(lost.turn):.1f} deg in the mean, in "
+            f"all others {lost.usual_motion:.2f} m and {np.degrees(lost.usual_turn):.1f} deg. With the true motion in their place the end "
+            f"would be off by {lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % of the path."
+        )
 
 
 def best_method(drive: DriveComparison) -> str:
