@@ -85,7 +85,8 @@ def test_beside_the_truth_the_score_falls():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"n_probes": 2}, {"n_kept": 0}, {"n_wide": 1}, {"fine": (0.0, 0.1)}, {"min_score": 2.0}]
+    "wrong",
+    [{"n_probes": 2}, {"n_kept": 0}, {"n_wide": 1}, {"fine": (0.0, 0.1)}, {"min_score": 2.0}],
 )
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
