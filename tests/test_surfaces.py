@@ -101,7 +101,7 @@ def fit(scan):
     return fit_surfels(readings, moments(readings), bounds, CONFIG.arm, CONFIG.range_sigma_min)
 
 
-@pytest.mark.parametrize("sigma", [0.005, 0.01, 0.03])
+@pytest.mark.parametrize("sigma", [0.005, 0.01, 0.015])
 def test_the_range_noise_is_found(sigma):
     found = [fit(room_scan(sigma=sigma, seed=seed))[1] for seed in range(10)]
     assert 0.9 * sigma < np.mean(found) < 1.1 * sigma

@@ -105,15 +105,16 @@ def information(surfels_ref, partner_ref, surfels_cur, partner_cur, pose):
             if j < 0 or surfel[7] < 0 or others[j, 7] < 0:
                 continue
             slope = jacobian(pose, surfel[:2], others[j], inverse)
-            if inverse:
-                # theta also turns the line; what is told of the pose is the motion of the reading
-                moved = surfel[:2] - pose[:2]
-                normal = se2.rotation(pose[2]) @ others[j, 5:7]
-                slope = -np.array([*normal, normal @ [-moved[1], moved[0]]])
             total += np.outer(slope, slope) / (surfel[7] + others[j, 7])
             e = residual(pose, surfel[:2], others[j], inverse)
             squares.append(e * e / (surfel[7] + 0.15 * others[j, 7]))
     return 0.5 * total / max(np.mean(squares), 1.0)
+
+
+def turn_likeness(histogram_ref, histogram_cur):
+    """(n,) circular correlation of two histograms at every shift of the current one."""
+    n = len(histogram_ref)
+    return np.array([np.roll(histogram_cur, shift) @ histogram_ref for shift in range(n)])
 
 
 def votes(poses, cell, turn):

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan import se2
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.features import ConsensusFeatures, extract_features
 from curvescan.consensus.hypotheses import most_voted, pair_frames
@@ -268,7 +267,7 @@ class _Told:
 def _consult(ref: ConsensusFeatures, cur: ConsensusFeatures, pose: Pose) -> _Told:
     surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
     codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, 0.01)
-    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, se2.inverse(pose), 0.01)
+    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, _inverse(pose), 0.01)
     information, feigned, axes, units = pose_information(
         surfels_ref, partner_ref, surfels_cur, partner_cur, pose
     )
@@ -297,6 +296,13 @@ def _trace(
         candidates=np.empty((0, 3)) if candidates is None else candidates,
         scores=np.empty(0) if scores is None else scores,
     )
+
+
+def _inverse(pose: Pose) -> Pose:
+    # se2.inverse takes any number of poses, and ten times as long for one
+    x, y, theta = pose.tolist()
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([-c * x - s * y, s * x - c * y, -theta])
 
 
 def _difference(pose: Pose, origin: Pose) -> Pose:

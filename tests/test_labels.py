@@ -1,0 +1,58 @@
+"""Labels: agreement, what has come or gone, what is out of sight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.consensus.labels import AGREES, HIDDEN, MOVED, compare_readings
+from curvescan.consensus.polar import reading_at
+from tests.consensus_scenes import MOTION, features, pair, pillar_scan
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_follow_their_definition(seed):
+    ref, cur = pair(seed)
+    pose = MOTION + 0.02 * np.random.default_rng(seed).standard_normal(3)
+    codes, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    for surfel, code, j in zip(cur.view.surfels, codes, partner, strict=True):
+        point = cs.se2.transform(pose, surfel[:2])
+        seen = reading_at(*point, ref.view)
+        assert (j >= 0) == (code == AGREES)
+        if seen < 0:
+            assert code == HIDDEN
+            continue
+        other = ref.view.surfels[seen]
+        if surfel[7] < 0 or other[7] < 0:
+            continue
+        limit = 3.0 * np.sqrt(surfel[7] + other[7]) + 0.01
+        across = abs(other[5:7] @ (point - other[3:5]))
+        if code == AGREES:
+            assert j == seen
+            assert across < limit
+        elif code == MOVED:
+            assert np.linalg.norm(point) < other[2] - 2.0 * limit
+        else:
+            assert np.linalg.norm(point) > other[2] - 2.0 * limit - 0.06
+
+
+def test_someone_who_walked_in_is_seen_as_moved():
+    ref = features(pillar_scan(seed=1))
+    scan = pillar_scan(MOTION, seed=2)
+    ranges = scan.ranges.copy()
+    ranges[100:110] = 0.6
+    cur = features(
+        cs.LaserScan(
+            ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
+        )
+    )
+    codes, _ = compare_readings(cur.view.surfels, ref.view, MOTION, 0.01)
+    is_person = np.isin(cur.beam_idx, np.arange(100, 110))
+    assert (codes[is_person] == MOVED).all()
+    assert np.mean(codes[~is_person] == AGREES) > 0.85
+    assert np.mean(codes[~is_person] == MOVED) < 0.02
+    # and from the other side: what the person hides is out of sight
+    codes, _ = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(MOTION), 0.01)
+    behind = np.isin(ref.beam_idx, np.arange(110, 113))
+    assert (codes[behind] != MOVED).all()
