@@ -62,6 +62,25 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
     assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 12
 
 
+@pytest.mark.parametrize("method", ["idc", "cox", "histogram", "icp", "plicp"])
+def test_odometry_and_match_run_every_method(log, tmp_path, capsys, method):
+    out = tmp_path / "o"
+    assert run(["odometry", str(log), "--out", str(out), "--method", method]) == 0
+    record = json.loads((out / "run.json").read_text())
+    assert list(record["config"]) == [method, "odometry"]
+    assert record["outcomes"]["matched"] == 7
+    assert run(["match", str(log), "0", "3", "--out", str(tmp_path / "m"), "--method", method]) == 0
+    assert "m/matched.png" in capsys.readouterr().out
+
+
+def test_the_parameters_of_a_rival_are_flags(log, tmp_path):
+    arguments = ["odometry", str(log), "--out", str(tmp_path / "o"), "--method", "idc"]
+    assert run([*arguments, "--idc.window.decay", "0.3", "--idc.kept-share", "0.7"]) == 0
+    config = json.loads((tmp_path / "o" / "run.json").read_text())["config"]["idc"]
+    assert config["window"]["decay"] == 0.3
+    assert config["kept_share"] == 0.7
+
+
 def test_match_prints_the_pose_and_draws(log, tmp_path, capsys):
     out = tmp_path / "m"
     assert run(["match", str(log), "0", "3", "--out", str(out)]) == 0

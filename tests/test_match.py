@@ -15,6 +15,18 @@ from tests.scenes import room_scan
 
 MOTION = np.array([0.1, 0.05, 0.1])
 
+# A method that treats both scans alike has the inverse to the last digits. The others measure one scan's readings
+# against the other's surfaces (or main direction), so that there and back see different noise: 5 mm over 361 readings
+# is 0.3 mm, and 1 mm is three of that. ICP stops where its steps are small, up to 2 mm short (3 mm in 40 seeds).
+SWAP_TOLERANCE = dict.fromkeys(MATCHERS, 1e-9) | {
+    "cox": 1e-3,
+    "curvescan": 2e-4,
+    "histogram": 1e-3,
+    "icp": 3e-3,
+    "idc": 2e-3,
+    "plicp": 1e-3,
+}
+
 
 @pytest.fixture(params=sorted(MATCHERS))
 def method(request):
@@ -79,9 +91,8 @@ def test_swapped_scans_give_the_inverse(method):
         assert there.outcome is back.outcome
         if there.ok:
             ok += 1
-            # a closed form inverts exactly, least squares to a fifth of a standard deviation
-            atol = 1e-9 if method == "cfsma" else 2e-4
-            np.testing.assert_allclose(cs.se2.compose(there.pose, back.pose), 0.0, atol=atol)
+            there_and_back = cs.se2.compose(there.pose, back.pose)
+            np.testing.assert_allclose(there_and_back, 0.0, atol=SWAP_TOLERANCE[method])
     assert ok >= 5
 
 

@@ -108,7 +108,7 @@ def test_a_match_is_drawn_whether_or_not_it_found_a_pose(tmp_path, min_similarit
     scan = room_scan(sigma=0.01)
     result = cs.match(scan, scan, method="cfsma", config=config)
     assert result.ok is (min_similarity < 1.0)
-    save_match(tmp_path, result, names=("one", "two"), min_curvature=0.2)
+    save_match(tmp_path, result, scans=(scan, scan), names=("one", "two"), min_curvature=0.2)
     for name in ("segments.png", "curvature.png", "matched.png"):
         assert (tmp_path / name).read_bytes().startswith(PNG)
     record = json.loads((tmp_path / "match.json").read_text())
@@ -119,6 +119,19 @@ def test_a_match_is_drawn_whether_or_not_it_found_a_pose(tmp_path, min_similarit
         np.testing.assert_array_equal(record["covariance"], result.covariance)
     else:
         assert record["pose"] is None
+
+
+@pytest.mark.parametrize("method", ["idc", "cox", "histogram", "icp", "plicp"])
+def test_a_match_of_any_method_is_drawn(tmp_path, method):
+    scan = room_scan(sigma=0.01)
+    result = cs.match(scan, scan, method=method)
+    written = save_match(
+        tmp_path, result, scans=(scan, scan), names=("one", "two"), min_curvature=0.2
+    )
+    assert sorted(written) == sorted(p.name for p in tmp_path.iterdir())
+    assert sorted(written) == ["match.json", "matched.png"]
+    assert (tmp_path / "matched.png").read_bytes().startswith(PNG)
+    assert json.loads((tmp_path / "match.json").read_text())["method"] == method
 
 
 def test_configurations_become_plain_values():
