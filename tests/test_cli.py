@@ -81,6 +81,23 @@ def test_the_parameters_of_a_rival_are_flags(log, tmp_path):
     assert config["kept_share"] == 0.7
 
 
+def test_a_config_file_sets_parameters_and_flags_change_them(log, tmp_path, capsys):
+    config = tmp_path / "my.toml"
+    config.write_text("[cfsma.landmarks]\nn_neighbours = 12\nmin_similarity = 0.3\n")
+    out = tmp_path / "o"
+    arguments = ["odometry", str(log), "--out", str(out), "--method", "cfsma"]
+    arguments += ["--config", str(config), "--cfsma.landmarks.n-neighbours", "15"]
+    assert run(arguments) == 0
+    landmarks = json.loads((out / "run.json").read_text())["config"]["cfsma"]["landmarks"]
+    assert landmarks["n_neighbours"] == 15
+    assert landmarks["min_similarity"] == 0.3
+    config.write_text("[cfsma.landmarks]\nneighbours = 12\n")
+    assert run(arguments) == 1
+    assert "did you mean 'n_neighbours'" in capsys.readouterr().err
+    assert run(["odometry", str(log), "--out", str(out), "--config", "nowhere.toml"]) == 1
+    assert "cannot read nowhere.toml" in capsys.readouterr().err
+
+
 def test_match_prints_the_pose_and_draws(log, tmp_path, capsys):
     out = tmp_path / "m"
     assert run(["match", str(log), "0", "3", "--out", str(out)]) == 0

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from curvescan import InvalidArgumentError, LogFileError
 from curvescan.cfsma.config import CfSmaConfig, CurvatureConfig, LandmarksConfig
 from curvescan.io import read_config, write_config
+from curvescan.matching import MATCHERS, find_matcher
 from curvescan.odometry import OdometryConfig
 
 DEFAULTS = {"cfsma": CfSmaConfig(), "odometry": OdometryConfig()}
@@ -24,6 +25,14 @@ def test_a_configuration_comes_back_to_the_bit(tmp_path_factory, tolerance, n):
     write_config(path, {"cfsma": config, "odometry": OdometryConfig(max_predictions=n)})
     found = read_config(path, DEFAULTS)
     assert found == {"cfsma": config, "odometry": OdometryConfig(max_predictions=n)}
+
+
+@pytest.mark.parametrize("method", sorted(MATCHERS))
+def test_every_method_can_be_configured_from_a_file(tmp_path, method):
+    path = tmp_path / "config.toml"
+    config = find_matcher(method).config
+    write_config(path, {method: config})
+    assert read_config(path, {method: config}) == {method: config}
 
 
 def test_what_a_file_leaves_out_keeps_its_default(tmp_path):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 import tyro
@@ -17,6 +20,7 @@ from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
+from curvescan.cli.options import MethodConfigs
 from curvescan.errors import CurvescanError
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -58,8 +62,44 @@ def run(arguments: list[str]) -> int:
 
 def _parse_and_call(arguments: list[str]) -> Any:
     return tyro.extras.subcommand_cli_from_dict(
-        COMMANDS,
+        _commands(arguments),
         prog="curvescan",
         description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
         args=arguments,
     )
+
+
+def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
+    """Return the commands; where --config names a file, its parameters are the defaults of their flags."""
+    path = None
+    for k, argument in enumerate(arguments):
+        if argument == "--config" and k + 1 < len(arguments):
+            path = arguments[k + 1]
+        elif argument.startswith("--config="):
+            path = argument.removeprefix("--config=")
+    if path is None:
+        return COMMANDS
+    from curvescan.io.config import read_config
+
+    names = [field.name for field in fields(MethodConfigs)]
+    defaults = {name: getattr(MethodConfigs(), name) for name in names}
+    configs = MethodConfigs(**read_config(path, defaults))
+    return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
+
+
+def _with_configs(command: Callable[..., int], configs: MethodConfigs) -> Callable[..., int]:
+    """Return the command with other defaults for the parameters of the methods, if it has any."""
+    signature = inspect.signature(command)
+    if "configs" not in signature.parameters:
+        return command
+
+    @functools.wraps(command)
+    def changed(*args: Any, **kwargs: Any) -> int:
+        return command(*args, **kwargs)
+
+    parameters = [
+        p.replace(default=configs) if p.name == "configs" else p
+        for p in signature.parameters.values()
+    ]
+    changed.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return changed

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cli.options import Configs, LogPath, Method, MethodConfigs, ScanNumber
+from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, ScanNumber
 
 if TYPE_CHECKING:
     from curvescan.cfsma.trace import CfSmaTrace
@@ -22,6 +22,7 @@ def match(
     out: Path,
     method: Method = "curvescan",
     range_max: float | None = None,
+    config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw how it came about.
@@ -43,6 +44,8 @@ def match(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    config
+        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cli.options import Configs, LogPath, Method, MethodConfigs
+from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs
 
 
 def odometry(
@@ -15,6 +15,7 @@ def odometry(
     out: Path,
     method: Method = "curvescan",
     range_max: float | None = None,
+    config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Match each scan of a log with the one before, and write the trajectory and the map.
@@ -32,6 +33,8 @@ def odometry(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    config
+        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
     """

@@ -52,5 +52,8 @@ class MethodConfigs:
         return getattr(self, method)
 
 
+ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+"""A TOML file of parameters, as `curvescan calibrate` writes it; main() reads it, and flags change what it says."""
+
 Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""

@@ -71,9 +71,7 @@ def _tables(name: str, config: object) -> Iterator[str]:
         if is_dataclass(value):
             nested.append((f"{name}.{field.name}", value))
         else:
-            lines.append(
-                f"{field.name} = {str(value).lower() if value is True or value is False else repr(value)}"
-            )
+            lines.append(f"{field.name} = {_literal(value)}")
     if lines:
         yield from ("", f"[{name}]", *lines)
     for inner_name, inner in nested:
@@ -93,7 +91,18 @@ def _changed(default: Any, table: object, where: str) -> Any:
     return type(default)(**values)
 
 
+def _literal(value: object) -> str:
+    """Return a value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(_literal(one) for one in value)}]"
+    return repr(value)
+
+
 def _as_type_of(default: object, value: object, where: str) -> object:
+    if isinstance(default, tuple) and default and isinstance(value, list):
+        return tuple(_as_type_of(default[0], one, where) for one in value)
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not type(default):
