@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cli.options import LogPath, Method, ScanNumber
+from curvescan.cli.options import LogPath, Method, ScanNumber, Topic
 
 
 def match(
@@ -20,6 +20,7 @@ def match(
     out: Path,
     method: Method = "cfsma",
     range_max: float | None = None,
+    topic: Topic = None,
     cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw the paper's figures of the match.
@@ -29,7 +30,7 @@ def match(
     Parameters
     ----------
     log
-        The log: CARMEN, plain or gzip-compressed.
+        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j
@@ -40,6 +41,8 @@ def match(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
     cfsma
         Parameters of the method "cfsma".
     """
@@ -51,7 +54,7 @@ def match(
     from curvescan.io import output_folder, pick_scans, read_log
     from curvescan.view.match import save_match
 
-    source = read_log(log, range_max=range_max)
+    source = read_log(log, range_max=range_max, topic=topic)
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)

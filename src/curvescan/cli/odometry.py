@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cli.options import LogPath, Method
+from curvescan.cli.options import LogPath, Method, Topic
 
 
 def odometry(
@@ -16,6 +16,7 @@ def odometry(
     out: Path,
     method: Method = "cfsma",
     range_max: float | None = None,
+    topic: Topic = None,
     cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Match each scan of a log with the one before, and write the trajectory and the map.
@@ -26,13 +27,15 @@ def odometry(
     Parameters
     ----------
     log
-        The log: CARMEN, plain or gzip-compressed.
+        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
     out
         Folder for the results; made if it is missing.
     method
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
     cfsma
         Parameters of the method "cfsma".
     """
@@ -42,7 +45,7 @@ def odometry(
     from curvescan.odometry import Odometry, run_odometry
     from curvescan.view.run import save_run
 
-    source = read_log(log, range_max=range_max)
+    source = read_log(log, range_max=range_max, topic=topic)
     chain = Odometry(method, matcher_config=cfsma)
     with output_folder(out) as folder:
         load_kernels(method)

@@ -15,3 +15,6 @@ ScanNumber: TypeAlias = tyro.conf.Positional[int]
 
 Method: TypeAlias = Literal["cfsma"]
 """Names of the table of matchers, written out so that --help loads none of them."""
+
+Topic: TypeAlias = str | None
+"""Topic of a ROS bag; None for the only one with laser scans."""
