@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from curvescan.cli.options import LogPath
+from curvescan.cli.options import LogPath, Topic
 
 
-def info(log: LogPath, /, *, range_max: float | None = None) -> int:
+def info(log: LogPath, /, *, range_max: float | None = None, topic: Topic = None) -> int:
     """Tell what is in a log and what is wrong with it, each finding with its consequence.
 
     Exit status 0 when motion can be looked for in it, 1 when not.
@@ -15,14 +15,16 @@ def info(log: LogPath, /, *, range_max: float | None = None) -> int:
     Parameters
     ----------
     log
-        The log: CARMEN, plain or gzip-compressed.
+        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
     """
     from curvescan.cli.console import OUT
     from curvescan.io import findings_of, inspect_log, read_log
 
-    report = inspect_log(read_log(log, range_max=range_max))
+    report = inspect_log(read_log(log, range_max=range_max, topic=topic))
     time = report.time
     rows = [
         ("format", report.format),

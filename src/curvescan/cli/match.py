@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, ScanNumber
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    LogPath,
+    Method,
+    MethodConfigs,
+    ScanNumber,
+    Topic,
+)
 
 if TYPE_CHECKING:
     from curvescan.cfsma.trace import CfSmaTrace
@@ -22,6 +30,7 @@ def match(
     out: Path,
     method: Method = "curvescan",
     range_max: float | None = None,
+    topic: Topic = None,
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -33,7 +42,7 @@ def match(
     Parameters
     ----------
     log
-        The log: CARMEN, plain or gzip-compressed.
+        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j
@@ -44,6 +53,8 @@ def match(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -57,7 +68,7 @@ def match(
     from curvescan.io import output_folder, pick_scans, read_log
     from curvescan.view.match import save_match
 
-    source = read_log(log, range_max=range_max)
+    source = read_log(log, range_max=range_max, topic=topic)
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs
+from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, Topic
 
 
 def odometry(
@@ -15,6 +15,7 @@ def odometry(
     out: Path,
     method: Method = "curvescan",
     range_max: float | None = None,
+    topic: Topic = None,
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -26,13 +27,15 @@ def odometry(
     Parameters
     ----------
     log
-        The log: CARMEN, plain or gzip-compressed.
+        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
     out
         Folder for the results; made if it is missing.
     method
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -44,7 +47,7 @@ def odometry(
     from curvescan.odometry import Odometry, run_odometry
     from curvescan.view.run import save_run
 
-    source = read_log(log, range_max=range_max)
+    source = read_log(log, range_max=range_max, topic=topic)
     chain = Odometry(method, matcher_config=configs.of(method))
     with output_folder(out) as folder:
         load_kernels(method)

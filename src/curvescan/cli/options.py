@@ -57,3 +57,5 @@ ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""
+Topic: TypeAlias = str | None
+"""Topic of a ROS bag; None for the only one with laser scans."""

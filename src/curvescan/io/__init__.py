@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.bag_files import storage_files
 from curvescan.io.config import read_config, write_config
 from curvescan.io.findings import Finding, findings_of
 from curvescan.io.folder import output_folder
@@ -39,18 +40,22 @@ __all__ = [
 ]
 
 
-def read_log(path: str | os.PathLike[str], *, range_max: float | None = None) -> Log:
+def read_log(
+    path: str | os.PathLike[str], *, range_max: float | None = None, topic: str | None = None
+) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
-    The file is read through once, to count its scans and its faults; scans are read again from the file by each
-    iteration, one in memory at a time.
+    The scans are read from the file by each iteration, one in memory at a time.
 
     Parameters
     ----------
     path : str or path-like
-        A CARMEN log, plain or gzip-compressed.
+        A CARMEN log or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed, or the folder of a
+        ROS 2 bag.
     range_max : float or None
         Upper limit of a valid reading, metres, in place of what the log says of its sensor; inf for no limit.
+    topic : str or None
+        Which topic of a ROS bag to read, where it holds laser scans on several.
 
     Returns
     -------
@@ -60,16 +65,17 @@ def read_log(path: str | os.PathLike[str], *, range_max: float | None = None) ->
     Raises
     ------
     LogFileError
-        When the file cannot be opened: missing, a folder, not readable.
+        When the file cannot be opened: missing, a folder without a bag, not readable.
     LogFormatError
         When it is of another format or holds no scan that can be read.
     InvalidArgumentError
-        When `range_max` is not a positive number.
+        When `range_max` is not a positive number, or `topic` does not fit what is in the log.
     """
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(
             f"range_max must be a positive number of metres, got {range_max}"
         )
     file = Path(path)
-    row = find_format(read_head(file, HEAD_BYTES), file)
-    return row.load()(file, range_max=range_max)
+    first = storage_files(file)[0] if file.is_dir() else file
+    row = find_format(read_head(first, HEAD_BYTES), first)
+    return row.load()(file, range_max=range_max, topic=topic)

@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.carmen_index import Index, build_index
 from curvescan.io.carmen_lines import SWEEP_PARSERS, BrokenLineError, Sweep, tag_of
 from curvescan.io.faults import FaultCounter
@@ -55,6 +55,8 @@ class CarmenLog:
         The file, plain or gzip-compressed.
     range_max : float or None
         Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+    topic : None
+        Only None: a CARMEN log has no topics.
 
     Raises
     ------
@@ -62,9 +64,17 @@ class CarmenLog:
         When the file cannot be read.
     LogFormatError
         When it holds no sweep that can be read; the message tells the most frequent fault.
+    InvalidArgumentError
+        When a `topic` is given.
     """
 
-    def __init__(self, path: Path, *, range_max: float | None = None) -> None:
+    def __init__(
+        self, path: Path, *, range_max: float | None = None, topic: str | None = None
+    ) -> None:
+        if topic is not None:
+            raise InvalidArgumentError(
+                f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
+            )
         self._path = path
         self._index = build_index(path)
         if not self._index.series:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from curvescan.errors import LogFormatError
+from curvescan.io.bag_files import BagKind
 from curvescan.io.log import Log
 
 HEAD_BYTES = 1 << 16
@@ -23,20 +24,24 @@ HEAD_BYTES = 1 << 16
 class LogReader(Protocol):
     """Opens a log of one format; the function or class a row of the table names."""
 
-    def __call__(self, path: Path, *, range_max: float | None) -> Log:
+    def __call__(self, path: Path, *, range_max: float | None, topic: str | None) -> Log:
         """Return the log, having made sure that it holds a scan.
 
         Parameters
         ----------
         path : Path
-            The file.
+            The file, or the folder of a ROS 2 bag.
         range_max : float or None
             Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+        topic : str or None
+            Which of several lasers to read, where a format names them; None for the only one.
 
         Raises
         ------
         LogFormatError
             When no scan can be read.
+        InvalidArgumentError
+            When `topic` is needed and missing, is not in the log, or the format has no topics.
         """
         ...
 
@@ -79,14 +84,14 @@ def is_carmen(head: bytes) -> bool:
 
 FORMATS: tuple[LogFormat, ...] = (
     LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen:CarmenLog"),
+    *(
+        LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.rosbag:RosbagLog")
+        for kind in BagKind
+    ),
 )
 
-_ROS = "ROS bags are not read yet"
 _UNPACK = "unpack it first"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
-    (b"#ROSBAG V", "a ROS 1 bag", _ROS),
-    (b"SQLite format 3\x00", "an SQLite database, as ROS 2 bags are", _ROS),
-    (b"\x89MCAP0\r\n", "an MCAP file, as ROS 2 bags are", _ROS),
     (b"BZh", "compressed with bzip2", _UNPACK),
     (b"\xfd7zXZ\x00", "compressed with xz", _UNPACK),
     (b"\x28\xb5\x2f\xfd", "compressed with zstd", _UNPACK),

@@ -56,7 +56,7 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     """
     head = b""
     try:
-        for chunk in _read_chunks(path):
+        for chunk in read_chunks(path):
             head += chunk
             if len(head) >= n_bytes:
                 break
@@ -88,7 +88,7 @@ def read_lines(path: Path, faults: FaultCounter) -> Iterator[tuple[int, bytes]]:
     """
     number, tail, is_dropping = 0, b"", False
     try:
-        for chunk in _read_chunks(path):
+        for chunk in read_chunks(path):
             *lines, tail = (tail + chunk).split(b"\n")
             for line in lines:
                 number += 1
@@ -107,7 +107,21 @@ def read_lines(path: Path, faults: FaultCounter) -> Iterator[tuple[int, bytes]]:
         yield number + 1, tail
 
 
-def _read_chunks(path: Path) -> Iterator[bytes]:
+def read_chunks(path: Path) -> Iterator[bytes]:
+    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file, opened anew by each call and closed when the iteration ends or is given up.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened or read.
+    BrokenGzipError
+        Where compressed data break off or are damaged, after what stands before.
+    """
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
         try:
@@ -130,7 +144,9 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise LogFileError(_folder_message(path))
+            raise LogFileError(
+                f"a log must be a file, and {path} is a folder: give the path of a log inside it"
+            )
         if not stat.S_ISREG(mode):
             raise LogFileError(
                 f"a log is read more than once and must be a regular file, and {path} is a pipe or "
@@ -148,9 +164,3 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
         raise LogFileError(f"cannot open {str(path)!r}: {error}") from error
     with raw:
         yield raw
-
-
-def _folder_message(path: Path) -> str:
-    if (path / "metadata.yaml").is_file():
-        return f"{path} is a folder, by its metadata.yaml a ROS 2 bag: ROS bags are not read yet"
-    return f"a log must be a file, and {path} is a folder: give the path of a log inside it"

@@ -1,0 +1,216 @@
+"""Bag: the topics and the messages of a ROS bag; the one file that speaks to the library rosbags.
+
+Whatever rosbags raises leaves here as an error of ours in one sentence: on damaged files its parsers raise their own
+errors and nearly every builtin one (assertions, struct errors, those of the decompressors).
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+from urllib.parse import quote
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import ReaderError as Ros1Error
+from rosbags.rosbag2 import ReaderError as Ros2Error
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from curvescan.errors import CurvescanError, LogFileError, LogFormatError
+from curvescan.io.bag_files import BagKind, bag_kind, is_packed, storage_files, unpack
+from curvescan.io.bag_messages import Decoder
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What a bag says of a topic.
+
+    Attributes
+    ----------
+    msgtype : str
+        Type of its messages, ``"sensor_msgs/msg/LaserScan"`` for ROS 1 as for ROS 2.
+    count : int
+        Messages, by the bag's own count.
+    """
+
+    msgtype: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message as it stands in the bag.
+
+    Attributes
+    ----------
+    topic, msgtype : str
+        Where it belongs.
+    received : int
+        When the recorder received it, nanoseconds.
+    data : bytes
+        Not yet decoded; see Bag.decode.
+    """
+
+    topic: str
+    msgtype: str
+    received: int
+    data: bytes
+
+
+class Bag:
+    """A ROS bag that can be read again and again; no file stays open between the readings.
+
+    Parameters
+    ----------
+    path : Path
+        A file, plain or gzip-compressed, or the folder of a ROS 2 bag. A compressed one is unpacked to a
+        temporary folder, which goes with this object.
+
+    Raises
+    ------
+    LogFileError
+        When a file cannot be read.
+    LogFormatError
+        When it is no bag, or one that cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.is_whole = True
+        stored = storage_files(path) if path.is_dir() else (path,)
+        kind = bag_kind(stored[0])
+        if kind is None:
+            raise LogFormatError(f"{path} is no ROS bag")
+        self.kind = kind
+        self._files = [self._unpacked(file) for file in stored]
+        connections: list[Connection] = []
+        for file in self._files:
+            with self._opened(file) as reader:
+                connections += reader.connections
+        self.topics = _topics(connections)
+        self._decoder = Decoder(connections, is_ros1=kind is BagKind.ROS1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed to read the bag, a sentence each."""
+        cut = (
+            "its compressed data break off or are damaged: what could be unpacked of them is read",
+        )
+        return (*(() if self.is_whole else cut), *self._decoder.notes)
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of these topics in the order they were received, one in memory at a time.
+
+        Raises
+        ------
+        LogFormatError
+            Where the bag is damaged, after what stands before.
+        """
+        for file in self._files:
+            with self._opened(file) as reader:
+                wanted = [
+                    c
+                    for c in reader.connections
+                    if c.topic in topics and c.msgtype == self.topics[c.topic].msgtype
+                ]
+                stream = iter(reader.messages(wanted)) if wanted else iter(())
+                while True:
+                    with self._own_errors():
+                        item = next(stream, None)
+                    if item is None:
+                        break
+                    connection, received, data = item
+                    yield Message(connection.topic, connection.msgtype, received, data)
+
+    def decode(self, message: Message) -> Any:
+        """Return a message with its fields as attributes.
+
+        Raises
+        ------
+        BrokenMessageError
+            When its bytes do not follow its type.
+        """
+        return self._decoder.decode(message.data, message.msgtype)
+
+    def _unpacked(self, file: Path) -> Path:
+        if not is_packed(file):
+            return file
+        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.is_whole &= unpack(file, folder / "bag")
+        return folder / "bag"
+
+    @contextmanager
+    def _opened(self, file: Path) -> Iterator[_Reader]:
+        reader = _READERS[self.kind](file)
+        with self._own_errors():
+            reader.open()
+        try:
+            yield reader
+        finally:
+            with suppress(Exception):
+                reader.close()
+
+    @contextmanager
+    def _own_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except CurvescanError:
+            raise
+        except (Ros1Error, Ros2Error) as error:
+            raise self._unreadable(str(error).rstrip(".")) from error
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
+            reason = f"its structure is damaged ({type(error).__name__})"
+            raise self._unreadable(reason) from error
+
+    def _unreadable(self, reason: str) -> LogFormatError:
+        whole = "" if self.is_whole else "; its compressed data break off or are damaged"
+        return LogFormatError(
+            f"{self.path} is a {self.kind.value} that cannot be read: {reason}{whole}"
+        )
+
+
+def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
+    """Return the topics by name; a topic has as many connections as publishers and files."""
+    topics: dict[str, Topic] = {}
+    for c in connections:
+        known = topics.get(c.topic, Topic(c.msgtype, 0))
+        if c.msgtype == known.msgtype:
+            topics[c.topic] = Topic(c.msgtype, known.count + c.msgcount)
+    return MappingProxyType(topics)
+
+
+class _Reader(Protocol):
+    """What the readers of rosbags have in common."""
+
+    connections: list[Connection]
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def messages(
+        self, connections: Collection[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]: ...
+
+
+def _sqlite_reader(file: Path) -> Sqlite3Reader:
+    # the reader puts the path into a URI, where ?, # and % would have a meaning
+    return Sqlite3Reader(Path(quote(file.absolute().as_posix(), safe="/:")))
+
+
+_READERS: dict[BagKind, Callable[[Path], _Reader]] = {
+    BagKind.ROS1: Ros1Reader,
+    BagKind.SQLITE: _sqlite_reader,
+    BagKind.MCAP: McapReader,
+}

@@ -1,0 +1,241 @@
+"""RosbagLog: the laser scans of a ROS bag, ROS 1 or ROS 2, read without ROS.
+
+Scans stand in the order in which the recorder received them; their stamps are those of the message headers. Ranges and
+limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*.
+"""
+
+from __future__ import annotations
+
+import difflib
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.bag import Bag, Message
+from curvescan.io.bag_messages import (
+    LASER_SCAN,
+    BrokenMessageError,
+    short_name,
+    shown,
+    stamp_of,
+)
+from curvescan.io.bag_odometry import BagOdometry, read_odometry
+from curvescan.io.bag_scan import scan_of
+from curvescan.io.faults import FaultCounter
+from curvescan.io.log import Fault
+from curvescan.scan import LaserScan
+from curvescan.types import Trajectory
+
+BROKEN_BAG = "bag damaged from here on: what stands before is read"
+
+_MAX_LISTED = 12
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """What one reading of all scans found."""
+
+    stamps: array[float]
+    faults: tuple[Fault, ...]
+
+
+class RosbagLog:
+    """The scans of one laser of a ROS bag, in the order they were received; a Log.
+
+    Opening reads the bag's table of contents and its first scans. The number of scans and the faults are known after
+    one reading of all scans: that of the first complete iteration, or one of its own where they are asked for before.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed, or the folder of a ROS 2 bag.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the messages say; None to believe them.
+    topic : str or None
+        Topic of sensor_msgs/LaserScan messages; None for the only one.
+
+    Raises
+    ------
+    LogFileError
+        When a file cannot be read.
+    LogFormatError
+        When the bag is damaged or holds no scan that can be read.
+    InvalidArgumentError
+        When `topic` is None and there are several, or has no laser scans.
+    """
+
+    def __init__(
+        self, path: Path, *, range_max: float | None = None, topic: str | None = None
+    ) -> None:
+        self._bag = Bag(path)
+        self._topic = _choose_topic(self._bag, topic)
+        self._range_max = range_max
+        self._survey: _Survey | None = None
+        self._frame, self._is_unstamped = self._look_at_first()
+        if next(iter(self), None) is None:
+            raise LogFormatError(self._no_scan_message())
+
+    @property
+    def name(self) -> str:
+        """Name of the file or folder, without what it lies in."""
+        return self._bag.path.absolute().name
+
+    @property
+    def format(self) -> str:
+        """``"ROS 1 bag"``, ``"ROS 2 bag (sqlite3)"`` or ``"ROS 2 bag (MCAP)"``."""
+        return self._bag.kind.value
+
+    @property
+    def topic(self) -> str:
+        """The topic that is read."""
+        return self._topic
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry at the stamps of the scans: the pose of the laser, by its mount, in the odometry's frame.
+
+        From nav_msgs/Odometry, else from the transform odom -> base of /tf, interpolated in time; a row of NaN outside
+        the time they cover. ``notes`` tells the mount. None without any.
+        """
+        return self._odometry.trajectory
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Scans that were skipped and damage of the bag, most frequent first."""
+        return self._surveyed().faults
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Messages by topic and type, ``"/scan (sensor_msgs/LaserScan)"``, by the bag's own count."""
+        counts: dict[str, int] = {}
+        for name, topic in self._bag.topics.items():
+            tag = f"{shown(name)} ({short_name(topic.msgtype)})"
+            counts[tag] = counts.get(tag, 0) + topic.count
+        return MappingProxyType(counts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out or assumed."""
+        others = [name for name in _laser_topics(self._bag) if name != self._topic]
+        notes = [
+            f"laser scans on {shown(name)} are not read: the topic is another" for name in others
+        ]
+        if self._is_unstamped:
+            notes.append(
+                "the scans are not stamped (all zeros): the time they were received stands for it"
+            )
+        return (*notes, *self._bag.notes, *self._odometry.notes)
+
+    def __len__(self) -> int:
+        return len(self._surveyed().stamps)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        faults, stamps = FaultCounter("message"), array("d")
+        number = 0
+        try:
+            for number, message in enumerate(self._bag.messages([self._topic]), 1):
+                try:
+                    scan = self._scan(message)
+                except BrokenMessageError as error:
+                    faults.add(str(error), number)
+                    continue
+                stamps.append(scan.stamp)
+                yield scan
+        except LogFormatError:
+            faults.add(BROKEN_BAG, number + 1)
+        self._survey = self._survey or _Survey(stamps, faults.faults())
+
+    def _surveyed(self) -> _Survey:
+        if self._survey is None:
+            for _ in self:
+                pass
+        assert self._survey is not None
+        return self._survey
+
+    @cached_property
+    def _odometry(self) -> BagOdometry:
+        stamps = np.array(self._surveyed().stamps)
+        return read_odometry(self._bag, stamps, self._frame, is_unstamped=self._is_unstamped)
+
+    def _look_at_first(self) -> tuple[str, bool]:
+        """Return the scans' frame, and whether their stamps are zeros; a single scan at 0 is believed."""
+        frame, stamps = "", []
+        for message in islice(self._bag.messages([self._topic]), 8):
+            try:
+                header = self._bag.decode(message).header
+                stamps.append(stamp_of(header))
+                frame = frame or str(header.frame_id)
+            except (BrokenMessageError, AttributeError, TypeError, OverflowError):
+                continue
+        return frame, len(stamps) > 1 and not any(stamps)
+
+    def _no_scan_message(self) -> str:
+        faults = self._surveyed().faults
+        reason = (
+            f"{faults[0].rule} ({faults[0].count} times, first in {faults[0].first})"
+            if faults
+            else "its table of contents promises messages that are not there"
+        )
+        return (
+            f"{self._bag.path} is a {self.format} without a scan that can be read on topic "
+            f"{shown(self._topic)}: {reason}"
+        )
+
+    def _scan(self, message: Message) -> LaserScan:
+        decoded = self._bag.decode(message)
+        stamp = message.received / 10**9 if self._is_unstamped else None
+        return scan_of(decoded, stamp=stamp, range_max=self._range_max)
+
+
+def _laser_topics(bag: Bag) -> dict[str, int]:
+    return {
+        name: topic.count
+        for name, topic in bag.topics.items()
+        if topic.msgtype == LASER_SCAN and topic.count
+    }
+
+
+def _choose_topic(bag: Bag, topic: str | None) -> str:
+    lasers = _laser_topics(bag)
+    if not lasers:
+        raise LogFormatError(_no_laser_message(bag))
+    listed = ", ".join(
+        f"{shown(name)} ({n:,} scans)" for name, n in list(lasers.items())[:_MAX_LISTED]
+    )
+    if topic is None:
+        if len(lasers) == 1:
+            return next(iter(lasers))
+        raise InvalidArgumentError(
+            f"{bag.path} holds laser scans on {len(lasers)} topics: {listed}; choose one with "
+            f"--topic {shown(next(iter(lasers)))} (topic= in Python)"
+        )
+    for name in lasers:
+        if name.strip("/") == topic.strip("/"):
+            return name
+    near = difflib.get_close_matches(topic, lasers, n=1, cutoff=0.0)[0]
+    other = bag.topics.get(topic)
+    what = (
+        f"topic {topic} of {bag.path} holds {short_name(other.msgtype)}"
+        if other
+        else f"{bag.path} has no topic {topic!r} with laser scans"
+    )
+    raise InvalidArgumentError(f"{what}: the nearest is {shown(near)}; it holds {listed}")
+
+
+def _no_laser_message(bag: Bag) -> str:
+    held = [
+        f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})"
+        for name, topic in bag.topics.items()
+    ]
+    more = f" and {len(held) - _MAX_LISTED} more" if len(held) > _MAX_LISTED else ""
+    return (
+        f"{bag.path} is a {bag.kind.value} without a laser scan: it needs sensor_msgs/LaserScan messages, and "
+        f"holds {', '.join(held[:_MAX_LISTED]) or 'no topic'}{more}"
+    )
