@@ -157,6 +157,10 @@ class InformationConfig:
     """Standard deviation given to an open direction, metres at the typical reading."""
     weak_ratio: float = 0.1
     """A direction of which less than this share of the next one's information is known is slid along."""
+    fine_step: float = 0.05
+    """The best place along it is looked for in steps of this length, metres at the typical reading."""
+    max_slid_turn: float = 0.5
+    """Turns along it are tried up to this angle, radians."""
     offsets: tuple[float, ...] = (0.1, 0.2, 0.4)
     """How far, metres at the typical reading."""
     flat_score: float = 0.92
@@ -168,7 +172,14 @@ class InformationConfig:
     this, metres and radians."""
 
     def __post_init__(self) -> None:
-        for name in ("max_sigma", "open_sigma", "weak_ratio", "flat_score", "way_tolerance"):
+        for name in (
+            "max_sigma",
+            "open_sigma",
+            "weak_ratio",
+            "fine_step",
+            "flat_score",
+            "way_tolerance",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 

@@ -62,6 +62,7 @@ class CurvescanMatcher:
         self._closer = np.array(refinement.closer)
         self._full = np.array(refinement.full)
         self._offsets = np.array(config.information.offsets)
+        self._n_fine = round(config.hypotheses.slide_reach / config.information.fine_step)
 
     def prepare(self, scan: LaserScan) -> ConsensusFeatures:
         """Return the surfels, corners and polar view of a scan."""
@@ -88,8 +89,14 @@ class CurvescanMatcher:
         poses, scores = self._finalists(trace)
         if not len(poses):
             return _silence(Outcome.UNSUPPORTED, trace)
-        poses, scores = self._prefer(guess, poses, scores)
         told = _consult(ref, cur, poses[0])
+        if self._is_weak(told):
+            poses, scores = self._slide_finely(trace, poses, told)
+            told = _consult(ref, cur, poses[0])
+        preferred = self._preferred(guess, poses, scores)
+        if preferred is not None:
+            poses, scores = poses[preferred:][:1], scores[preferred:][:1]
+            told = _consult(ref, cur, poses[0])
         is_open = self._open_directions(trace, poses, scores, told)
         nearest = self._nearest_on_the_way(guess, poses, scores, told, is_open)
         if nearest > 0:
@@ -145,12 +152,20 @@ class CurvescanMatcher:
         tried = np.concatenate((turned, voted))
         candidates, scores = self._try(ref, cur, tried)
         n_tried = len(tried)
-        if not len(scores) or scores[0] < self.config.verification.doubtful_score:
+        if self._is_doubtful(scores):
             reach = round(config.lattice_reach / config.lattice_step)
             dense = lattice(turned, config.lattice_step, reach)
             candidates, scores = self._try(ref, cur, np.concatenate((candidates, dense)))
             n_tried += len(dense)
         return _trace(ref, cur, n_tried, candidates, scores)
+
+    def _is_doubtful(self, scores: Floats) -> bool:
+        """Return whether the best pose finds little support, or not much more than another one."""
+        config = self.config.verification
+        if not len(scores) or scores[0] < config.doubtful_score:
+            return True
+        is_contested = len(scores) > 1 and scores[1] > config.contested * scores[0]
+        return bool(is_contested and scores[0] < config.trusted_score)
 
     def _try(
         self, ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats
@@ -173,13 +188,33 @@ class CurvescanMatcher:
 
     def _finalists(self, trace: CurvescanTrace) -> tuple[Floats, Floats]:
         """Return the best pose, refined on all readings, and its rivals if they come near, and their scores."""
-        ref, cur, config = trace.reference, trace.current, self.config.verification
         if not len(trace.scores):
             return trace.candidates, trace.scores
-        near = trace.candidates[trace.scores > config.contested * trace.scores[0]]
-        closer = refine(near, ref.view, cur.view, self._closer)
+        contested = self.config.verification.contested
+        near = trace.candidates[trace.scores > contested * trace.scores[0]]
+        return self._finish(trace, near)
+
+    def _finish(self, trace: CurvescanTrace, poses: Floats) -> tuple[Floats, Floats]:
+        """Return poses refined on all readings, those that differ, best first, and their scores."""
+        ref, cur = trace.reference, trace.current
+        closer = refine(poses, ref.view, cur.view, self._closer)
         final = refine(closer, ref.whole, cur.whole, self._full)
-        return select(final, ref.wide, cur.wide, *config.fine, 3, 4096, 0.2)
+        return select(final, ref.wide, cur.wide, *self.config.verification.fine, 3, 4096, 0.2)
+
+    def _is_weak(self, told: _Told) -> bool:
+        """Return whether much less is told in one direction than in the next."""
+        return bool(told.information[0] < self.config.information.weak_ratio * told.information[1])
+
+    def _slide_finely(
+        self, trace: CurvescanTrace, poses: Floats, told: _Told
+    ) -> tuple[Floats, Floats]:
+        """Return the poses and the best of those along their least informed direction, best first, and their scores."""
+        ref, cur, config = trace.reference, trace.current, self.config
+        offsets = np.arange(-self._n_fine, self._n_fine + 1) * config.information.fine_step
+        slid = poses[0] + offsets[:, np.newaxis] * told.weakest
+        slid = slid[np.abs(offsets * told.weakest[2]) < config.information.max_slid_turn]
+        best, _ = select(slid, ref.wide, cur.wide, *config.verification.close, 4, 24, 0.1)
+        return self._finish(trace, np.concatenate((poses, best)))
 
     def _rivals(self, scores: Floats) -> list[int]:
         """Return the numbers of the poses that are as good as the first."""
@@ -187,17 +222,16 @@ class CurvescanMatcher:
         least = min(share * scores[0], scores[0] - margin)
         return [k for k in range(1, len(scores)) if scores[k] > least]
 
-    def _prefer(self, guess: Pose | None, poses: Floats, scores: Floats) -> tuple[Floats, Floats]:
-        """Return the poses, or of those that are as good as each other the one that the guess is clearly nearest to."""
+    def _preferred(self, guess: Pose | None, poses: Floats, scores: Floats) -> int | None:
+        """Return which of the poses that are as good as each other the guess is clearly nearest to, if any."""
         rivals = self._rivals(scores)
         if guess is None or not rivals:
-            return poses, scores
+            return None
         distances = np.array([_distance(poses[k], guess) for k in [0, *rivals]])
         first, second = np.argsort(distances, kind="stable")[:2]
         if 2.0 * distances[first] > distances[second]:
-            return poses, scores
-        kept = [0, *rivals][first]
-        return poses[kept : kept + 1], scores[kept : kept + 1]
+            return None
+        return [0, *rivals][first]
 
     def _open_directions(
         self, trace: CurvescanTrace, poses: Floats, scores: Floats, told: _Told
@@ -206,7 +240,7 @@ class CurvescanMatcher:
         config, views = self.config.information, (trace.reference.view, trace.current.view)
         information = told.information
         is_open: Bools = (information < 2.0 * told.feigned) | (information < config.max_sigma**-2)
-        if is_open[0] or information[0] > config.weak_ratio * information[1]:
+        if is_open[0] or not self._is_weak(told):
             return is_open
         fine = self.config.verification.fine
         here = best_beside(poses[0], told.weakest, np.zeros(1), *views, *fine)
