@@ -104,6 +104,10 @@ class VerificationConfig:
     """Poses with this share of the best one's score are judged beside it."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
+    few_tried: int = 24
+    """With fewer poses than this to try, other ways are tried up to the next score."""
+    certain_score: float = 0.65
+    """See `few_tried`."""
     trusted_score: float = 0.5
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.15
@@ -122,7 +126,7 @@ class VerificationConfig:
                 f"{name} must be metres > 0 and a slope >= 0",
                 tolerance,
             )
-        for name in ("doubtful_score", "trusted_score", "min_score", "contested"):
+        for name in ("doubtful_score", "trusted_score", "certain_score", "min_score", "contested"):
             require(
                 -1.0 <= getattr(self, name) <= 1.0,
                 f"{name} must lie in [-1, 1]",

@@ -152,20 +152,23 @@ class CurvescanMatcher:
         tried = np.concatenate((turned, voted))
         candidates, scores = self._try(ref, cur, tried)
         n_tried = len(tried)
-        if self._is_doubtful(scores):
+        if self._is_doubtful(scores, n_tried):
             reach = round(config.lattice_reach / config.lattice_step)
             dense = lattice(turned, config.lattice_step, reach)
             candidates, scores = self._try(ref, cur, np.concatenate((candidates, dense)))
             n_tried += len(dense)
         return _trace(ref, cur, n_tried, candidates, scores)
 
-    def _is_doubtful(self, scores: Floats) -> bool:
-        """Return whether the best pose finds little support, or not much more than another one."""
+    def _is_doubtful(self, scores: Floats, n_tried: int) -> bool:
+        """Return whether the best pose finds little support, or no more than middling with few or near rivals."""
         config = self.config.verification
         if not len(scores) or scores[0] < config.doubtful_score:
             return True
         is_contested = len(scores) > 1 and scores[1] > config.contested * scores[0]
-        return bool(is_contested and scores[0] < config.trusted_score)
+        return bool(
+            (is_contested and scores[0] < config.trusted_score)
+            or (n_tried < config.few_tried and scores[0] < config.certain_score)
+        )
 
     def _try(
         self, ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats
@@ -231,7 +234,7 @@ class CurvescanMatcher:
         first, second = np.argsort(distances, kind="stable")[:2]
         if 2.0 * distances[first] > distances[second]:
             return None
-        return [0, *rivals][first]
+        return int([0, *rivals][first])
 
     def _open_directions(
         self, trace: CurvescanTrace, poses: Floats, scores: Floats, told: _Told
