@@ -68,15 +68,24 @@ class HypothesesConfig:
     """Most voted poses that are tried."""
     n_turns: int = 4
     """Rotations taken from the directions of all surfaces."""
-    lattice_step: float = 0.15
-    """Where no pose finds support, and along corridors, places this far apart are tried, metres."""
-    lattice_reach: float = 1.35
+    lattice_step: float = 0.25
+    """Where no pose finds support, places this far apart are tried, metres."""
+    lattice_reach: float = 1.25
     """How far the places tried lie from the reference's, metres on each axis."""
+    slide_step: float = 0.15
+    """Along corridors places this far apart are tried, metres."""
     slide_reach: float = 1.8
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
-        for name in ("turn_tolerance", "cell", "lattice_step", "lattice_reach", "slide_reach"):
+        for name in (
+            "turn_tolerance",
+            "cell",
+            "lattice_step",
+            "lattice_reach",
+            "slide_step",
+            "slide_reach",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("max_pairs", "max_tried", "n_turns"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -106,7 +115,7 @@ class VerificationConfig:
     """Below this score other ways to a pose are tried, too."""
     few_tried: int = 24
     """With fewer poses than this to try, other ways are tried up to the next score."""
-    certain_score: float = 0.65
+    certain_score: float = 0.55
     """See `few_tried`."""
     trusted_score: float = 0.5
     """From this score on a guess that fixes both axes is taken without a look at others."""

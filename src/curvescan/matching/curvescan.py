@@ -131,8 +131,8 @@ class CurvescanMatcher:
         if (
             len(near)
             and scores[0] > verification.trusted_score
-            and _distance(near[0], guess) < 2.0 * steps.lattice_step
-            and not len(slides(near, ref.view, cur.view, steps.lattice_step, 1, 0.1))
+            and _distance(near[0], guess) < 2.0 * steps.slide_step
+            and not len(slides(near, ref.view, cur.view, steps.slide_step, 1, 0.1))
         ):
             return _trace(ref, cur, 1, near, scores)
         return None
@@ -181,8 +181,8 @@ class CurvescanMatcher:
         )
         chosen, _ = select(poses, *views, *config.rough, config.n_kept, 6, 0.3)
         quick = refine(chosen, *views, self._quick)
-        n_slides = round(steps.slide_reach / steps.lattice_step)
-        slid = slides(quick[:2], *views, steps.lattice_step, n_slides, 0.1)
+        n_slides = round(steps.slide_reach / steps.slide_step)
+        slid = slides(quick[:2], *views, steps.slide_step, n_slides, 0.1)
         if len(slid):
             every = np.concatenate((quick, slid))
             chosen, _ = select(every, *views, *config.slid, config.n_kept + 1, 12, 0.3)
