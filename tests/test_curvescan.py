@@ -104,7 +104,7 @@ def test_a_symmetric_room_is_ambiguous_until_a_guess_decides():
         return room_scan(pose, sigma=0.005, seed=seed, n_beams=360, fov=2 * math.pi * 359 / 360)
 
     room_centre = np.array([0.5, 0.5, 0.0])  # where a half turn shows the same
-    ref, cur = scan(room_centre, 1), scan(room_centre + [0.1, 0.05, 0.05], 2)
+    ref, cur = scan(room_centre, 1), scan(room_centre + np.array([0.1, 0.05, 0.05]), 2)
     result = cs.match(ref, cur)
     assert result.outcome is cs.Outcome.AMBIGUOUS
     assert np.isnan(result.pose).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
         CONFIG.incidence_limit,
         CONFIG.max_gap,
     )
-    found = [beam_idx[a:b].tolist() for a, b in zip(bounds, bounds[1:], strict=False)]
+    found = [beam_idx[a:b].tolist() for a, b in itertools.pairwise(bounds)]
     assert sorted(found) == sorted([beams[i] for i in group] for group in expected)
     np.testing.assert_allclose(readings[:, :2], scan.points[beam_idx])
     np.testing.assert_array_equal(readings[:, 2], scan.ranges[beam_idx])

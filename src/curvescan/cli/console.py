@@ -65,8 +65,14 @@ def load_kernels(method: str) -> None:
         from curvescan import LaserScan, match
         from curvescan._jit import n_compiled
 
-        scan = LaserScan(np.ones(3), angle_min=0.0, angle_increment=0.1)
-        match(scan, scan, method=method)
+        # a box and a bare wall: what a matcher does with corners, and without
+        angles = np.radians(np.arange(-90.0, 91.0))
+        for ranges in (
+            2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))),
+            np.where(np.abs(angles) < 1.0, 2.0 / np.cos(angles), np.nan),
+        ):
+            scan = LaserScan(ranges, angle_min=angles[0], angle_increment=np.radians(1.0))
+            match(scan, scan, method=method)
         seconds = time.perf_counter() - started
     if n_compiled():
         ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")

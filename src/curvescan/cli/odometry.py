@@ -7,6 +7,7 @@ from pathlib import Path
 
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.cli.options import LogPath, Method
+from curvescan.consensus.config import ConsensusConfig
 
 
 def odometry(
@@ -14,8 +15,9 @@ def odometry(
     /,
     *,
     out: Path,
-    method: Method = "cfsma",
+    method: Method = "curvescan",
     range_max: float | None = None,
+    curvescan: ConsensusConfig = ConsensusConfig(),  # noqa: B008 - frozen
     cfsma: CfSmaConfig = CfSmaConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Match each scan of a log with the one before, and write the trajectory and the map.
@@ -33,6 +35,8 @@ def odometry(
         The matcher.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
+    curvescan
+        Parameters of the method "curvescan".
     cfsma
         Parameters of the method "cfsma".
     """
@@ -43,7 +47,7 @@ def odometry(
     from curvescan.view.run import save_run
 
     source = read_log(log, range_max=range_max)
-    chain = Odometry(method, matcher_config=cfsma)
+    chain = Odometry(method, matcher_config={"curvescan": curvescan, "cfsma": cfsma}[method])
     with output_folder(out) as folder:
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:
