@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +109,8 @@ class VerificationConfig:
     """Tolerance of a pose after a quick refinement."""
     fine: tuple[float, float] = (0.03, 0.004)
     """Tolerance of a pose to be judged."""
+    margin: float = 0.01
+    """Metres that two readings of one surface may lie apart besides three standard deviations of their noise."""
     n_kept: int = 5
     """Poses that are refined."""
     n_wide: int = 192
@@ -153,6 +159,21 @@ class RefinementConfig:
     """The same for the one or two that are left."""
     full: tuple[float, ...] = (0.0,)
     """The same on all readings."""
+
+    @cached_property
+    def quick_slacks(self) -> Floats:
+        """`quick` as an array."""
+        return np.array(self.quick, dtype=np.float64)
+
+    @cached_property
+    def closer_slacks(self) -> Floats:
+        """`closer` as an array."""
+        return np.array(self.closer, dtype=np.float64)
+
+    @cached_property
+    def full_slacks(self) -> Floats:
+        """`full` as an array."""
+        return np.array(self.full, dtype=np.float64)
 
     def __post_init__(self) -> None:
         for name in ("quick", "closer", "full"):
