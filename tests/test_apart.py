@@ -46,4 +46,4 @@ def test_a_turn_passes_what_lies_on_its_arc(turn):
     other = np.array([*turned, cs.se2.wrap(pose[2] + turn)])
     assert is_on_the_way(direction, pose, other, 0.01)
     assert is_on_the_way(-0.2 * direction, pose, other, 0.01)
-    assert not is_on_the_way(direction, pose, other + [0.0, 0.5, 0.0], 0.1)
+    assert not is_on_the_way(direction, pose, other + np.array([0.0, 0.5, 0.0]), 0.1)

@@ -44,7 +44,7 @@ def test_a_guess_decides_between_rivals_and_only_between_them():
 def test_finalists_are_refined_and_the_far_off_left_out():
     ref, cur = pair()
     found = Candidates(
-        poses=np.array([MOTION + 0.02, MOTION + [0.9, 0.9, 1.0]]),
+        poses=np.array([MOTION + 0.02, MOTION + np.array([0.9, 0.9, 1.0])]),
         scores=np.array([0.8, 0.2]),
         n_tried=2,
     )

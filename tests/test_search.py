@@ -43,7 +43,7 @@ def test_a_guess_is_followed_only_where_it_is_right():
     trusted = follow(ref, cur, MOTION + 0.03, CONFIG)
     assert trusted is not None
     assert off(trusted.poses[0]) < 0.01
-    assert follow(ref, cur, MOTION + [0.8, 0.5, 1.0], CONFIG) is None
+    assert follow(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]), CONFIG) is None
 
 
 def test_a_guess_in_a_corridor_is_not_trusted():
