@@ -91,7 +91,7 @@ def test_a_right_guess_is_used_and_a_wrong_one_loses():
     ref, cur = cs.prepare(pillar_scan(seed=1)), cs.prepare(pillar_scan(MOTION, seed=2))
     plain = cs.match(ref, cur)
     guided = cs.match(ref, cur, guess=MOTION + 0.02)
-    assert guided.trace.n_tried == 1
+    assert guided.trace.candidates.n_tried == 1
     np.testing.assert_allclose(guided.pose, plain.pose, atol=2e-4)
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -169,7 +169,7 @@ def test_readings_are_told_what_they_are():
 def test_the_configuration_is_used():
     blind = ConsensusConfig(hypotheses=HypothesesConfig(max_tried=1, n_turns=1))
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
-    assert cs.match(ref, cur, config=blind).trace.n_tried < 5
+    assert cs.match(ref, cur, config=blind).trace.candidates.n_tried < 5
     with pytest.raises(cs.InvalidArgumentError, match="takes a ConsensusConfig"):
         cs.match(ref, cur, config=HypothesesConfig())
 

@@ -54,5 +54,18 @@ def test_a_half_circle_sees_nothing_behind():
     one = features(ring(181, math.radians(1.0), -math.pi / 2, missing=(90,)))
     assert reading_at(-1.0, 0.2, one.view) == -2
     assert reading_at(1.0, 0.0, one.view) == -1
-    assert polar_lookup(np.array([0, 2]), 3, 8, False).tolist() == [0, -1, 1, *[-2] * 5]
-    assert polar_lookup(np.array([2, 0]), 3, 8, True).tolist() == [0, -1, 1, *[-2] * 5]
+
+
+def test_slots_run_counter_clockwise_whatever_way_the_sensor_turns():
+    assert polar_lookup(np.array([0, 2]), 3, 4, False, False).tolist() == [0, -1, 1, -2]
+    assert polar_lookup(np.array([2, 0]), 3, 4, True, False).tolist() == [0, -1, 1, -2]
+    assert polar_lookup(np.array([0, 1]), 2, 3, False, True).tolist() == [0, 1, 0]
+    assert polar_lookup(np.array([0, 1, 2]), 3, 2, False, True).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("increment", [1e-9, 1e-3, 3.0, 30.0])
+def test_odd_increments_cost_no_memory_and_raise_nothing(increment):
+    scan = cs.LaserScan(np.ones(50), angle_min=0.3, angle_increment=increment)
+    one = features(scan)
+    assert one.view.lookup.size <= 6300
+    assert reading_at(1.0, 1.0, one.view) >= -2

@@ -67,11 +67,14 @@ def load_kernels(method: str) -> None:
         from curvescan import LaserScan, match
         from curvescan._jit import n_compiled
 
-        # a square room seen all around: a scan that every method carries to its end
+        # a square room seen all around and a bare wall: what a matcher does with corners, and without
         angles = np.arange(180) * (np.pi / 90.0)
-        ranges = 2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
-        scan = LaserScan(ranges, angle_min=0.0, angle_increment=np.pi / 90.0)
-        match(scan, scan, method=method)
+        for ranges in (
+            2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))),
+            np.where(np.abs(angles - np.pi) < 1.0, -2.0 / np.cos(angles), np.nan),
+        ):
+            scan = LaserScan(ranges, angle_min=0.0, angle_increment=np.pi / 90.0)
+            match(scan, scan, method=method)
         seconds = time.perf_counter() - started
     if n_compiled():
         ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")

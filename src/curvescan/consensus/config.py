@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,15 +72,24 @@ class HypothesesConfig:
     """Most voted poses that are tried."""
     n_turns: int = 4
     """Rotations taken from the directions of all surfaces."""
-    lattice_step: float = 0.15
-    """Where no pose finds support, and along corridors, places this far apart are tried, metres."""
-    lattice_reach: float = 1.35
+    lattice_step: float = 0.25
+    """Where no pose finds support, places this far apart are tried, metres."""
+    lattice_reach: float = 1.25
     """How far the places tried lie from the reference's, metres on each axis."""
+    slide_step: float = 0.15
+    """Along corridors places this far apart are tried, metres."""
     slide_reach: float = 1.8
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
-        for name in ("turn_tolerance", "cell", "lattice_step", "lattice_reach", "slide_reach"):
+        for name in (
+            "turn_tolerance",
+            "cell",
+            "lattice_step",
+            "lattice_reach",
+            "slide_step",
+            "slide_reach",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("max_pairs", "max_tried", "n_turns"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -96,6 +109,8 @@ class VerificationConfig:
     """Tolerance of a pose after a quick refinement."""
     fine: tuple[float, float] = (0.03, 0.004)
     """Tolerance of a pose to be judged."""
+    margin: float = 0.01
+    """Metres that two readings of one surface may lie apart besides three standard deviations of their noise."""
     n_kept: int = 5
     """Poses that are refined."""
     n_wide: int = 192
@@ -104,6 +119,10 @@ class VerificationConfig:
     """Poses with this share of the best one's score are judged beside it."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
+    few_tried: int = 24
+    """With fewer poses than this to try, other ways are tried up to the next score."""
+    certain_score: float = 0.55
+    """See `few_tried`."""
     trusted_score: float = 0.5
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.15
@@ -122,7 +141,7 @@ class VerificationConfig:
                 f"{name} must be metres > 0 and a slope >= 0",
                 tolerance,
             )
-        for name in ("doubtful_score", "trusted_score", "min_score", "contested"):
+        for name in ("doubtful_score", "trusted_score", "certain_score", "min_score", "contested"):
             require(
                 -1.0 <= getattr(self, name) <= 1.0,
                 f"{name} must lie in [-1, 1]",
@@ -141,6 +160,21 @@ class RefinementConfig:
     full: tuple[float, ...] = (0.0,)
     """The same on all readings."""
 
+    @cached_property
+    def quick_slacks(self) -> Floats:
+        """`quick` as an array."""
+        return np.array(self.quick, dtype=np.float64)
+
+    @cached_property
+    def closer_slacks(self) -> Floats:
+        """`closer` as an array."""
+        return np.array(self.closer, dtype=np.float64)
+
+    @cached_property
+    def full_slacks(self) -> Floats:
+        """`full` as an array."""
+        return np.array(self.full, dtype=np.float64)
+
     def __post_init__(self) -> None:
         for name in ("quick", "closer", "full"):
             slacks = getattr(self, name)
@@ -157,6 +191,10 @@ class InformationConfig:
     """Standard deviation given to an open direction, metres at the typical reading."""
     weak_ratio: float = 0.1
     """A direction of which less than this share of the next one's information is known is slid along."""
+    fine_step: float = 0.05
+    """The best place along it is looked for in steps of this length, metres at the typical reading."""
+    max_slid_turn: float = 0.5
+    """Turns along it are tried up to this angle, radians."""
     offsets: tuple[float, ...] = (0.1, 0.2, 0.4)
     """How far, metres at the typical reading."""
     flat_score: float = 0.92
@@ -168,7 +206,14 @@ class InformationConfig:
     this, metres and radians."""
 
     def __post_init__(self) -> None:
-        for name in ("max_sigma", "open_sigma", "weak_ratio", "flat_score", "way_tolerance"):
+        for name in (
+            "max_sigma",
+            "open_sigma",
+            "weak_ratio",
+            "fine_step",
+            "flat_score",
+            "way_tolerance",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 

@@ -66,7 +66,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     n, step = len(scan), abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
-    n_slots = max(round(2.0 * math.pi / step), 1 if is_closed else n)
+    n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
     surfaces, frames = config.surfaces, config.frames
     beam_idx, readings, bounds = sweep(
         scan.ranges,
@@ -87,7 +87,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         probes=choose_probes(surfels, step, config.verification.n_probes),
         surfels=surfels,
         fan=np.array([math.remainder(angle_min, 2.0 * math.pi), 1.0 / step, sigma]),
-        lookup=polar_lookup(beam_idx, n, n_slots, is_clockwise),
+        lookup=polar_lookup(beam_idx, n, n_slots, is_clockwise, is_closed),
     )
     return ConsensusFeatures(
         n_beams=n,

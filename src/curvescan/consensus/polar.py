@@ -33,11 +33,14 @@ class View(NamedTuple):
 
 
 @kernel
-def polar_lookup(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool) -> Ints:
+def polar_lookup(
+    beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool
+) -> Ints:
     """Return (n_slots,) the reading in each direction, counter-clockwise from the first beam.
 
-    -1: the beam there has no reading; -2: out of the field of view. The slots go once around the circle. A full
-    circle of one beam fewer or more than slots leaves the last slot to the first beam, or the last beam without one.
+    -1: the beam there has no reading; -2: out of the field of view, which the last slot of an open sweep stands for.
+    The slots of a full circle go once around; when it has a beam less than slots the last slot is left to the first
+    beam, when it has one more the last beam has none.
     """
     lookup = np.full(n_slots, -2, dtype=np.int64)
     lookup[: min(n_beams, n_slots)] = -1
@@ -45,7 +48,7 @@ def polar_lookup(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool)
         slot = n_beams - 1 - beam_idx[i] if is_clockwise else beam_idx[i]
         if slot < n_slots:
             lookup[slot] = i
-    if n_beams == n_slots - 1:
+    if is_closed and n_beams == n_slots - 1:
         lookup[n_slots - 1] = lookup[0]
     return lookup
 
@@ -63,12 +66,12 @@ def reading_at(x: float, y: float, view: View) -> int:
     a = 0.5 * math.pi - a if ay > ax else a
     a = math.pi - a if x < 0.0 else a
     a = -a if y < 0.0 else a
-    # angle_min lies in (-pi, pi], so that the difference is at most one turn off
+    # both angles lie in (-pi, pi], so that their difference is at most one turn off
+    turn = 2.0 * math.pi * view.fan[1]
     place = (a - view.fan[0]) * view.fan[1] + 0.5
-    slot = math.floor(place)
-    n = view.lookup.size
-    if slot < 0:
-        slot = math.floor(place + 2.0 * math.pi * view.fan[1])
-    if slot >= n:
-        slot = 0
+    if place < 0.0:
+        place += turn
+    elif place >= turn:
+        place -= turn
+    slot = min(math.floor(place), view.lookup.size - 1)
     return int(view.lookup[slot])

@@ -39,7 +39,7 @@ class PreparedScan:
     matcher : Matcher
         Whose features these are.
     features : object
-        The matcher's own record, ``CfSmaFeatures`` for "cfsma".
+        The matcher's own record, ``ConsensusFeatures`` for "curvescan", ``CfSmaFeatures`` for "cfsma".
     """
 
     scan: LaserScan
@@ -87,8 +87,8 @@ def match(
     method : str
         Name of the matcher; see ``MATCHERS``.
     guess : (3,) array_like or None
-        Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "cfsma" needs
-        none and uses none.
+        Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
+        faster with a good one and no worse with a wrong one; "cfsma" uses none.
     config : object or None
         The matcher's configuration; None for its defaults.
 

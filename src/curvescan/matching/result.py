@@ -66,8 +66,8 @@ class MatchResult:
     n_matched : int
         Pairs of readings that the pose stands on (N_t of the paper); 0 unless `ok`.
     trace : object
-        What the matcher did on the way: a record of its own, ``CfSmaTrace`` for "cfsma", ``Descent`` for the
-        iterated methods, ``HistogramTrace`` for "histogram".
+        What the matcher did on the way: a record of its own, ``CurvescanTrace`` for "curvescan", ``CfSmaTrace`` for
+        "cfsma", ``Descent`` for the iterated methods, ``HistogramTrace`` for "histogram".
     labels_reference, labels_current : (n_beams,) uint8
         A Label for each beam of the two scans, in the order of their own ranges.
     weak_direction : (3,) float64 or None

@@ -1,0 +1,53 @@
+"""How two poses differ: by how much, and whether one lies on the way that the scans leave open at the other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan.types import Pose
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return the inverse of one pose; se2.inverse takes any number of them, and ten times as long for one."""
+    x, y, theta = pose.tolist()
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([-c * x - s * y, s * x - c * y, -theta])
+
+
+def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:
+    """Return x, y and theta of a pose less those of another, metres, metres and radians in [-pi, pi]."""
+    x, y, theta = (pose - origin).tolist()
+    return x, y, math.remainder(theta, 2.0 * math.pi)
+
+
+def distance(a: Pose, b: Pose) -> float:
+    """Return how far apart two poses are: metres, or radians times 2 m, whichever is more."""
+    x, y, theta = difference(a, b)
+    return max(math.hypot(x, y), 2.0 * abs(theta))
+
+
+def is_on_the_way(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
+    """Return whether a motion that starts in a direction and keeps to it passes another pose.
+
+    Parameters
+    ----------
+    direction : (3,) float64
+        Change of x, y and theta to begin with, metres, metres and radians, of any length. Without a turn the motion
+        is a line, with one an arc.
+    pose, other : (3,) float64
+        Where it starts, and what it may pass.
+    tolerance : float
+        How near it must come, metres, and radians on a line.
+    """
+    x, y, theta = difference(other, pose)
+    dx, dy, turn = direction.tolist()
+    length = math.hypot(dx, dy)
+    if abs(turn) < 0.05 * length:
+        return bool(max(abs(dx * y - dy * x) / length, abs(theta)) < tolerance)
+    # the sensor circles around this place, seen from the pose
+    cx, cy = -dy / turn, dx / turn
+    c, s = math.cos(theta), math.sin(theta)
+    missed = math.hypot(x - (cx - c * cx + s * cy), y - (cy - s * cx - c * cy))
+    return bool(missed < tolerance * (1.0 + abs(theta)))

@@ -1,0 +1,96 @@
+"""Contest: the few best poses refined on all readings, and which of them, if any, stands alone.
+
+Poses are the rows of an array, best first; scores the numbers beside them. A rival is a pose with nearly the best score.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan.consensus.apart import distance, is_on_the_way
+from curvescan.consensus.config import ConsensusConfig
+from curvescan.consensus.evidence import Evidence
+from curvescan.consensus.features import ConsensusFeatures
+from curvescan.consensus.refinement import refine
+from curvescan.consensus.search import Candidates
+from curvescan.consensus.verification import select
+from curvescan.types import Floats, Pose
+
+
+def finalists(
+    ref: ConsensusFeatures, cur: ConsensusFeatures, found: Candidates, config: ConsensusConfig
+) -> tuple[Floats, Floats]:
+    """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
+    if not len(found.scores):
+        return found.poses, found.scores
+    near = found.poses[found.scores > config.verification.contested * found.scores[0]]
+    return _finish(ref, cur, near, config)
+
+
+def slide_finely(
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    poses: Floats,
+    weakest: Pose,
+    config: ConsensusConfig,
+) -> tuple[Floats, Floats]:
+    """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
+    rules = config.information
+    n = round(config.hypotheses.slide_reach / rules.fine_step)
+    offsets = np.arange(-n, n + 1) * rules.fine_step
+    slid = poses[0] + offsets[:, np.newaxis] * weakest
+    slid = slid[np.abs(offsets * weakest[2]) < rules.max_slid_turn]
+    best, _ = select(slid, ref.wide, cur.wide, *config.verification.close, 4, 24, 0.1)
+    return _finish(ref, cur, np.concatenate((poses, best)), config)
+
+
+def _finish(
+    ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats, config: ConsensusConfig
+) -> tuple[Floats, Floats]:
+    closer = refine(poses, ref.view, cur.view, config.refinement.closer_slacks)
+    final = refine(closer, ref.whole, cur.whole, config.refinement.full_slacks)
+    return select(final, ref.wide, cur.wide, *config.verification.fine, 3, 4096, 0.2)
+
+
+def rivals(scores: Floats, config: ConsensusConfig) -> list[int]:
+    """Return the rows of the poses that are as good as the first."""
+    share, margin = config.verification.ambiguity
+    least = min(share * scores[0], scores[0] - margin)
+    return [k for k in range(1, len(scores)) if scores[k] > least]
+
+
+def prefer(
+    guess: Pose | None, poses: Floats, scores: Floats, config: ConsensusConfig
+) -> tuple[Floats, Floats]:
+    """Return the poses, or of those as good as the first the one that a guess is clearly nearest to, alone."""
+    rows = [0, *rivals(scores, config)]
+    if guess is None or len(rows) == 1:
+        return poses, scores
+    distances = [distance(poses[k], guess) for k in rows]
+    first, second = np.argsort(distances, kind="stable")[:2].tolist()
+    if 2.0 * distances[first] > distances[second]:
+        return poses, scores
+    kept = rows[first]
+    return poses[kept : kept + 1], scores[kept : kept + 1]
+
+
+def along_the_way(
+    poses: Floats, scores: Floats, evidence: Evidence, config: ConsensusConfig
+) -> list[int]:
+    """Return the rows of the rivals that differ by a motion along the first one's weakest direction."""
+    tolerance = config.information.way_tolerance
+    return [
+        k
+        for k in rivals(scores, config)
+        if is_on_the_way(evidence.weakest, poses[0], poses[k], tolerance)
+    ]
+
+
+def nearest_of_ties(
+    guess: Pose | None, poses: Floats, scores: Floats, rows: list[int], config: ConsensusConfig
+) -> Pose:
+    """Return of the first pose and those rows that tie with it the one nearest to the guess, or to standing still."""
+    around = np.zeros(3) if guess is None else guess
+    ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
+    nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
+    return nearest

@@ -1,0 +1,97 @@
+"""Evidence: what the readings of both scans say of one pose, and which directions they leave open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.consensus.apart import inverse
+from curvescan.consensus.config import ConsensusConfig, InformationConfig
+from curvescan.consensus.features import ConsensusFeatures
+from curvescan.consensus.information import covariance, pose_information
+from curvescan.consensus.labels import compare_readings
+from curvescan.consensus.verification import best_beside
+from curvescan.types import Bools, Codes, Cov, Floats, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """What two scans say of a pose.
+
+    Attributes
+    ----------
+    codes_ref, codes_cur : (m,), (k,) uint8
+        What each reading is to the other scan; codes of labels.py.
+    n_agree : int
+        Readings of the current scan that agree.
+    information, feigned, axes, units
+        Principal directions of the information; see :func:`curvescan.consensus.information.pose_information`.
+    """
+
+    codes_ref: Codes
+    codes_cur: Codes
+    n_agree: int
+    information: Floats
+    feigned: Floats
+    axes: Floats
+    units: Floats
+
+    @property
+    def weakest(self) -> Pose:
+        """(3,) change of pose of which least is told: metres, metres and radians; it moves a typical reading by 1 m."""
+        weakest: Pose = self.axes[:, 0] * self.units
+        return weakest
+
+    def is_weak(self, config: InformationConfig) -> bool:
+        """Return whether much less is told in one direction than in the next."""
+        return bool(self.information[0] < config.weak_ratio * self.information[1])
+
+    def covariance(self, is_open: Bools, config: InformationConfig) -> Cov:
+        """Return the (3, 3) covariance of the pose, wide in the open directions."""
+        return covariance(self.information, self.axes, self.units, is_open, config.open_sigma)
+
+
+def gather_evidence(
+    ref: ConsensusFeatures, cur: ConsensusFeatures, pose: Pose, config: ConsensusConfig
+) -> Evidence:
+    """Return what the scans say of a pose of the current scan in the reference."""
+    surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
+    margin = config.verification.margin
+    codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, margin)
+    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, inverse(pose), margin)
+    information, feigned, axes, units = pose_information(
+        surfels_ref, partner_ref, surfels_cur, partner_cur, pose
+    )
+    return Evidence(
+        codes_ref=codes_ref,
+        codes_cur=codes_cur,
+        n_agree=int(np.count_nonzero(partner_cur >= 0)),
+        information=information,
+        feigned=feigned,
+        axes=axes,
+        units=units,
+    )
+
+
+def open_directions(
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    pose: Pose,
+    evidence: Evidence,
+    config: ConsensusConfig,
+) -> Bools:
+    """Return (3,) which principal directions the scans leave open, the least informed first.
+
+    A direction is open when no more is told in it than tilted lines feign, or next to nothing; and the least informed,
+    if it is weak, also when the scans agree as well some way along it.
+    """
+    rules, views = config.information, (ref.view, cur.view)
+    information = evidence.information
+    is_open: Bools = (information < 2.0 * evidence.feigned) | (information < rules.max_sigma**-2)
+    if evidence.is_weak(rules) and not is_open[0]:
+        fine = config.verification.fine
+        here = best_beside(pose, evidence.weakest, np.zeros(1), *views, *fine)
+        beside = best_beside(pose, evidence.weakest, np.array(rules.offsets), *views, *fine)
+        is_open[0] = beside > rules.flat_score * here
+    return is_open
