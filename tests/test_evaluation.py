@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,13 +14,15 @@ from hypothesis import strategies as st
 
 import curvescan as cs
 from curvescan.cfsma.config import CfSmaConfig
-from curvescan.evaluation.drives import MovedScore
+from curvescan.evaluation.drives import MovedScore, find_lost_steps
 from curvescan.evaluation.errors import trajectory_errors
 from curvescan.evaluation.experiments import count_parameters, run_experiments
 from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
+from curvescan.evaluation.real_logs import judge_log
 from curvescan.evaluation.speed import measure_speed
-from curvescan.simulation import SENSORS
+from curvescan.odometry import run_odometry
+from curvescan.simulation import SENSORS, simulate
 from curvescan.view.experiments import as_record, save_experiments
 
 
@@ -140,3 +143,40 @@ def test_a_wall_and_a_corner_lie_where_they_should():
     [edge] = wall_scans(sensor, 2.0, sigma=0.0, n_scans=1, seed=0, angle=math.pi / 4)
     points = edge.points[edge.valid]
     np.testing.assert_allclose(points[:, 0] - np.abs(points[:, 1]), 2.0, atol=1e-9)
+
+
+def test_a_log_is_judged_step_by_step():
+    log = simulate("room", n_scans=12, seed=4)
+    seen = []
+    judged = judge_log(log, "cfsma", on_step=lambda: seen.append(1))
+    assert len(seen) == judged.n_steps == 11
+    assert judged.n_failed == np.count_nonzero(np.isnan(judged.motion[:, 0]))
+    for k in np.flatnonzero(~np.isnan(judged.motion[:, 0])):
+        np.testing.assert_array_equal(
+            judged.motion[k], cs.match(log[k], log[k + 1], method="cfsma").pose
+        )
+    assert judged.right_share + judged.wrong_share + judged.n_failed / 11 <= 1.0
+    assert judged.right_share > 0.5
+
+
+def test_a_log_without_odometry_is_judged_by_its_motion():
+    still = simulate("room", poses=np.tile([0.3, 0.2, 0.1], (8, 1)), odometry_noise=None)
+    judged = judge_log(still, "cfsma")
+    assert math.isnan(judged.right_share)
+    distance, angle = judged.largest_motion
+    assert distance < 0.2
+    assert angle < math.radians(5)
+
+
+def test_lost_steps_are_found_and_put_right():
+    log = simulate("room", n_scans=20, seed=4)
+    blind = [
+        log[k] if k not in (8, 9) else cs.LaserScan([], angle_min=0, angle_increment=1)
+        for k in range(20)
+    ]
+    run = run_odometry(blind, cs.Odometry("cfsma"))
+    lost = find_lost_steps(log.truth.poses, run)
+    assert lost.n_failed == np.count_nonzero(~run.is_matched[1:]) >= 2
+    assert lost.motion > 0.0
+    exact = replace(run, trajectory=cs.Trajectory(stamps=log.truth.stamps, poses=log.truth.poses))
+    assert find_lost_steps(log.truth.poses, exact).end_without < 1e-9

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan.io import Fault, Log, LogReport, inspect_log, read_log
+from curvescan.io import Fault, Log, LogReport, findings_of, inspect_log, read_log
 from curvescan.io.inspect import summarise_time
 from curvescan.io.tally import Tally
 from curvescan.scan import LaserScan
@@ -65,14 +65,14 @@ def at(*stamps: float) -> FakeLog:
 
 
 def sentences(report: LogReport, topic: str) -> list[str]:
-    return [finding.sentence for finding in report.findings if finding.topic == topic]
+    return [finding.sentence for finding in findings_of(report) if finding.topic == topic]
 
 
 def test_sound_log_has_no_findings() -> None:
     log = at(0.0, 0.1, 0.2, 0.3)
     assert isinstance(log, Log)
     report = inspect_log(log)
-    assert report.findings == ()
+    assert findings_of(report) == ()
     assert report.is_usable
     assert (report.name, report.format, report.n_scans) == ("made up", "fake", 4)
 
@@ -305,7 +305,7 @@ def test_broken_file_end_to_end(tmp_path: Path) -> None:
     report = inspect_log(read_log(path))
     assert (report.n_scans, report.n_repeated_scans) == (2, 1)
     assert report.tag_counts == {"FLASER": 3, "NEFF": 1}
-    assert {finding.topic for finding in report.findings} == {"file", "scans", "time"}
+    assert {finding.topic for finding in findings_of(report)} == {"file", "scans", "time"}
 
 
 # ---- laws
@@ -320,7 +320,7 @@ def test_any_scans_are_reported(scans: list[LaserScan]) -> None:
     valid = np.concatenate([np.empty(0), *(s.ranges[s.valid] for s in scans)])
     if valid.size:
         assert report.largest_reading == valid.max()
-    assert all(finding.sentence for finding in report.findings)
+    assert all(finding.sentence for finding in findings_of(report))
 
 
 def test_memory_does_not_grow_with_the_readings() -> None:

@@ -15,7 +15,7 @@ from curvescan.simulation.raycast import cast_rays
 from curvescan.simulation.seeds import child
 
 ARRAYS = ("walls", "boxes", "circles", "arcs", "floor", "route")
-RANDOM = {"clutter", "office", "building"}
+RANDOM = {"clutter", "office", "building", "office-floor"}
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -59,7 +59,7 @@ def test_a_corridor_with_niches_and_pillars():
     assert at[-2.0] == pytest.approx(0.8, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["office", "building"])
+@pytest.mark.parametrize("name", ["office", "building", "office-floor"])
 @pytest.mark.parametrize("seed", range(6))
 def test_every_place_of_the_route_can_be_reached(name, seed):
     world = build_world(name, child(seed, 0))

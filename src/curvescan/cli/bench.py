@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from curvescan.io import Log
     from curvescan.types import Floats
     from curvescan.view.table import ResultTable
 
 
 def bench(
-    *, runs: int = 1000, seed: int = 0, logs: tuple[Path, ...] = (), out: Path | None = None
+    *,
+    pairs: int = 300,
+    runs: int = 1000,
+    seed: int = 0,
+    logs: tuple[Path, ...] = (),
+    out: Path | None = None,
 ) -> int:
-    """Measure the matchers: milliseconds a match, the paper's experiment 1, failures on real logs.
+    """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs.
+
+    Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is right. The bound is the
+    median translation error that the Cramér-Rao bound allows; NEES is 3 where covariances are right.
 
     Experiment 1: a scan matched with one moved by a random transform (0.1 m on each axis and 15 deg in the mean). Its
     variants: the paper's, where both scans are taken from one place and the second is moved on paper, without and
@@ -23,15 +32,16 @@ def bench(
 
     Parameters
     ----------
+    pairs
+        Pairs of each cell.
     runs
-        Runs of each variant and world.
+        Runs of each variant and world of experiment 1.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
-        Real logs to run the odometry on; a matched step more than 0.3 m or 10 deg away from wheel odometry is
-        counted as wrong.
+        Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
     out
-        Folder to write bench.md into; nothing is written without.
+        Folder to write bench.md and turns.png (success against turn angle) into; nothing is written without.
     """
     from contextlib import nullcontext
 
@@ -40,16 +50,17 @@ def bench(
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
-        tables = [_speed(seed), _experiment_1(runs, seed)]
+        tables = [_speed(seed), _scaling(seed), _pairs(pairs, seed), _experiment_1(runs, seed)]
         if sources:
             tables.append(_real_logs(sources))
         if folder is not None:
+            _draw_turns(folder / "turns.png", max(pairs // 5, 1), seed)
             text = "\n".join(table.markdown() for table in tables)
             (folder / "bench.md").write_text(text, encoding="utf-8")
     for table in tables:
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/bench.md")
+        OUT.print(f"wrote {out}/bench.md, turns.png")
     return 0
 
 
@@ -69,6 +80,90 @@ def _speed(seed: int) -> ResultTable:
     return ResultTable(
         title="Time of a scan of 361 beams, one thread: median (99th percentile)",
         columns=("method", "prepare a scan", "match two prepared scans"),
+        rows=rows,
+    )
+
+
+def _scaling(seed: int) -> ResultTable:
+    import numpy as np
+
+    from curvescan.evaluation.speed import measure_speed, with_beams
+    from curvescan.matching import MATCHERS
+    from curvescan.view.table import ResultTable
+
+    counts = (181, 361, 721, 1441, 2881, 4001)
+    rows = []
+    for method in MATCHERS:
+        speeds = [
+            measure_speed(method, sensor=with_beams(n), n_pairs=10, repeats=3, seed=seed)
+            for n in counts
+        ]
+        for what, seconds in (
+            ("prepare", [speed.prepare_seconds for speed in speeds]),
+            ("match", [speed.match_seconds for speed in speeds]),
+        ):
+            rows.append((f"{method}, {what}", *(f"{1e3 * np.median(s):.3f} ms" for s in seconds)))
+    return ResultTable(
+        title="Growth with the number of beams over 180 deg: median",
+        columns=("method", *(f"{n:,} beams" for n in counts)),
+        rows=rows,
+    )
+
+
+def _draw_turns(path: Path, pairs: int, seed: int) -> None:
+    from curvescan.cli.console import progress_bar
+    from curvescan.evaluation.turns import TURNS_DEG, success_by_turn
+    from curvescan.matching import MATCHERS
+    from curvescan.view.turns import draw_turns
+
+    with progress_bar("any turn", pairs * len(TURNS_DEG), "pairs") as advance:
+        shares = success_by_turn(tuple(MATCHERS), n_pairs=pairs, seed=seed + 2, on_pair=advance)
+    draw_turns(path, shares)
+
+
+def _pairs(pairs: int, seed: int) -> ResultTable:
+    import math
+
+    from curvescan.cli.console import progress_bar
+    from curvescan.evaluation.cells import CELLS, score_cell
+    from curvescan.matching import MATCHERS
+    from curvescan.view.table import ResultTable
+
+    rows = []
+    for cell in CELLS:
+        with progress_bar(cell.name, pairs, "pairs") as advance:
+            scores = score_cell(
+                cell, tuple(MATCHERS), n_pairs=pairs, seed=seed + 1, on_pair=advance
+            )
+        rows += [
+            (
+                score.cell,
+                score.method,
+                f"{100 * score.success:.1f} %",
+                f"{100 * score.confidently_wrong:.1f} %",
+                f"{1e3 * score.median_error:.2f} mm",
+                f"{score.median_error / score.bound:.2f}",
+                "-" if math.isnan(score.nees) else f"{score.nees:.2f}",
+                "-" if math.isnan(score.nees) else f"{100 * score.inside_95:.1f} %",
+                f"{score.milliseconds:.3f} ms",
+                f"{score.milliseconds_guess:.3f} ms",
+            )
+            for score in scores
+        ]
+    return ResultTable(
+        title=f"Pairs of scans, {pairs:,} a cell, no guess: right within 0.1 m and 2 deg",
+        columns=(
+            "cell",
+            "method",
+            "right",
+            "ok but wrong",
+            "median error",
+            "of the bound",
+            "NEES",
+            "inside 95 %",
+            "time",
+            "time, good guess",
+        ),
         rows=rows,
     )
 
@@ -130,42 +225,18 @@ def _experiment_1(runs: int, seed: int) -> ResultTable:
     )
 
 
-def _real_logs(sources: Sequence[object]) -> ResultTable:
+def _real_logs(sources: Sequence[Log]) -> ResultTable:
     from curvescan.cli.console import progress_bar
     from curvescan.evaluation.real_logs import judge_log
-    from curvescan.io import Log
     from curvescan.matching import MATCHERS
-    from curvescan.view.table import ResultTable
+    from curvescan.view.experiment_tables import log_table
 
-    rows = []
+    judged = []
     for log in sources:
-        assert isinstance(log, Log)
         for method in MATCHERS:
-            with progress_bar(f"{log.name}, {method}", len(log)) as advance:
-                judged = judge_log(log, method, on_step=advance)
-            n_failed = sum(judged.failures.values())
-            reasons = ", ".join(
-                f"{outcome.name.lower()} {100 * count / judged.n_steps:.1f} %"
-                for outcome, count in judged.failures.items()
-            )
-            rows.append(
-                (
-                    log.name,
-                    method,
-                    f"{judged.n_steps:,}",
-                    f"{100 * n_failed / judged.n_steps:.1f} %",
-                    reasons or "-",
-                    "-"
-                    if judged.n_wrong is None
-                    else f"{100 * judged.n_wrong / judged.n_steps:.1f} %",
-                    f"{judged.median_milliseconds:.3f} ms",
-                )
-            )
-    return ResultTable(
-        title="Odometry on real logs, scan to scan, laser alone",
-        columns=("log", "method", "steps", "failed", "why", "matched but wrong", "time a scan"),
-        rows=rows,
-    )
+            with progress_bar(f"{log.name}, {method}", len(log) - 1) as advance:
+                judged.append(judge_log(log, method, on_step=advance))
+    return log_table(judged)
 
 
 def _milliseconds(seconds: Floats) -> str:

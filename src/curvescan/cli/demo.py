@@ -9,7 +9,7 @@ from pathlib import Path
 def demo(
     *,
     out: Path = Path("demo"),
-    world: str = "building",
+    world: str = "office-floor",
     sensor: str = "sick-lms200",
     scans: int = 500,
     people: int = 0,

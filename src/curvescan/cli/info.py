@@ -20,7 +20,7 @@ def info(log: LogPath, /, *, range_max: float | None = None) -> int:
         Upper limit of a valid reading, metres, in place of what the log says.
     """
     from curvescan.cli.console import OUT
-    from curvescan.io import inspect_log, read_log
+    from curvescan.io import findings_of, inspect_log, read_log
 
     report = inspect_log(read_log(log, range_max=range_max))
     time = report.time
@@ -54,9 +54,10 @@ def info(log: LogPath, /, *, range_max: float | None = None) -> int:
     for name, value in rows:
         if value:
             OUT.print(f"  {name:<16} {value}")
-    for finding in report.findings:
+    findings = findings_of(report)
+    for finding in findings:
         OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {finding.sentence}")
-    if not report.findings:
+    if not findings:
         OUT.print("  nothing wrong found")
     return 0 if report.is_usable else 1
 

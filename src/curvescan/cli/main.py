@@ -11,6 +11,7 @@ import tyro
 
 from curvescan import __version__
 from curvescan.cli.bench import bench
+from curvescan.cli.calibrate import calibrate
 from curvescan.cli.demo import demo
 from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
@@ -24,6 +25,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "odometry": odometry,
     "match": match,
     "experiments": experiments,
+    "calibrate": calibrate,
     "bench": bench,
 }
 

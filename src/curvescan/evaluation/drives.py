@@ -9,11 +9,13 @@ from typing import Literal
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.evaluation.errors import TrajectoryErrors, trajectory_errors
+from curvescan.evaluation.random_transform import SUCCESS
 from curvescan.matching.moved import moved_along
 from curvescan.odometry import Odometry, OdometryRun, OdometryStep, run_odometry
 from curvescan.simulation import Drive, Simulation, simulate
-from curvescan.types import Floats
+from curvescan.types import Floats, Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,7 @@ class DriveExperiment:
     def simulate(self, *, seed: int = 0, share: float = 1.0) -> Simulation:
         """Return the drive, or its first `share`."""
         return simulate(
-            "building",
+            "office-floor",  # a round room would hide the heading from every laser
             sensor="sick-lms200",
             n_scans=max(int(self.n_scans * share), 2),
             n_people=self.n_people,
@@ -75,6 +77,31 @@ DYNAMIC = DriveExperiment(
     drive=Drive(speed=0.95, turn_rate=1.5, acceleration=1.5),
     path="route",
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostSteps:
+    """Steps that failed or were wrong (beyond 0.1 m or 2 degrees), and what would be left without them.
+
+    Attributes
+    ----------
+    n_failed, n_wrong : int
+        Steps without a match, and steps matched wrongly.
+    motion, turn : float
+        Mean true motion of these steps, metres, and mean turn, radians; NaN without any.
+    usual_motion, usual_turn : float
+        The same of all other steps.
+    end_without : float
+        Distance of the end pose from the true one if these steps were the true ones, metres.
+    """
+
+    n_failed: int
+    n_wrong: int
+    motion: float
+    turn: float
+    usual_motion: float
+    usual_turn: float
+    end_without: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,12 +147,16 @@ class DriveResult:
         Diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2.
     moved : MovedScore
         How well moving readings are told under its poses.
+    lost : LostSteps
+        The steps at which it lost its way.
     """
 
     run: OdometryRun
     errors: TrajectoryErrors
     variances: Floats
     moved: MovedScore
+
+    lost: LostSteps
 
     @property
     def n_failed(self) -> int:
@@ -170,6 +201,34 @@ def _run_one(
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
         variances=np.array(variances).reshape(-1, 3),
         moved=score_moved(log, run),
+        lost=find_lost_steps(log.truth.poses, run),
+    )
+
+
+def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
+    """Return where a run lost its way, and how it would have ended with those steps put right."""
+    poses = run.trajectory.poses
+    motions, true_motions = (se2.between(p[:-1], p[1:]) for p in (poses, true_poses))
+    error = se2.between(true_motions, motions)
+    is_off = (np.hypot(error[:, 0], error[:, 1]) > SUCCESS[0]) | (np.abs(error[:, 2]) > SUCCESS[1])
+    is_matched = run.is_matched[1:]
+    is_lost = is_off | ~is_matched
+    end = se2.identity()
+    for motion in np.where(is_lost[:, np.newaxis], true_motions, motions):
+        end = se2.compose(end, motion)
+    off = se2.between(se2.between(true_poses[0], true_poses[-1]), end)
+    size = np.column_stack(
+        [np.hypot(true_motions[:, 0], true_motions[:, 1]), np.abs(true_motions[:, 2])]
+    )
+    mean = [size[m].mean(axis=0) if m.any() else np.full(2, np.nan) for m in (is_lost, ~is_lost)]
+    return LostSteps(
+        n_failed=int(np.count_nonzero(~is_matched)),
+        n_wrong=int(np.count_nonzero(is_off & is_matched)),
+        motion=float(mean[0][0]),
+        turn=float(mean[0][1]),
+        usual_motion=float(mean[1][0]),
+        usual_turn=float(mean[1][1]),
+        end_without=float(np.hypot(off[0], off[1])),
     )
 
 

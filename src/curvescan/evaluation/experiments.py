@@ -113,7 +113,7 @@ def run_experiments(
             )
         )
     judged = [
-        judge_log(log, method, on_step=progress(f"{log.name}, {method}", len(log)))
+        judge_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
         for log in logs
         for method in methods
     ]

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.cfsma.config import CfSmaConfig
-from curvescan.cfsma.features import extract_features
 from curvescan.scan import LaserScan
 from curvescan.simulation import Sensor
-from curvescan.types import Ints
 
 
 def wall_scans(
@@ -53,8 +50,3 @@ def wall_scans(
         )
         for _ in range(n_scans)
     ]
-
-
-def count_peaks(scans: list[LaserScan], config: CfSmaConfig) -> Ints:
-    """Return (n,) the number of characteristic points of each scan: on a plane, all are false."""
-    return np.array([len(extract_features(scan, config).landmarks) for scan in scans])

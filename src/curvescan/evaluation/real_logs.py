@@ -1,55 +1,92 @@
-"""How a matcher does on a recorded log: how often it fails and why, and how often it is plainly wrong.
+"""How a matcher does on a recorded log: each scan matched with the one before, no guess, laser alone.
 
-A log has no truth, but wheel odometry is good from one scan to the next: a step that differs from it by more than
-its errors can explain is wrong.
+A log has no truth. Wheel odometry is good from one scan to the next, and so are the poses of a log that a SLAM system
+has corrected: a match that differs from them by more than their errors can explain is wrong.
 """
 
 from __future__ import annotations
 
+import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.io.log import Log
+from curvescan.matching import match, prepare
 from curvescan.matching.result import Outcome
-from curvescan.odometry import Odometry, OdometryStep, run_odometry
+from curvescan.types import Bools, Floats
 
-WRONG_M, WRONG_RAD = 0.3, np.radians(10.0)
-"""A matched step this far from wheel odometry is wrong: metres or radians."""
+RIGHT = (0.25, np.radians(3.0))
+"""A match is right within this of the log's own poses: metres, radians."""
+
+WRONG = (0.3, np.radians(10.0))
+"""A match is plainly wrong beyond either of these: metres, radians."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LogJudgement:
-    """How one method did on one log, scan to scan.
+    """How one method did on the consecutive scans of one log.
 
     Attributes
     ----------
     log, method : str
         Names.
     n_steps : int
-        Steps from a scan to the next.
+        Pairs of consecutive scans.
     failures : dict of Outcome to int
         Failed matches by reason, most frequent first.
-    n_wrong : int or None
-        Matched steps that differ from wheel odometry by more than 0.3 m or 10 degrees; None without odometry.
-    median_milliseconds : float
-        Time a scan, preparing and matching.
+    motion : (n_steps, 3) float64
+        What was found: metres, metres, radians; NaN where the match failed.
+    difference : (n_steps, 2) float64 or None
+        Distance and angle between what was found and the log's own poses; None where it has none.
+    seconds : (n_steps,) float64
+        Time to prepare a scan and to match it.
     """
 
     log: str
     method: str
     n_steps: int
     failures: dict[Outcome, int]
-    n_wrong: int | None
-    median_milliseconds: float
+    motion: Floats
+    difference: Floats | None
+    seconds: Floats
+
+    @property
+    def n_failed(self) -> int:
+        """Number of failed matches."""
+        return sum(self.failures.values())
+
+    @property
+    def right_share(self) -> float:
+        """Share of all steps matched within RIGHT of the log's own poses; NaN without any."""
+        return self._share(lambda d: (d[:, 0] < RIGHT[0]) & (d[:, 1] < RIGHT[1]))
+
+    @property
+    def wrong_share(self) -> float:
+        """Share of all steps matched, and beyond WRONG of the log's own poses; NaN without any."""
+        return self._share(lambda d: (d[:, 0] > WRONG[0]) | (d[:, 1] > WRONG[1]))
+
+    @property
+    def largest_motion(self) -> tuple[float, float]:
+        """99th percentile of the motion found, metres and radians: of a sensor that stands, its error."""
+        known = self.motion[~np.isnan(self.motion[:, 0])]
+        if len(known) == 0:
+            return float("nan"), float("nan")
+        distance, angle = np.hypot(known[:, 0], known[:, 1]), np.abs(known[:, 2])
+        return float(np.percentile(distance, 99.0)), float(np.percentile(angle, 99.0))
+
+    def _share(self, holds: Callable[[Floats], Bools]) -> float:
+        if self.difference is None:
+            return float("nan")
+        return float(np.mean(holds(self.difference)))
 
 
-def judge_log(
-    log: Log, method: str, *, on_step: Callable[[OdometryStep], None] | None = None
-) -> LogJudgement:
-    """Return how a method does on a log with its default parameters.
+def judge_log(log: Log, method: str, *, on_step: Callable[[], None] | None = None) -> LogJudgement:
+    """Return how a method does on consecutive scans of a log, with its default parameters.
 
     Parameters
     ----------
@@ -58,23 +95,35 @@ def judge_log(
     method : str
         Name of a matcher.
     on_step : callable or None
-        Called after each scan.
+        Called after each match.
     """
-    run = run_odometry(log, Odometry(method), on_step=on_step)
-    n_wrong = None
+    motion: list[Floats] = []
+    seconds: list[float] = []
+    failures: Counter[Outcome] = Counter()
+    prepared = (
+        (time.perf_counter(), prepare(scan, method=method), time.perf_counter()) for scan in log
+    )
+    for (_, reference, _), (begun, current, ready) in pairwise(prepared):
+        started = time.perf_counter()
+        result = match(reference, current, method=method)
+        seconds.append(time.perf_counter() - started + ready - begun)
+        motion.append(result.pose)
+        if not result.ok:
+            failures[result.outcome] += 1
+        if on_step:
+            on_step()
+    found = np.array(motion).reshape(-1, 3)
+    difference = None
     if log.odometry is not None:
-        poses, wheels = run.trajectory.poses, log.odometry.poses
-        difference = se2.between(
-            se2.between(wheels[:-1], wheels[1:]), se2.between(poses[:-1], poses[1:])
-        )
-        is_far = np.hypot(difference[:, 0], difference[:, 1]) > WRONG_M
-        is_far |= np.abs(difference[:, 2]) > WRONG_RAD
-        n_wrong = int(np.count_nonzero(is_far & run.is_matched[1:]))
+        poses = log.odometry.poses
+        off = se2.between(se2.between(poses[:-1], poses[1:]), found)
+        difference = np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])])
     return LogJudgement(
         log=log.name,
         method=method,
-        n_steps=len(run.outcomes) - 1,
-        failures=run.failures,
-        n_wrong=n_wrong,
-        median_milliseconds=float(1e3 * np.median(run.seconds)),
+        n_steps=len(found),
+        failures=dict(failures.most_common()),
+        motion=found,
+        difference=difference,
+        seconds=np.array(seconds),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.matching import match, prepare
-from curvescan.simulation import simulate_pairs
+from curvescan.simulation import SENSORS, Sensor, simulate_pairs
 from curvescan.types import Floats
 
 
@@ -35,7 +35,12 @@ class Speed:
 
 
 def measure_speed(
-    method: str, *, sensor: str = "sick-lms200", n_pairs: int = 200, repeats: int = 5, seed: int = 0
+    method: str,
+    *,
+    sensor: str | Sensor = "sick-lms200",
+    n_pairs: int = 200,
+    repeats: int = 5,
+    seed: int = 0,
 ) -> Speed:
     """Return the times of a matcher on simulated pairs, one thread.
 
@@ -43,8 +48,8 @@ def measure_speed(
     ----------
     method : str
         Name of a matcher.
-    sensor : str
-        Name of a simulated sensor.
+    sensor : str or Sensor
+        A simulated sensor or its name.
     n_pairs : int
         Pairs of scans, each of another office, 0.1 m and 5 degrees apart at most.
     repeats : int
@@ -84,4 +89,15 @@ def measure_speed(
         n_beams=len(pairs[0][0]),
         prepare_seconds=np.array(prepare_seconds),
         match_seconds=np.array(match_seconds),
+    )
+
+
+def with_beams(n_beams: int) -> Sensor:
+    """Return the LMS200 with another number of beams over the same 180 degrees."""
+    base = SENSORS["sick-lms200"]
+    return replace(
+        base,
+        name=f"{n_beams} beams",
+        n_beams=n_beams,
+        angle_increment=base.angle_increment * (base.n_beams - 1) / (n_beams - 1),
     )

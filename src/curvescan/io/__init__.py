@@ -10,12 +10,14 @@ import os
 from pathlib import Path
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.config import read_config, write_config
+from curvescan.io.findings import Finding, findings_of
 from curvescan.io.folder import output_folder
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
-from curvescan.io.report import Finding, LogReport
+from curvescan.io.report import LogReport
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 
 __all__ = [
@@ -23,12 +25,15 @@ __all__ = [
     "Finding",
     "Log",
     "LogReport",
+    "findings_of",
     "inspect_log",
     "output_folder",
     "pick_scans",
+    "read_config",
     "read_csv",
     "read_log",
     "read_tum",
+    "write_config",
     "write_csv",
     "write_tum",
 ]

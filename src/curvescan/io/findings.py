@@ -2,24 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
-if TYPE_CHECKING:
-    from curvescan.io.report import LogReport, TimeSummary
+from curvescan.io.report import LogReport, TimeSummary
+
+Topic: TypeAlias = Literal["file", "scans", "time", "readings", "odometry"]
+"""What a finding is about."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that is wrong or odd with a log.
+
+    Attributes
+    ----------
+    topic : Topic
+        What it is about.
+    sentence : str
+        What was found, and what follows from it.
+    """
+
+    topic: Topic
+    sentence: str
+
+
+def findings_of(report: LogReport) -> tuple[Finding, ...]:
+    """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
+    return tuple(
+        Finding(topic=topic, sentence=sentence)
+        for topic, find in _FINDERS.items()
+        for sentence in find(report)
+    )
+
 
 _LOW_VALID_SHARE = 0.25
 _UNEVEN = 3.0
 
 
-def on_file(report: LogReport) -> Iterator[str]:
+def _on_file(report: LogReport) -> Iterator[str]:
     """Yield what is broken in the file and what the reader left out or assumed."""
     for fault in report.faults:
         yield f"{fault.rule}: {_counted(fault.count, 'time')}, first in {fault.first}; the rest of the log is read"
     yield from report.notes
 
 
-def on_scans(report: LogReport) -> Iterator[str]:
+def _on_scans(report: LogReport) -> Iterator[str]:
     """Yield what stands in the way of taking the scans for a sequence."""
     if report.n_scans < 2:
         yield f"the log holds {_counted(report.n_scans, 'scan')}: a motion needs two"
@@ -33,7 +62,7 @@ def on_scans(report: LogReport) -> Iterator[str]:
         )
 
 
-def on_time(report: LogReport) -> Iterator[str]:
+def _on_time(report: LogReport) -> Iterator[str]:
     """Yield what is wrong with the stamps."""
     time = report.time
     if not time.n_steps:
@@ -60,7 +89,7 @@ def on_time(report: LogReport) -> Iterator[str]:
         yield _uneven(time)
 
 
-def on_readings(report: LogReport) -> Iterator[str]:
+def _on_readings(report: LogReport) -> Iterator[str]:
     """Yield what is wrong with the readings."""
     if report.n_scans and report.n_blank_scans == report.n_scans:
         yield (
@@ -85,7 +114,7 @@ def on_readings(report: LogReport) -> Iterator[str]:
         )
 
 
-def on_odometry(report: LogReport) -> Iterator[str]:
+def _on_odometry(report: LogReport) -> Iterator[str]:
     """Yield what is wrong with the odometry."""
     if report.odometry is None:
         yield "the log has no odometry: motion is estimated from the scans alone"
@@ -109,3 +138,12 @@ def _of(part: int, whole: int, noun: str) -> str:
 
 def _counted(count: int, noun: str) -> str:
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+_FINDERS: dict[Topic, Callable[[LogReport], Iterator[str]]] = {
+    "file": _on_file,
+    "scans": _on_scans,
+    "time": _on_time,
+    "readings": _on_readings,
+    "odometry": _on_odometry,
+}

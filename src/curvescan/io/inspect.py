@@ -34,7 +34,7 @@ def inspect_log(log: Log) -> LogReport:
     Returns
     -------
     LogReport
-        The figures; its ``findings`` say in sentences what they mean.
+        The figures; :func:`curvescan.io.findings_of` says in sentences what they mean.
     """
     tally = Tally()
     for scan in log:

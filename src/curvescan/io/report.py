@@ -1,33 +1,12 @@
-"""LogReport: the figures of a log and, in sentences, what is wrong with it and what follows from that."""
+"""LogReport: the figures of a log; ``findings.py`` says in sentences what follows from them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
-from curvescan.io.findings import on_file, on_odometry, on_readings, on_scans, on_time
 from curvescan.io.log import Fault
-
-Topic: TypeAlias = Literal["file", "scans", "time", "readings", "odometry"]
-"""What a finding is about."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One thing that is wrong or odd with a log.
-
-    Attributes
-    ----------
-    topic : Topic
-        What it is about.
-    sentence : str
-        What was found, and what follows from it.
-    """
-
-    topic: Topic
-    sentence: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,21 +149,3 @@ class LogReport:
     def is_usable(self) -> bool:
         """Whether a motion can be looked for: at least two scans with a valid reading."""
         return self.n_scans - self.n_blank_scans >= 2
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What is wrong or odd, each with its consequence; empty for a sound log."""
-        return tuple(
-            Finding(topic=topic, sentence=sentence)
-            for topic, find in _FINDERS.items()
-            for sentence in find(self)
-        )
-
-
-_FINDERS: dict[Topic, Callable[[LogReport], Iterator[str]]] = {
-    "file": on_file,
-    "scans": on_scans,
-    "time": on_time,
-    "readings": on_readings,
-    "odometry": on_odometry,
-}

@@ -18,7 +18,7 @@ _ROUND_GAP = 0.7  # half the opening of the round room, metres
 _LEAF = 0.04  # thickness of a door leaf, metres
 
 
-def building(seed: int | np.random.SeedSequence = 0) -> World:
+def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool = True) -> World:
     """Return a random floor of about 24 m by 18 m; its route is a loop of 60 to 80 m.
 
     Rows of offices lie below and above a corridor loop; inside the loop lie more offices and a round room
@@ -28,6 +28,8 @@ def building(seed: int | np.random.SeedSequence = 0) -> World:
     ----------
     seed : int or SeedSequence
         The same seed gives the same building.
+    visits_round_room : bool
+        Whether the route leads into the round room, where no laser can tell which way it faces.
     """
     rng = np.random.default_rng(seed)
     length = rng.uniform(21.5, 23.5)
@@ -71,10 +73,8 @@ def building(seed: int | np.random.SeedSequence = 0) -> World:
             [(at_door[1][0], top), at_door[1], inside[1], at_door[1], (at_door[1][0], top)],
             [
                 (round_x, top),
-                (round_x, core_high),
-                hub.centre,
-                (round_x, core_high),
-                (round_x, top),
+                *([(round_x, core_high), hub.centre] if visits_round_room else []),
+                *([(round_x, core_high), (round_x, top)] if visits_round_room else []),
             ],
         ),
         (left, top),

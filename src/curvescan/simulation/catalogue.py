@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -48,8 +49,12 @@ WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "clutter": lambda seed: room(10.0, 8.0) + clutter((-4.5, -3.5, 4.5, 3.5), 18, seed),
     "office": office,
     "building": building,
+    "office-floor": lambda seed: replace(
+        building(seed, visits_round_room=False), name="office-floor"
+    ),
 }
-"""Name -> builder(seed). Only clutter, office and building depend on the seed."""
+"""Name -> builder(seed). Only clutter, office, building and office-floor (the building, whose route leaves the round
+room out) depend on the seed."""
 
 
 def build_world(world: World | str, seed: Seed = 0) -> World:

@@ -1,0 +1,74 @@
+"""curvescan calibrate: parameters from scans of planes, as the paper found its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+def calibrate(
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
+    /,
+    *,
+    out: Path,
+    sensor: str = "sick-lms200",
+    distances: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 7.0),
+    range_max: float | None = None,
+    seed: int = 0,
+) -> int:
+    """Find sigma_rho, U_k, U_c and U_p from scans of planes, for the method cfsma.
+
+    sigma_rho is what readings of a plane scatter. U_k is the least tolerance at which planes show no peak. U_c lies just
+    above the correlation that the functions of planes, which are noise, still have. U_p finds most corners and no
+    planes; its corners are always simulated. Writes cfsma.toml, which --config takes, calibration.png and calibration.md.
+
+    Parameters
+    ----------
+    log
+        Log of a sensor in front of planes, bare walls say; planes are simulated when it is left out.
+    out
+        Folder for the results; made if it is missing.
+    sensor
+        Simulated sensor, where there is no log.
+    distances
+        Distances of the simulated planes, metres.
+    range_max
+        Upper limit of a valid reading of the log, metres, in place of what the log says.
+    seed
+        Seed of the simulated noise.
+    """
+    from curvescan.cli.console import ERR, OUT, show
+    from curvescan.evaluation.calibration import (
+        calibrate as find_parameters,
+    )
+    from curvescan.evaluation.calibration import planes_of_log, sensor_of_log, simulated_planes
+    from curvescan.io import output_folder, read_log, write_config
+    from curvescan.simulation.sensors import choose_sensor
+    from curvescan.view.calibration import calibration_table, draw_calibration, peak_table
+
+    if log is None:
+        source, planes = choose_sensor(sensor), None
+    else:
+        recording = read_log(log, range_max=range_max)
+        source, planes = sensor_of_log(recording), planes_of_log(recording, recording.name)
+    with output_folder(out) as folder, ERR.status("scanning planes and corners"):
+        if planes is None:
+            planes = simulated_planes(source, distances, seed=seed)
+        found = find_parameters(planes, source, seed=seed)
+        write_config(folder / "cfsma.toml", {"cfsma": found.config})
+        draw_calibration(folder / "calibration.png", found)
+        tables = (calibration_table(found), peak_table(found))
+        text = "\n".join(table.markdown() for table in tables)
+        (folder / "calibration.md").write_text(text, encoding="utf-8")
+    for table in tables:
+        show(table)
+    for group, is_free in zip(found.groups, found.is_free, strict=True):
+        if not is_free:
+            OUT.print(
+                f"planes at {group.name} show peaks at every U_k and were left out of the choice: "
+                "their readings lie closer together than the noise"
+            )
+    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md")
+    return 0

@@ -1,0 +1,113 @@
+"""Configurations to TOML files and back: one table a method, one sub-table a stage."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from curvescan.errors import InvalidArgumentError, LogFileError
+
+
+def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) -> None:
+    """Write configurations as TOML.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file, replaced if it exists.
+    configs : mapping of str to dataclass
+        Table name, a method's say, to its configuration; nested dataclasses become sub-tables.
+    """
+    lines = [line for name, config in configs.items() for line in _tables(name, config)]
+    Path(path).write_text("\n".join(lines).lstrip("\n") + "\n", encoding="utf-8")
+
+
+def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) -> dict[str, Any]:
+    """Return configurations read from TOML; what the file leaves out keeps its default.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A file as :func:`write_config` makes it.
+    defaults : mapping of str to dataclass
+        Table name to the configuration that the file changes.
+
+    Returns
+    -------
+    dict of str to dataclass
+        One for each name in `defaults`.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened.
+    InvalidArgumentError
+        When it is no TOML, or holds an unknown key (the nearest name is told) or a value out of range.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        tables = tomllib.loads(text)
+    except OSError as error:
+        raise LogFileError(f"cannot read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise InvalidArgumentError(f"{path} is not a TOML file: {error}") from error
+    _check_names(tables, defaults, str(path))
+    return {
+        name: _changed(default, tables.get(name, {}), f"{path}: [{name}]")
+        for name, default in defaults.items()
+    }
+
+
+def _tables(name: str, config: object) -> Iterator[str]:
+    assert is_dataclass(config)
+    nested, lines = [], []
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if is_dataclass(value):
+            nested.append((f"{name}.{field.name}", value))
+        else:
+            lines.append(
+                f"{field.name} = {str(value).lower() if value is True or value is False else repr(value)}"
+            )
+    if lines:
+        yield from ("", f"[{name}]", *lines)
+    for inner_name, inner in nested:
+        yield from _tables(inner_name, inner)
+
+
+def _changed(default: Any, table: object, where: str) -> Any:
+    if not isinstance(table, dict):
+        raise InvalidArgumentError(f"{where} must be a table, got {table!r}")
+    values = {field.name: getattr(default, field.name) for field in fields(default)}
+    _check_names(table, values, where)
+    for name, value in table.items():
+        if is_dataclass(values[name]):
+            values[name] = _changed(values[name], value, f"{where[:-1]}.{name}]")
+        else:
+            values[name] = _as_type_of(values[name], value, f"{where} {name}")
+    return type(default)(**values)
+
+
+def _as_type_of(default: object, value: object, where: str) -> object:
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not type(default):
+        raise InvalidArgumentError(
+            f"{where} must be of type {type(default).__name__}, got {value!r}"
+        )
+    return value
+
+
+def _check_names(given: Mapping[str, object], known: Mapping[str, object], where: str) -> None:
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InvalidArgumentError(
+                f"{where} has an unknown key {name!r}: {hint}known are {', '.join(sorted(known))}"
+            )
