@@ -32,7 +32,7 @@ class MethodConfigs:
     """Parameters of every method; those of the method that runs are used."""
 
     cfsma: CfSmaConfig = field(default_factory=CfSmaConfig)
-    """CF-SMA (Nunez et al. 2009)."""
+    """CF-SMA (Núñez et al. 2009)."""
     idc: IdcConfig = field(default_factory=IdcConfig)
     """Iterative dual correspondence (Lu and Milios 1997)."""
     cox: CoxConfig = field(default_factory=CoxConfig)
