@@ -122,6 +122,7 @@ def test_demo_needs_no_data(tmp_path, capsys):
     assert (tmp_path / "d" / "map.png").exists()
 
 
+@pytest.mark.slow
 def test_bench_measures_and_tabulates(log, tmp_path, capsys):
     arguments = [
         "bench",

@@ -35,7 +35,7 @@ class MethodConfigs:
     curvescan: ConsensusConfig = field(default_factory=ConsensusConfig)
     """The default matcher."""
     cfsma: CfSmaConfig = field(default_factory=CfSmaConfig)
-    """CF-SMA (Nunez et al. 2009)."""
+    """CF-SMA (Núñez et al. 2009)."""
     idc: IdcConfig = field(default_factory=IdcConfig)
     """Iterative dual correspondence (Lu and Milios 1997)."""
     cox: CoxConfig = field(default_factory=CoxConfig)
