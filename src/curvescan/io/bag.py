@@ -150,8 +150,10 @@ class Bag:
 
     @contextmanager
     def _opened(self, file: Path) -> Iterator[_Reader]:
-        reader = _READERS[self.kind](file)
+        if not file.is_file():
+            raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
         with self._own_errors():
+            reader = _READERS[self.kind](file)
             reader.open()
         try:
             yield reader

@@ -76,7 +76,8 @@ class Decoder:
     def _use_definition(self, connection: Connection) -> None:
         try:
             definitions = _parse(connection)
-            if all(self._bundled.fielddefs.get(n) == d for n, d in definitions.items()):
+            is_empty = not definitions[connection.msgtype][1]
+            if is_empty or definitions.items() <= self._bundled.fielddefs.items():
                 return
             store = get_typestore(Stores.EMPTY)
             store.register(definitions)
