@@ -104,7 +104,7 @@ def transform(
     return topic, "tf2_msgs/msg/TFMessage", stamp, {"transforms": [item]}
 
 
-def imu_like(stamp: int = SECOND, topic: str = "/chatter") -> Entry:
+def chatter(stamp: int = SECOND, topic: str = "/chatter") -> Entry:
     return topic, "std_msgs/msg/String", stamp, {"data": "hello"}
 
 
@@ -145,5 +145,7 @@ def build(store: Any, msgtype: str, fields: dict[str, Any]) -> Any:
             value = build(store, desc, value)
         elif node.name in ("SEQUENCE", "ARRAY") and desc[0][0].name == "NAME":
             value = [build(store, desc[0][1], item) for item in value]
+        elif node.name == "SEQUENCE":
+            value = np.asarray(value, dtype=desc[0][1][0])
         content[name] = value
     return store.types[msgtype](**content)

@@ -134,7 +134,9 @@ def test_folder(tmp_path: Path) -> None:
 
 def test_carmen_has_no_topics(tmp_path: Path) -> None:
     path = write(tmp_path / "a", flaser())
-    with pytest.raises(InvalidArgumentError, match=r"CARMEN log, which has no topics.*leave it out"):
+    with pytest.raises(
+        InvalidArgumentError, match=r"CARMEN log, which has no topics.*leave it out"
+    ):
         read_log(path, topic="/scan")
 
 
@@ -203,7 +205,9 @@ def test_database_that_is_no_bag(tmp_path: Path) -> None:
     connection = sqlite3.connect(path)
     connection.execute("create table topics (id integer)")
     connection.close()
-    with pytest.raises(LogFormatError, match=r"cannot be read: Cannot open database.*missing table"):
+    with pytest.raises(
+        LogFormatError, match=r"cannot be read: Cannot open database.*missing table"
+    ):
         read_log(path)
 
 

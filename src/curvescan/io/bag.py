@@ -27,6 +27,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.bag_files import BagKind, bag_kind, is_packed, storage_files, unpack
 from curvescan.io.bag_messages import Decoder
+from curvescan.io.checked_file import CheckedPath
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,13 @@ class Bag:
                     if item is None:
                         break
                     connection, received, data = item
-                    yield Message(connection.topic, connection.msgtype, received, data)
+                    # a column of SQLite holds values of any type, whatever its declaration
+                    yield Message(
+                        connection.topic,
+                        connection.msgtype,
+                        received if isinstance(received, int) else 0,
+                        data if isinstance(data, bytes) else b"",
+                    )
 
     def decode(self, message: Message) -> Any:
         """Return a message with its fields as attributes.
@@ -150,8 +157,10 @@ class Bag:
 
     @contextmanager
     def _opened(self, file: Path) -> Iterator[_Reader]:
-        reader = _READERS[self.kind](file)
+        if not file.is_file():
+            raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
         with self._own_errors():
+            reader = _READERS[self.kind](file)
             reader.open()
         try:
             yield reader
@@ -166,7 +175,7 @@ class Bag:
         except CurvescanError:
             raise
         except (Ros1Error, Ros2Error) as error:
-            raise self._unreadable(str(error).rstrip(".")) from error
+            raise self._unreadable(_one_line(str(error)).rstrip(".")) from error
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
@@ -184,10 +193,18 @@ def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
     """Return the topics by name; a topic has as many connections as publishers and files."""
     topics: dict[str, Topic] = {}
     for c in connections:
+        if not (isinstance(c.topic, str) and isinstance(c.msgtype, str)):
+            continue  # a column of SQLite holds values of any type
         known = topics.get(c.topic, Topic(c.msgtype, 0))
         if c.msgtype == known.msgtype:
             topics[c.topic] = Topic(c.msgtype, known.count + c.msgcount)
     return MappingProxyType(topics)
+
+
+def _one_line(text: str) -> str:
+    """Return a text of rosbags fit for a sentence: it may quote what stands in the file."""
+    line = "".join(ch if ch.isprintable() else "?" for ch in " ".join(text.split()))
+    return line if len(line) <= 300 else f"{line[:297]}..."
 
 
 class _Reader(Protocol):
@@ -210,7 +227,7 @@ def _sqlite_reader(file: Path) -> Sqlite3Reader:
 
 
 _READERS: dict[BagKind, Callable[[Path], _Reader]] = {
-    BagKind.ROS1: Ros1Reader,
+    BagKind.ROS1: lambda file: Ros1Reader(CheckedPath(file)),
     BagKind.SQLITE: _sqlite_reader,
-    BagKind.MCAP: McapReader,
+    BagKind.MCAP: lambda file: McapReader(CheckedPath(file)),
 }

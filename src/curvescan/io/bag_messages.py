@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from curvescan.errors import LogFormatError
 
@@ -40,11 +42,7 @@ class Decoder:
 
     def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
         self._is_ros1 = is_ros1
-        self._bundled = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
-        for name in TRANSFORMS:
-            if name not in self._bundled.fielddefs:
-                definition = "geometry_msgs/TransformStamped[] transforms"
-                self._bundled.register(get_types_from_msg(definition, name))
+        self._bundled = _bundled_types(is_ros1)
         self._stores = dict.fromkeys(_WANTED, self._bundled)
         self.notes: list[str] = []
         for msgtype in _WANTED:
@@ -76,7 +74,8 @@ class Decoder:
     def _use_definition(self, connection: Connection) -> None:
         try:
             definitions = _parse(connection)
-            if all(self._bundled.fielddefs.get(n) == d for n, d in definitions.items()):
+            is_empty = not definitions[connection.msgtype][1]
+            if is_empty or definitions.items() <= self._bundled.fielddefs.items():
                 return
             store = get_typestore(Stores.EMPTY)
             store.register(definitions)
@@ -88,6 +87,16 @@ class Decoder:
             )
         else:
             self._stores[connection.msgtype] = store
+
+
+@cache
+def _bundled_types(is_ros1: bool) -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    for name in TRANSFORMS:
+        if name not in store.fielddefs:
+            definition = "geometry_msgs/TransformStamped[] transforms"
+            store.register(get_types_from_msg(definition, name))
+    return store
 
 
 def stamp_of(header: Any) -> float:

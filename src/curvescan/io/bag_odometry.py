@@ -19,7 +19,7 @@ from curvescan.io.bag_messages import (
     shown,
     stamp_of,
 )
-from curvescan.io.bag_transforms import Edge, FrameTree, frame_name, matrix, planar
+from curvescan.io.bag_transforms import Edge, FrameTree, Transform, frame_name, planar, seven
 from curvescan.types import Floats, Pose, Trajectory
 
 _USUAL_BASES = ("base_link", "base_footprint")
@@ -47,7 +47,7 @@ class _Motion:
 
     rows: array[float] = field(default_factory=lambda: array("d"))
 
-    def add(self, stamp: float, transform: Floats) -> None:
+    def add(self, stamp: float, transform: Transform) -> None:
         self.rows.extend((stamp, *planar(transform)))
 
 
@@ -137,12 +137,12 @@ class _Reader:
                 frame_name(decoded.child_frame_id),
             )
         stamp = message.received / 10**9 if self._is_unstamped else stamp_of(decoded.header)
-        self.odometry.add(stamp, matrix(pose.position, pose.orientation))
+        self.odometry.add(stamp, seven(pose.position, pose.orientation))
 
     def _add_transforms(self, message: Message) -> None:
         for item in self._bag.decode(message).transforms:
             edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
-            transform = matrix(item.transform.translation, item.transform.rotation)
+            transform = seven(item.transform.translation, item.transform.rotation)
             self.tree.add(edge, transform)
             if "odom" in edge[0].rpartition("/")[2] and edge in self.tree.transforms:
                 stamp = message.received / 10**9 if self._is_unstamped else stamp_of(item.header)
@@ -176,7 +176,8 @@ def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str
             "origin, looking ahead",
         )
     transform = tree.along(base, way)
-    mount = planar(transform)
+    theta = math.atan2(transform[1, 0], transform[0, 0])
+    mount = np.array([transform[0, 3], transform[1, 3], theta])
     notes = [
         f"the laser's mount, from transforms {robot} to {laser}: x {mount[0]:.3f} m, y {mount[1]:.3f} m, "
         f"yaw {math.degrees(mount[2]):.1f} deg"

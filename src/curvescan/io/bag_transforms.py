@@ -12,14 +12,17 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from curvescan.types import Floats, Pose
+from curvescan.types import Floats
 
 Edge: TypeAlias = tuple[str, str]
 """Parent and child."""
 
+Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
+"""Pose of the child in the parent as ROS writes it: x, y, z, and the quaternion's x, y, z, w."""
+
 _MAX_EDGES = 4096
 _SAME = 1e-4
-"""Largest difference of two transforms taken for equal: metres, and elements of the rotation."""
+"""Largest difference of two transforms taken for equal: metres, and elements of the quaternion."""
 
 
 @dataclass
@@ -28,22 +31,22 @@ class FrameTree:
 
     Attributes
     ----------
-    transforms : dict of Edge to (4, 4) float64
-        Pose of the child in the parent.
+    transforms : dict of Edge to Transform
+        All finite.
     moving : set of Edge
         Those that changed.
     """
 
-    transforms: dict[Edge, Floats] = field(default_factory=dict)
+    transforms: dict[Edge, Transform] = field(default_factory=dict)
     moving: set[Edge] = field(default_factory=set)
 
-    def add(self, edge: Edge, transform: Floats) -> None:
+    def add(self, edge: Edge, transform: Transform) -> None:
         """Take note of a transform; one with a number that is not finite is left out."""
         first = self.transforms.get(edge)
         if first is None:
-            if len(self.transforms) < _MAX_EDGES and np.all(np.isfinite(transform)):
+            if len(self.transforms) < _MAX_EDGES and all(map(math.isfinite, transform)):
                 self.transforms[edge] = transform
-        elif edge not in self.moving and not np.all(np.abs(transform - first) <= _SAME):
+        elif transform != first and edge not in self.moving and not _is_same(transform, first):
             self.moving.add(edge)
 
     def path(self, start: str, end: str, *, avoid: str) -> list[Edge] | None:
@@ -71,7 +74,7 @@ class FrameTree:
         """Return the (4, 4) pose of the last frame of a path in the frame it starts from."""
         pose, frame = np.eye(4), start
         for parent, child in path:
-            step = self.transforms[parent, child]
+            step = matrix(self.transforms[parent, child])
             pose = pose @ (step if frame == parent else np.linalg.inv(step))
             frame = child if frame == parent else parent
         return pose
@@ -82,25 +85,39 @@ def frame_name(name: object) -> str:
     return str(name).lstrip("/")
 
 
-def matrix(translation: Any, rotation: Any) -> Floats:
-    """Return the (4, 4) transform of a translation x, y, z and a quaternion x, y, z, w of any length but 0.
+def seven(translation: Any, rotation: Any) -> Transform:
+    """Return the numbers of a geometry_msgs Vector3 or Point and of a Quaternion."""
+    t, q = translation, rotation
+    return (t.x, t.y, t.z, q.x, q.y, q.z, q.w)
+
+
+def matrix(transform: Transform) -> Floats:
+    """Return the (4, 4) matrix of a transform; its quaternion may be of any length.
 
     A quaternion of zeros, which some drivers leave where there is no rotation, is no rotation.
     """
-    q = np.array([rotation.x, rotation.y, rotation.z, rotation.w], dtype=np.float64)
-    norm = math.sqrt(float(q @ q))
-    x, y, z, w = q / norm if norm != 0.0 else (0.0, 0.0, 0.0, 1.0)
+    quaternion = np.array(transform[3:])
+    norm = float(np.linalg.norm(quaternion))
+    x, y, z, w = quaternion / norm if norm != 0.0 else (0.0, 0.0, 0.0, 1.0)
     return np.array(
         [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translation.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translation.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translation.z],
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), transform[0]],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), transform[1]],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), transform[2]],
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
 
 
-def planar(transform: Floats) -> Pose:
-    """Return the (3,) pose x, y, theta that a (4, 4) transform has seen from above."""
-    theta = math.atan2(transform[1, 0], transform[0, 0])
-    return np.array([transform[0, 3], transform[1, 3], theta])
+def planar(transform: Transform) -> tuple[float, float, float]:
+    """Return the pose x, y, theta of a transform seen from above: theta is where its x axis points."""
+    x, y, _, qx, qy, qz, qw = transform
+    theta = math.atan2(2 * (qx * qy + qz * qw), qw * qw + qx * qx - qy * qy - qz * qz)
+    return x, y, theta
+
+
+def _is_same(first: Transform, second: Transform) -> bool:
+    # a quaternion and its negative are the same rotation
+    sign = 1.0 if sum(a * b for a, b in zip(first[3:], second[3:], strict=True)) >= 0.0 else -1.0
+    turned = (*second[:3], *(sign * b for b in second[3:]))
+    return all(abs(a - b) <= _SAME for a, b in zip(first, turned, strict=True))

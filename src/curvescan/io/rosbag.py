@@ -36,6 +36,7 @@ from curvescan.types import Trajectory
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
 _MAX_LISTED = 12
+_N_FIRST = 8
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,9 @@ class RosbagLog:
         self._topic = _choose_topic(self._bag, topic)
         self._range_max = range_max
         self._survey: _Survey | None = None
-        self._frame, self._is_unstamped = self._look_at_first()
-        if next(iter(self), None) is None:
+        self._frame, self._is_unstamped = "", False
+        is_sound = self._look_at_first()
+        if not is_sound and next(iter(self), None) is None:
             raise LogFormatError(self._no_scan_message())
 
     @property
@@ -164,17 +166,23 @@ class RosbagLog:
         stamps = np.array(self._surveyed().stamps)
         return read_odometry(self._bag, stamps, self._frame, is_unstamped=self._is_unstamped)
 
-    def _look_at_first(self) -> tuple[str, bool]:
-        """Return the scans' frame, and whether their stamps are zeros; a single scan at 0 is believed."""
-        frame, stamps = "", []
-        for message in islice(self._bag.messages([self._topic]), 8):
+    def _look_at_first(self) -> bool:
+        """Learn the scans' frame and whether they are stamped, and return whether one can be read.
+
+        Scans at 0 are not stamped; a single one is believed.
+        """
+        stamps, is_sound = [], False
+        for message in islice(self._bag.messages([self._topic]), _N_FIRST):
             try:
-                header = self._bag.decode(message).header
-                stamps.append(stamp_of(header))
-                frame = frame or str(header.frame_id)
+                decoded = self._bag.decode(message)
+                stamps.append(stamp_of(decoded.header))
+                self._frame = self._frame or str(decoded.header.frame_id)
+                scan_of(decoded, range_max=self._range_max)
+                is_sound = True
             except (BrokenMessageError, AttributeError, TypeError, OverflowError):
                 continue
-        return frame, len(stamps) > 1 and not any(stamps)
+        self._is_unstamped = len(stamps) > 1 and not any(stamps)
+        return is_sound
 
     def _no_scan_message(self) -> str:
         faults = self._surveyed().faults

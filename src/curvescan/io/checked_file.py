@@ -1,0 +1,73 @@
+"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims.
+
+``read(n)`` of an ordinary file reserves n bytes before it reads. A damaged or hostile file may claim any n.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO, cast
+
+_SMALL = 1 << 16
+
+
+class CheckedPath:
+    """A path as rosbags takes them (its protocol RPath), whose file never reads beyond its end.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __str__(self) -> str:
+        return str(self._path)
+
+    def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
+        return CheckedPath(self._path / str(key))
+
+    @property
+    def stem(self) -> str:
+        """Name without its ending."""
+        return self._path.stem
+
+    @property
+    def suffix(self) -> str:
+        """Ending of the name."""
+        return self._path.suffix
+
+    def exists(self) -> bool:
+        """Return whether the file is there."""
+        return self._path.exists()
+
+    def is_dir(self) -> bool:
+        """Return whether it is a folder."""
+        return self._path.is_dir()
+
+    def stat(self, *, follow_symlinks: bool = True) -> os.stat_result:
+        """Return what the system says of the file."""
+        return self._path.stat(follow_symlinks=follow_symlinks)
+
+    def read_text(self, encoding: str | None = None) -> str:
+        """Return the whole file as text."""
+        return self._path.read_text(encoding)
+
+    def open(self, *_: Any, **__: Any) -> BinaryIO:
+        """Open the file for reading bytes, whatever mode is asked for."""
+        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path)))
+
+
+class _CheckedFile(io.BufferedReader):
+    def __init__(self, raw: io.FileIO) -> None:
+        super().__init__(raw)
+        self._n_bytes = os.fstat(raw.fileno()).st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and size > _SMALL:
+            size = max(0, min(size, self._n_bytes - self.tell()))
+        return super().read(size)
