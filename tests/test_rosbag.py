@@ -18,6 +18,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import curvescan.io.bag_files as bag_files
@@ -452,6 +454,35 @@ def test_compressed_bag_without_its_check_sum_is_read(tmp_path: Path, kind: str)
     assert "compressed data break off" in log.notes[0]
 
 
+@pytest.mark.parametrize("compression", Ros1Writer.CompressionFormat)
+def test_ros1_bag_with_compressed_chunks(
+    tmp_path: Path, compression: Ros1Writer.CompressionFormat
+) -> None:
+    path = tmp_path / "a.bag"
+    writer = Ros1Writer(path)
+    writer.set_compression(compression)
+    entry = scan()
+    data = ROS1.serialize_ros1(build(ROS1, entry[1], entry[3]), entry[1])
+    with writer:
+        connection = writer.add_connection(entry[0], entry[1], typestore=ROS1)
+        for i in range(3):
+            writer.write(connection, i, data)
+    assert [s.ranges.tolist() for s in read_log(path)] == [list(RANGES)] * 3
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.STORAGE, CompressionMode.NONE])
+def test_mcap_with_and_without_compressed_chunks(tmp_path: Path, mode: CompressionMode) -> None:
+    writer = Ros2Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    entry = scan()
+    data = ROS2.serialize_cdr(build(ROS2, entry[1], entry[3]), entry[1])
+    with writer:
+        connection = writer.add_connection(entry[0], entry[1], typestore=ROS2)
+        for i in range(3):
+            writer.write(connection, i, data)
+    assert [s.ranges.tolist() for s in read_log(tmp_path / "bag")] == [list(RANGES)] * 3
+
+
 # ---- broken bags
 
 
@@ -694,6 +725,13 @@ def test_laser_that_hangs_upside_down_is_told(tmp_path: Path) -> None:
     mount = transform(1, "base_link", "laser", (0.5, 0.0, 0.0), rotation=roll)
     log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(SECOND), *drive("topic"), mount]))
     assert any("upside down" in note for note in log.notes)
+
+
+def test_transforms_of_early_ros1(tmp_path: Path) -> None:
+    tf = [(t, "tf/msg/tfMessage", n, c) for t, _, n, c in drive("transforms")]
+    log = read_log(write_bag(tmp_path / "a.bag", "ros1", [scan(SECOND), *tf]))
+    assert log.odometry is not None
+    assert log.odometry.poses[0] == pytest.approx(np.array([0.0, 0.0, 3.0]), abs=1e-12)
 
 
 def test_mount_that_moves_is_told(tmp_path: Path) -> None:
