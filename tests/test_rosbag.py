@@ -778,6 +778,8 @@ def test_odometry_that_is_not_finite_is_left_out(tmp_path: Path) -> None:
     bad = [
         odometry(int(1.5 * SECOND), (math.nan, 0, 0)),
         odometry(int(1.6 * SECOND), (0, math.inf, 0)),
+        odometry(int(1.7 * SECOND), (1e308, -1e308, 0)),
+        transform(SECOND, "base_link", "laser", (1e308, 0.0, 0.0)),
     ]
     log = read_log(
         write_bag(tmp_path / "bag", "mcap", [scan(int(1.5 * SECOND)), *drive("topic"), *bad])
