@@ -16,9 +16,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 KINDS = ("ros1", "sqlite3", "mcap")
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
-ROS1.register(
-    get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
-)
+for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
+    ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)
 
 Entry = tuple[str, str, int, dict[str, Any]]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import gzip
+import hashlib
+import json
 import math
 import shutil
 import sqlite3
@@ -16,6 +18,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import curvescan.io.bag_files as bag_files
@@ -253,6 +257,25 @@ def test_commands_take_a_topic(
         assert "the nearest is" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("storage_kind", ["sqlite3", "mcap"])
+def test_odometry_of_a_folder_whose_odometry_has_gaps(tmp_path: Path, storage_kind: str) -> None:
+    rng = np.random.default_rng(5)
+    scans = [scan(int(t * SECOND), rng.uniform(1.0, 5.0, 40)) for t in (0.5, 1.5, 2.5, 3.5)]
+    other = scan(SECOND, topic="/other")
+    path = write_bag(tmp_path / "bag", storage_kind, [*scans, *drive("topic"), other])
+    out = tmp_path / "out"
+    assert run(["odometry", str(path), "--topic", "/scan", "--out", str(out)]) == 0
+    record = json.loads((out / "run.json").read_text())["input"]
+    file = storage(path)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert record["files"] == {file.name: {"bytes": file.stat().st_size, "sha256": digest}}
+    assert record["scans"] == 4
+    assert (
+        run(["match", str(path), "0", "1", "--topic", "/scan", "--out", str(tmp_path / "m")]) == 0
+    )
+
+
 # ---- message definitions
 
 
@@ -307,6 +330,27 @@ def test_definition_of_the_bag_is_used_where_it_differs(tmp_path: Path) -> None:
     (found,) = read_log(path)
     assert found.ranges.tolist() == list(RANGES)
     assert (found.angle_min, found.range_max) == (-1.0, 8.0)
+
+
+IDL = """module sensor_msgs { module msg { struct LaserScan {
+    float angle_min; float angle_increment; float range_min; float range_max;
+    sequence<float> ranges; sequence<float> intensities;
+}; }; };
+"""
+
+
+@pytest.mark.parametrize("start", ["", "=" * 80 + "\nIDL: sensor_msgs/msg/LaserScan\n"])
+def test_definition_in_idl(tmp_path: Path, start: str) -> None:
+    path = write_bag(tmp_path / "bag", "sqlite3", [scan()])
+    with sqlite3.connect(storage(path)) as connection:
+        connection.execute(
+            "update message_definitions set encoding = 'ros2idl', encoded_message_definition = ?",
+            (start + IDL,),
+        )
+    connection.close()
+    # the definition is understood, and has no header: the messages do not follow it
+    with pytest.raises(LogFormatError, match=r"cannot be decoded|without the usual fields"):
+        read_log(path)
 
 
 def test_definition_without_the_usual_fields(tmp_path: Path) -> None:
@@ -408,6 +452,35 @@ def test_compressed_bag_without_its_check_sum_is_read(tmp_path: Path, kind: str)
     log = read_log(packed)
     assert len(log) == 1
     assert "compressed data break off" in log.notes[0]
+
+
+@pytest.mark.parametrize("compression", Ros1Writer.CompressionFormat)
+def test_ros1_bag_with_compressed_chunks(
+    tmp_path: Path, compression: Ros1Writer.CompressionFormat
+) -> None:
+    path = tmp_path / "a.bag"
+    writer = Ros1Writer(path)
+    writer.set_compression(compression)
+    entry = scan()
+    data = ROS1.serialize_ros1(build(ROS1, entry[1], entry[3]), entry[1])
+    with writer:
+        connection = writer.add_connection(entry[0], entry[1], typestore=ROS1)
+        for i in range(3):
+            writer.write(connection, i, data)
+    assert [s.ranges.tolist() for s in read_log(path)] == [list(RANGES)] * 3
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.STORAGE, CompressionMode.NONE])
+def test_mcap_with_and_without_compressed_chunks(tmp_path: Path, mode: CompressionMode) -> None:
+    writer = Ros2Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    entry = scan()
+    data = ROS2.serialize_cdr(build(ROS2, entry[1], entry[3]), entry[1])
+    with writer:
+        connection = writer.add_connection(entry[0], entry[1], typestore=ROS2)
+        for i in range(3):
+            writer.write(connection, i, data)
+    assert [s.ranges.tolist() for s in read_log(tmp_path / "bag")] == [list(RANGES)] * 3
 
 
 # ---- broken bags
@@ -654,10 +727,35 @@ def test_laser_that_hangs_upside_down_is_told(tmp_path: Path) -> None:
     assert any("upside down" in note for note in log.notes)
 
 
+def test_transforms_of_early_ros1(tmp_path: Path) -> None:
+    tf = [(t, "tf/msg/tfMessage", n, c) for t, _, n, c in drive("transforms")]
+    log = read_log(write_bag(tmp_path / "a.bag", "ros1", [scan(SECOND), *tf]))
+    assert log.odometry is not None
+    assert log.odometry.poses[0] == pytest.approx(np.array([0.0, 0.0, 3.0]), abs=1e-12)
+
+
 def test_mount_that_moves_is_told(tmp_path: Path) -> None:
     mounts = [transform(i, "base_link", "laser", (0.5, 0.0, i)) for i in (1, 2)]
     log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(SECOND), *drive("topic"), *mounts]))
     assert any("mount changes during the log" in note for note in log.notes)
+
+
+def test_odometry_that_cannot_be_decoded_is_told(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "bag", "sqlite3", [scan(SECOND), *drive("topic")])
+    with sqlite3.connect(storage(path)) as connection:
+        connection.execute("update messages set data = x'0001' where timestamp > ?", (SECOND,))
+    connection.close()
+    log = read_log(path)
+    assert log.odometry is not None
+    assert log.notes[0].startswith("2 odometry or transform messages cannot be decoded")
+
+
+def test_base_that_does_not_carry_the_laser_is_the_last_resort(tmp_path: Path) -> None:
+    wheel = transform(SECOND, "odom", "wheel", (7.0, 0.0, 0.0))
+    log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(SECOND), wheel, *drive("transforms")]))
+    assert log.odometry is not None
+    assert log.odometry.poses[0, 0] == 0.0  # base_link, not the wheel
+    assert "no transforms lead from base_link to laser" in log.notes[0]
 
 
 def test_several_odometry_topics(tmp_path: Path) -> None:
@@ -680,6 +778,8 @@ def test_odometry_that_is_not_finite_is_left_out(tmp_path: Path) -> None:
     bad = [
         odometry(int(1.5 * SECOND), (math.nan, 0, 0)),
         odometry(int(1.6 * SECOND), (0, math.inf, 0)),
+        odometry(int(1.7 * SECOND), (1e308, -1e308, 0)),
+        transform(SECOND, "base_link", "laser", (1e308, 0.0, 0.0)),
     ]
     log = read_log(
         write_bag(tmp_path / "bag", "mcap", [scan(int(1.5 * SECOND)), *drive("topic"), *bad])

@@ -19,7 +19,15 @@ from curvescan.io.bag_messages import (
     shown,
     stamp_of,
 )
-from curvescan.io.bag_transforms import Edge, FrameTree, Transform, frame_name, planar, seven
+from curvescan.io.bag_transforms import (
+    FARTHEST,
+    Edge,
+    FrameTree,
+    Transform,
+    frame_name,
+    planar,
+    seven,
+)
 from curvescan.types import Floats, Pose, Trajectory
 
 _USUAL_BASES = ("base_link", "base_footprint")
@@ -191,7 +199,8 @@ def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str
 
 def _at(stamps: Floats, rows: Floats) -> Pose:
     """Return the (n, 3) poses at these stamps between rows of stamp, x, y, theta; NaN outside their time."""
-    rows = rows[np.all(np.isfinite(rows), axis=1)]
+    # no comparison with NaN holds: a row with one is left out, too
+    rows = rows[np.all(np.abs(rows[:, 1:]) <= FARTHEST, axis=1)]
     if not rows.size:
         return np.full((stamps.size, 3), np.nan)
     _, first_idx = np.unique(rows[:, 0], return_index=True)  # sorted, and one row a stamp

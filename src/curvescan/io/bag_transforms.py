@@ -20,6 +20,9 @@ Edge: TypeAlias = tuple[str, str]
 Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
 """Pose of the child in the parent as ROS writes it: x, y, z, and the quaternion's x, y, z, w."""
 
+FARTHEST = 1e9
+"""Largest number of a transform that is believed, metres: no robot drives a million kilometres."""
+
 _MAX_EDGES = 4096
 _SAME = 1e-4
 """Largest difference of two transforms taken for equal: metres, and elements of the quaternion."""
@@ -32,7 +35,7 @@ class FrameTree:
     Attributes
     ----------
     transforms : dict of Edge to Transform
-        All finite.
+        All numbers finite, none beyond FARTHEST.
     moving : set of Edge
         Those that changed.
     """
@@ -41,10 +44,10 @@ class FrameTree:
     moving: set[Edge] = field(default_factory=set)
 
     def add(self, edge: Edge, transform: Transform) -> None:
-        """Take note of a transform; one with a number that is not finite is left out."""
+        """Take note of a transform; one with a number beyond FARTHEST, or none, is left out."""
         first = self.transforms.get(edge)
         if first is None:
-            if len(self.transforms) < _MAX_EDGES and all(map(math.isfinite, transform)):
+            if len(self.transforms) < _MAX_EDGES and all(abs(v) <= FARTHEST for v in transform):
                 self.transforms[edge] = transform
         elif transform != first and edge not in self.moving and not _is_same(transform, first):
             self.moving.add(edge)
@@ -97,7 +100,7 @@ def matrix(transform: Transform) -> Floats:
     A quaternion of zeros, which some drivers leave where there is no rotation, is no rotation.
     """
     quaternion = np.array(transform[3:])
-    norm = float(np.linalg.norm(quaternion))
+    norm = math.hypot(*quaternion)
     x, y, z, w = quaternion / norm if norm != 0.0 else (0.0, 0.0, 0.0, 1.0)
     return np.array(
         [

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import __version__, se2
+from curvescan.io.bag_files import storage_files
 from curvescan.io.log import Log
 from curvescan.io.trajectory import write_csv, write_tum
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
@@ -45,7 +46,7 @@ def save_run(
     command : sequence of str
         The command line that asked for it.
     source : Path or None
-        The file of the log, for its size and digest.
+        The file or folder of the log, for its size and digest.
     truth : (n, 3) float64 or None
         True poses, drawn with the map.
     """
@@ -107,6 +108,8 @@ def as_plain(value: object) -> object:
 def _digest(source: Path | None) -> dict[str, object]:
     if source is None:
         return {}
+    if source.is_dir():  # of a ROS 2 bag
+        return {"files": {file.name: _digest(file) for file in storage_files(source)}}
     with source.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"bytes": source.stat().st_size, "sha256": digest}
