@@ -47,6 +47,8 @@ class FramesConfig:
     """Lengths over which a surface is taken to turn, metres, ascending: furniture, door frames, walls."""
     min_turn: float = 0.4
     """Least turn of a corner, radians."""
+    end_arm: float = 0.25
+    """Length over which the direction of a surface is taken at its end, metres."""
     max_frames: int = 96
     """Corners and ends kept of a scan, at most."""
 
@@ -55,6 +57,7 @@ class FramesConfig:
             len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms
         )
         require(0.0 < self.min_turn < math.pi, "min_turn must lie in (0, pi) rad", self.min_turn)
+        require(self.end_arm > 0.0, "end_arm must be > 0 m", self.end_arm)
         require(self.max_frames >= 1, "max_frames must be at least 1", self.max_frames)
 
 

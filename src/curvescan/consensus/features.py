@@ -82,7 +82,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     surfels, sigma = fit_surfels(readings, sums, bounds, surfaces.arm, surfaces.range_sigma_min)
     arms = np.array(frames.arms)
     corners = find_corners(surfels, sums, bounds, arms, sigma, frames.min_turn, frames.max_frames)
-    ends = find_ends(surfels, sums, bounds, 0.25, is_closed, frames.max_frames)
+    ends = find_ends(surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames)
     view = View(
         probes=choose_probes(surfels, step, config.verification.n_probes),
         surfels=surfels,

@@ -71,9 +71,9 @@ class MatchResult:
     labels_reference, labels_current : (n_beams,) uint8
         A Label for each beam of the two scans, in the order of their own ranges.
     weak_direction : (3,) float64 or None
-        The direction in which the scans fix the pose least, where they do not fix it at all: a unit vector over
-        x, y, theta, metres and radians. The covariance is wide along it. None where all of the pose is fixed, and
-        for matchers that do not tell.
+        The change of pose, x, y and theta in metres and radians, that the scans leave open: along a corridor, about
+        the centre of a round room. It moves a typical reading by a metre. The covariance is wide along it. None
+        where all of the pose is fixed, and for matchers that do not tell.
     score, runner_up : float
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not tell.
