@@ -115,6 +115,18 @@ def test_info_tells_what_is_in_a_log(log, capsys):
     assert "180.00 deg from -90.00 deg in steps of 0.5 deg" in printed
 
 
+def test_brackets_in_a_file_are_brackets(log, tmp_path, capsys):
+    strange = tmp_path / "[bold]x[y].log"
+    strange.write_text("[/red] 1 2 3\n" + log.read_text())
+    assert run(["info", str(strange)]) == 0
+    printed = capsys.readouterr().out
+    assert "[bold]x[y].log" in printed
+    assert "1 [/red]" in printed
+    out = tmp_path / "[o]"
+    assert run(["match", str(strange), "0", "1", "--out", str(out)]) == 0
+    assert "[bold]x[y].log: scan 1" in capsys.readouterr().out
+
+
 def test_demo_needs_no_data(tmp_path, capsys):
     assert run(["demo", "--out", str(tmp_path / "d"), "--world", "room", "--scans", "5"]) == 0
     printed = capsys.readouterr().out

@@ -65,7 +65,7 @@ def bench(
     for table in tables:
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/bench.md, turns.png")
+        OUT.print(f"wrote {out}/bench.md, turns.png", markup=False)
     return 0
 
 

@@ -70,5 +70,5 @@ def calibrate(
                 f"planes at {group.name} show peaks at every U_k and were left out of the choice: "
                 "their readings lie closer together than the noise"
             )
-    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md")
+    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md", markup=False)
     return 0

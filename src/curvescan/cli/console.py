@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -42,7 +43,7 @@ class _SpeedColumn(ProgressColumn):
 def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callable[..., None]]:
     """Yield a function to call after each unit of work; shows speed and time left on a terminal."""
     with Progress(
-        TextColumn(what),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         _SpeedColumn(unit),
@@ -84,7 +85,7 @@ def show(result: ResultTable) -> None:
     """Print a table of results."""
     printed = table(result.title, *result.columns)
     for row in result.rows:
-        printed.add_row(*row)
+        printed.add_row(*(escape(entry) for entry in row))
     OUT.print(printed)
 
 

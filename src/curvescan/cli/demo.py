@@ -76,5 +76,5 @@ def demo(
             f"{e.end_translation:.2f} m, {np.degrees(e.end_rotation):.1f} deg",
         )
     OUT.print(errors)
-    OUT.print(f"wrote {out}/map.png, trajectory.tum, trajectory.csv, run.json")
+    OUT.print(f"wrote {out}/map.png, trajectory.tum, trajectory.csv, run.json", markup=False)
     return 0

@@ -46,5 +46,5 @@ def experiments(
             results = run_experiments(logs=sources, is_quick=quick, seed=seed, progress=progress)
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)
-    OUT.print(f"wrote {out}/report.html, report.md, results.json")
+    OUT.print(f"wrote {out}/report.html, report.md, results.json", markup=False)
     return 0

@@ -21,6 +21,8 @@ def info(log: LogPath, /, *, range_max: float | None = None, topic: Topic = None
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
     """
+    from rich.markup import escape
+
     from curvescan.cli.console import OUT
     from curvescan.io import findings_of, inspect_log, read_log
 
@@ -52,13 +54,14 @@ def info(log: LogPath, /, *, range_max: float | None = None, topic: Topic = None
             else f"{report.odometry.path_length:,.1f} m, turned {report.odometry.turned_deg:,.0f} deg",
         ),
     ]
-    OUT.print(f"[bold]{report.name}[/bold]")
+    # names and tags come from the file: a bracket in them is a bracket, not markup
+    OUT.print(f"[bold]{escape(report.name)}[/bold]")
     for name, value in rows:
         if value:
-            OUT.print(f"  {name:<16} {value}")
+            OUT.print(f"  {name:<16} {escape(value)}")
     findings = findings_of(report)
     for finding in findings:
-        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {finding.sentence}")
+        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {escape(finding.sentence)}")
     if not findings:
         OUT.print("  nothing wrong found")
     return 0 if report.is_usable else 1

@@ -80,7 +80,7 @@ def match(
             names=(f"scan {i}", f"scan {j}"),
             min_curvature=configs.cfsma.landmarks.min_curvature,
         )
-    OUT.print(f"[bold]{source.name}: scan {j} seen from scan {i}[/bold]: {result.outcome.value}")
+    OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)
     if result.ok:
         x, y, theta = result.pose
         sigma = np.sqrt(np.diag(result.covariance))
@@ -91,7 +91,7 @@ def match(
         )
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)
-    OUT.print(f"wrote {', '.join(str(out / name) for name in written)}")
+    OUT.print(f"wrote {', '.join(str(out / name) for name in written)}", markup=False)
     return 0
 
 

@@ -56,5 +56,5 @@ def odometry(
         with ERR.status("drawing the map"):
             save_run(folder, run, source, odometry=chain, command=sys.argv, source=log)
     OUT.print(summarise(run, len(source)))
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json")
+    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
     return 0
