@@ -97,6 +97,7 @@ def test_speed_is_measured_for_each_scan_and_pair():
     assert speed.prepare_seconds.shape == (12,)
     assert speed.match_seconds.shape == (6,)
     assert (speed.match_seconds > 0).all()
+    assert speed.guess_seconds.shape == (6,)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +10,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.evaluation.bound import median_error, pair_bound
 from curvescan.evaluation.random_transform import SUCCESS
-from curvescan.matching import MatchResult, match, prepare
+from curvescan.matching import MatchResult, match
 from curvescan.simulation import SENSORS, simulate_pairs
 from curvescan.types import Floats, Pose
 
@@ -98,8 +97,6 @@ class CellScore:
         Mean normalised estimation error squared of right matches; 3 when the covariance is right.
     inside_95 : float
         Share of right matches inside the 95 % ellipsoid of their covariance.
-    milliseconds, milliseconds_guess : float
-        Median time of a match of prepared scans, without a guess and with a good one.
     """
 
     method: str
@@ -110,8 +107,6 @@ class CellScore:
     bound: float
     nees: float
     inside_95: float
-    milliseconds: float
-    milliseconds_guess: float
 
 
 def score_cell(
@@ -140,7 +135,6 @@ def score_cell(
     sensor = SENSORS[cell.sensor]
     bounds = []
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
-    rng = np.random.default_rng(seed)
     for pair in simulate_pairs(
         "office",
         sensor=sensor,
@@ -151,33 +145,101 @@ def score_cell(
         seed=seed,
     ):
         bounds.append(pair_bound(pair, sensor))
-        # a guess as good as odometry's: 2 cm and 1 degree
-        guess = pair.pose + rng.normal(0.0, [0.02, 0.02, np.radians(1.0)])
         for method in methods:
-            prepared = [prepare(scan, method=method) for scan in (pair.reference, pair.current)]
-            started = time.perf_counter()
-            result = match(*prepared, method=method)
-            halfway = time.perf_counter()
-            match(*prepared, method=method, guess=guess)
-            seconds = (halfway - started, time.perf_counter() - halfway)
-            tried[method].append(_Try(result=result, truth=pair.pose, seconds=seconds))
+            result = match(pair.reference, pair.current, method=method)
+            tried[method].append(_Try(result=result, truth=pair.pose))
         if on_pair:
             on_pair()
     bound = median_error(bounds)
     return [_score(method, cell.name, tried[method], bound) for method in methods]
 
 
+@dataclass(frozen=True, kw_only=True)
+class OpenScore:
+    """How one method did where no laser can fix the whole pose.
+
+    Attributes
+    ----------
+    method, world : str
+        Names.
+    ok, flagged : float
+        Share of the pairs with a pose, and of these the share that names its weak direction.
+    nees, inside_95 : float
+        As in :class:`CellScore`, over all pairs with a pose.
+    """
+
+    method: str
+    world: str
+    ok: float
+    flagged: float
+    nees: float
+    inside_95: float
+
+
+OPEN_WORLDS = ("bare-corridor", "round-room")
+"""Simulated worlds that leave a motion open: along the corridor, around the room."""
+
+
+def score_open(
+    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1
+) -> list[OpenScore]:
+    """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open.
+
+    Parameters
+    ----------
+    world : str
+        Name of a simulated world.
+    methods : sequence of str
+        Names of matchers.
+    n_pairs : int
+        How many pairs.
+    seed : int
+        The same seed, the same pairs.
+    """
+    pairs = simulate_pairs(
+        world,
+        n_pairs=n_pairs,
+        translation_max=0.1,
+        rotation_max=np.radians(5.0),
+        sight_share=0.3,
+        seed=seed,
+    )
+    tried: dict[str, list[_Try]] = {method: [] for method in methods}
+    for pair in pairs:
+        for method in methods:
+            result = match(pair.reference, pair.current, method=method)
+            tried[method].append(_Try(result=result, truth=pair.pose))
+    return [_score_open(method, world, tried[method]) for method in methods]
+
+
+def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
+    matched = [one for one in tries if one.result.ok]
+    nees = np.array([one.nees for one in matched])
+    flagged = [one.result.weak_direction is not None for one in matched]
+    return OpenScore(
+        method=method,
+        world=world,
+        ok=len(matched) / len(tries),
+        flagged=float(np.mean(flagged)) if matched else float("nan"),
+        nees=float(nees.mean()) if matched else float("nan"),
+        inside_95=float(np.mean(nees < _CHI2_95)) if matched else float("nan"),
+    )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Try:
     result: MatchResult
     truth: Pose
-    seconds: tuple[float, float]
 
     @property
     def error(self) -> Floats:
         """(3,) pose found minus true pose; NaN without a pose."""
         difference = self.result.pose - self.truth
         return np.array([difference[0], difference[1], float(se2.wrap(difference[2]))])
+
+    @property
+    def nees(self) -> float:
+        return float(self.error @ np.linalg.solve(self.result.covariance, self.error))
 
     @property
     def is_right(self) -> bool:
@@ -188,11 +250,8 @@ class _Try:
 def _score(method: str, cell: str, tries: list[_Try], bound: float) -> CellScore:
     right = [one for one in tries if one.is_right]
     matched = [one for one in tries if one.result.ok]
-    nees = np.array(
-        [one.error @ np.linalg.solve(one.result.covariance, one.error) for one in right]
-    )
+    nees = np.array([one.nees for one in right])
     distance = [np.hypot(*one.error[:2]) for one in matched]
-    seconds = np.median([one.seconds for one in tries], axis=0)
     return CellScore(
         method=method,
         cell=cell,
@@ -202,6 +261,4 @@ def _score(method: str, cell: str, tries: list[_Try], bound: float) -> CellScore
         bound=bound,
         nees=float(nees.mean()) if nees.size else float("nan"),
         inside_95=float(np.mean(nees < _CHI2_95)) if nees.size else float("nan"),
-        milliseconds=1e3 * float(seconds[0]),
-        milliseconds_guess=1e3 * float(seconds[1]),
     )
