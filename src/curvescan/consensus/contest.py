@@ -49,7 +49,9 @@ def _finish(
 ) -> tuple[Floats, Floats]:
     closer = refine(poses, ref.view, cur.view, config.refinement.closer_slacks)
     final = refine(closer, ref.whole, cur.whole, config.refinement.full_slacks)
-    return select(final, ref.wide, cur.wide, *config.verification.fine, 3, 4096, 0.2)
+    # one pose has only to be enough; several are told apart by more probes
+    views = (ref.wide, cur.wide) if len(poses) > 1 else (ref.view, cur.view)
+    return select(final, *views, *config.verification.fine, 3, 4096, 0.2)
 
 
 def without_movers(
