@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.consensus.labels import AGREES, HIDDEN, MOVED, compare_readings
+from curvescan.consensus.labels import (
+    AGREES,
+    HIDDEN,
+    MOVED,
+    compare_readings,
+    surfaces_at_rest,
+)
 from curvescan.consensus.polar import reading_at
 from tests.consensus_scenes import MOTION, features, pair, pillar_scan
+from tests.reference import consensus as slow
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -56,3 +65,35 @@ def test_someone_who_walked_in_is_seen_as_moved():
     codes, _ = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(MOTION), 0.01)
     behind = np.isin(ref.beam_idx, np.arange(110, 113))
     assert (codes[behind] != MOVED).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
+    ref, cur = pair(seed)
+    pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
+    _, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    at_rest, n_moved = surfaces_at_rest(
+        cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0
+    )
+    found = slow.surfaces_at_rest(
+        cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0
+    )
+    np.testing.assert_array_equal(at_rest, found)
+    assert n_moved == sum(not at_rest[a] for a, b in itertools.pairwise(cur.bounds))
+
+
+def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
+    ref, plain = pillar_scan(seed=1), pillar_scan(seed=2)
+    ranges = plain.ranges.copy()
+    is_box = (ref.points[:, 0] > 1.1) & (ref.points[:, 0] < 1.55) & (ref.points[:, 1] > 0.6)
+    is_box &= ref.points[:, 1] < 1.05
+    assert is_box.sum() > 20
+    ranges[is_box] += 0.012  # within the noise of any one reading
+    pushed = cs.LaserScan(
+        ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0
+    )
+    result = cs.match(ref, pushed)
+    assert np.mean(result.labels_current[is_box] == cs.matching.Label.MOVED) > 0.9
+    assert np.mean(result.labels_current[~is_box] == cs.matching.Label.MATCHED) > 0.9
+    still = cs.match(ref, plain)
+    assert (still.labels_current == cs.matching.Label.MOVED).mean() < 0.02

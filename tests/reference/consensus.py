@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 
 import numpy as np
@@ -132,3 +133,21 @@ def votes(poses, cell, turn):
         total = Counter(keys)
         counts += [total[key] for key in keys]
     return counts
+
+
+def surfaces_at_rest(surfels, bounds, partner, others, pose, limit):
+    """(m,) False on surfaces whose readings lie to one side of their partners' lines on the mean."""
+    at_rest = np.ones(len(surfels), dtype=bool)
+    for start, stop in itertools.pairwise(bounds):
+        rows = [
+            i
+            for i in range(start, stop)
+            if partner[i] >= 0 and surfels[i, 7] > 0 and others[partner[i], 7] > 0
+        ]
+        if len(rows) < 4:
+            continue
+        distances = [residual(pose, surfels[i, :2], others[partner[i]], False) for i in rows]
+        variances = [surfels[i, 7] + others[partner[i], 7] for i in rows]
+        deviation = np.sqrt(np.sum(variances)) / len(rows)
+        at_rest[start:stop] = abs(np.mean(distances)) <= limit * deviation
+    return at_rest

@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan.consensus.apart import distance, is_on_the_way
 from curvescan.consensus.config import ConsensusConfig
-from curvescan.consensus.evidence import Evidence
+from curvescan.consensus.evidence import Evidence, gather_evidence
 from curvescan.consensus.features import ConsensusFeatures
 from curvescan.consensus.refinement import refine
 from curvescan.consensus.search import Candidates
@@ -49,7 +49,25 @@ def _finish(
 ) -> tuple[Floats, Floats]:
     closer = refine(poses, ref.view, cur.view, config.refinement.closer_slacks)
     final = refine(closer, ref.whole, cur.whole, config.refinement.full_slacks)
-    return select(final, ref.wide, cur.wide, *config.verification.fine, 3, 4096, 0.2)
+    # one pose has only to be enough; several are told apart by more probes
+    views = (ref.wide, cur.wide) if len(poses) > 1 else (ref.view, cur.view)
+    return select(final, *views, *config.verification.fine, 3, 4096, 0.2)
+
+
+def without_movers(
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    poses: Floats,
+    evidence: Evidence,
+    config: ConsensusConfig,
+) -> tuple[Floats, Evidence]:
+    """Return the poses, the first refined without the surfaces that moved, and the evidence for it."""
+    if not evidence.n_moved:
+        return poses, evidence
+    still_ref = ref.view._replace(probes=ref.view.surfels[evidence.at_rest_ref])
+    still_cur = cur.view._replace(probes=cur.view.surfels[evidence.at_rest_cur])
+    pose = refine(poses[:1], still_ref, still_cur, config.refinement.full_slacks)
+    return np.concatenate((pose, poses[1:])), gather_evidence(ref, cur, pose[0], config)
 
 
 def rivals(scores: Floats, config: ConsensusConfig) -> list[int]:

@@ -10,7 +10,7 @@ from curvescan.consensus.apart import inverse
 from curvescan.consensus.config import ConsensusConfig, InformationConfig
 from curvescan.consensus.features import ConsensusFeatures
 from curvescan.consensus.information import covariance, pose_information
-from curvescan.consensus.labels import compare_readings
+from curvescan.consensus.labels import AGREES, MOVED, compare_readings, surfaces_at_rest
 from curvescan.consensus.verification import best_beside
 from curvescan.types import Bools, Codes, Cov, Floats, Pose
 
@@ -25,6 +25,10 @@ class Evidence:
         What each reading is to the other scan; codes of labels.py.
     n_agree : int
         Readings of the current scan that agree.
+    at_rest_ref, at_rest_cur : (m,), (k,) bool
+        Which readings are of surfaces that did not move as a whole.
+    n_moved : int
+        Surfaces that did, of both scans.
     information, feigned, axes, units
         Principal directions of the information; see :func:`curvescan.consensus.information.pose_information`.
     """
@@ -32,6 +36,9 @@ class Evidence:
     codes_ref: Codes
     codes_cur: Codes
     n_agree: int
+    at_rest_ref: Bools
+    at_rest_cur: Bools
+    n_moved: int
     information: Floats
     feigned: Floats
     axes: Floats
@@ -59,7 +66,21 @@ def gather_evidence(
     surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
     margin = config.verification.margin
     codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, margin)
-    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, inverse(pose), margin)
+    back, limit = inverse(pose), config.verification.moved_limit
+    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, back, margin)
+    at_rest_cur, n_moved_cur = surfaces_at_rest(
+        surfels_cur, cur.bounds, partner_cur, surfels_ref, pose, limit
+    )
+    at_rest_ref, n_moved_ref = surfaces_at_rest(
+        surfels_ref, ref.bounds, partner_ref, surfels_cur, back, limit
+    )
+    if n_moved_cur + n_moved_ref:
+        for codes, partner, at_rest in (
+            (codes_cur, partner_cur, at_rest_cur),
+            (codes_ref, partner_ref, at_rest_ref),
+        ):
+            codes[~at_rest & (codes == AGREES)] = MOVED
+            partner[~at_rest] = -1
     information, feigned, axes, units = pose_information(
         surfels_ref, partner_ref, surfels_cur, partner_cur, pose
     )
@@ -67,6 +88,9 @@ def gather_evidence(
         codes_ref=codes_ref,
         codes_cur=codes_cur,
         n_agree=int(np.count_nonzero(partner_cur >= 0)),
+        at_rest_ref=at_rest_ref,
+        at_rest_cur=at_rest_cur,
+        n_moved=n_moved_ref + n_moved_cur,
         information=information,
         feigned=feigned,
         axes=axes,

@@ -8,7 +8,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.consensus.polar import View, reading_at
-from curvescan.types import Codes, Floats, Ints
+from curvescan.types import Bools, Codes, Floats, Ints
 
 HIDDEN, AGREES, MOVED = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
@@ -68,3 +68,54 @@ def compare_readings(
         if front > 0.0 and qx * qx + qy * qy < front * front:
             codes[i] = 2
     return codes, partner
+
+
+@kernel
+def surfaces_at_rest(
+    surfels: Floats, bounds: Ints, partner: Ints, surfels_other: Floats, pose: Floats, limit: float
+) -> tuple[Bools, int]:
+    """Return which readings are of surfaces that did not move as a whole, and how many surfaces did.
+
+    A leg that took a small step agrees reading by reading, and yet lies to one side with all of them: a surface has
+    moved when the mean distance of its readings from their partners' lines exceeds `limit` standard deviations of
+    that mean.
+
+    Parameters
+    ----------
+    surfels, surfels_other : (m, 9), (k, 9) float64
+        Readings of both scans.
+    bounds : (s + 1,) int64
+        Surface k is surfels[bounds[k]:bounds[k + 1]].
+    partner : (m,) int64
+        Reading of the other scan, -1 for none.
+    pose : (3,) float64
+        Of the readings' scan in the other.
+    limit : float
+        Standard deviations.
+
+    Returns
+    -------
+    at_rest : (m,) bool
+        False on surfaces that moved; True on those with fewer than four partners.
+    n_moved : int
+        Surfaces that moved.
+    """
+    at_rest = np.ones(surfels.shape[0], dtype=np.bool_)
+    n_moved = 0
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for k in range(bounds.size - 1):
+        total, variance, n = 0.0, 0.0, 0
+        for i in range(bounds[k], bounds[k + 1]):
+            j = partner[i]
+            if j < 0 or surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+                continue
+            ax, ay = surfels[i, 0], surfels[i, 1]
+            total += surfels_other[j, 5] * (c * ax - s * ay + pose[0] - surfels_other[j, 3])
+            total += surfels_other[j, 6] * (s * ax + c * ay + pose[1] - surfels_other[j, 4])
+            variance += surfels[i, 7] + surfels_other[j, 7]
+            n += 1
+        if n >= 4 and total * total > limit * limit * variance:
+            n_moved += 1
+            for i in range(bounds[k], bounds[k + 1]):
+                at_rest[i] = False
+    return at_rest, n_moved

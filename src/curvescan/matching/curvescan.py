@@ -20,6 +20,7 @@ from curvescan.consensus.contest import (
     prefer,
     rivals,
     slide_finely,
+    without_movers,
 )
 from curvescan.consensus.evidence import gather_evidence, open_directions
 from curvescan.consensus.features import ConsensusFeatures, extract_features
@@ -80,6 +81,7 @@ class CurvescanMatcher:
         elif len(poses) > 1:
             poses, scores = prefer(guess, poses, scores, config)
             evidence = gather_evidence(ref, cur, poses[0], config)
+        poses, evidence = without_movers(ref, cur, poses, evidence, config)
         is_open = open_directions(ref, cur, poses[0], evidence, config)
         on_the_way = along_the_way(poses, scores, evidence, config)
         is_open[0] |= evidence.is_weak(config.information) and len(on_the_way) > 0
