@@ -9,7 +9,7 @@ import pytest
 
 from curvescan import se2
 from curvescan.evaluation.bound import median_error, pair_bound, range_gradient
-from curvescan.evaluation.cells import CELLS, score_cell
+from curvescan.evaluation.cells import CELLS, OPEN_WORLDS, score_cell, score_open
 from curvescan.simulation import SENSORS, World, build_world, simulate_pairs
 from curvescan.simulation.raycast import cast_rays
 
@@ -128,3 +128,12 @@ def test_cells_are_scored_on_the_same_pairs():
     assert 0.0 <= score.success <= 1.0
     assert score.success + score.confidently_wrong <= 1.0
     assert 0.0003 < score.bound < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", OPEN_WORLDS)
+def test_the_default_matcher_names_what_stays_open(world):
+    [score] = score_open(world, ["curvescan"], n_pairs=30)
+    assert score.ok > 0.9
+    assert score.flagged > 0.95
+    assert score.nees_median < 3.0

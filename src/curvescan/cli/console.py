@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from rich.console import Console
 from rich.markup import escape
@@ -58,6 +58,18 @@ def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callabl
             progress.advance(task)
 
         yield advance
+
+
+@contextmanager
+def progress_bars() -> Iterator[Callable[[str, int], Callable[..., None]]]:
+    """Yield a function that begins a new bar, ending the one before: for a long run of several parts."""
+    with ExitStack() as bars:
+
+        def begin(what: str, total: int) -> Callable[..., None]:
+            bars.close()
+            return bars.enter_context(progress_bar(what, total, "steps"))
+
+        yield begin
 
 
 def load_kernels(method: str) -> None:

@@ -24,10 +24,7 @@ def experiments(
     seed
         Seed of all simulated scans.
     """
-    from collections.abc import Callable
-    from contextlib import ExitStack
-
-    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
+    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bars
     from curvescan.evaluation.experiments import run_experiments
     from curvescan.io import output_folder, read_log
     from curvescan.matching import MATCHERS
@@ -37,12 +34,7 @@ def experiments(
     with output_folder(out) as folder:
         for method in MATCHERS:
             load_kernels(method)
-        with ExitStack() as bars:
-
-            def progress(what: str, total: int) -> Callable[..., None]:
-                bars.close()  # one bar at a time
-                return bars.enter_context(progress_bar(what, total, "steps"))
-
+        with progress_bars() as progress:
             results = run_experiments(logs=sources, is_quick=quick, seed=seed, progress=progress)
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)

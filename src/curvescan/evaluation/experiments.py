@@ -30,6 +30,11 @@ Progress = Callable[[str, int], Callable[..., None]]
 """Takes what is done and how many steps it has; returns what to call after each step."""
 
 
+def in_silence(what: str, total: int) -> Callable[..., None]:
+    """Tell nobody how far it is."""
+    return lambda *_: None
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DriveComparison:
     """One drive and what each method made of it."""
@@ -73,7 +78,7 @@ def run_experiments(
     logs: Sequence[Log] = (),
     is_quick: bool = False,
     seed: int = 0,
-    progress: Progress = lambda what, total: lambda *_: None,
+    progress: Progress = in_silence,
 ) -> Experiments:
     """Return the results of the paper's experiments on simulated scans, and of every method on real logs.
 
