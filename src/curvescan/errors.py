@@ -21,7 +21,7 @@ class LogFileError(CurvescanError, OSError):
 
 
 class LogFormatError(CurvescanError, ValueError):
-    """A log can be opened but holds no scans of a format that curvescan reads."""
+    """A log or a trajectory can be opened but is not of a format that curvescan reads."""
 
 
 class OutputError(CurvescanError, OSError):

@@ -36,8 +36,8 @@ def match(
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw how it came about.
 
-    Writes matched.png (figures 6 and 9 of the paper) and match.json; with the method "cfsma" also segments.png (figure 4)
-    and curvature.png (figure 5).
+    Writes segments.png (the paper's figure 4), curvature.png (5), matched.png (6 and 9) and match.json. Segments and
+    curvature functions are those of CF-SMA, whatever method found the pose.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def match(
     with output_folder(out) as folder:
         load_kernels(method)
         result = match_scans(reference, current, method=method, config=configs.of(method))
-        written = save_match(
+        save_match(
             folder,
             result,
             scans=(reference, current),
             names=(f"scan {i}", f"scan {j}"),
-            min_curvature=configs.cfsma.landmarks.min_curvature,
+            cfsma=configs.cfsma,
         )
     OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)
     if result.ok:
@@ -89,9 +89,12 @@ def match(
             f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
             f"{result.n_matched} matched pairs"
         )
+    if result.weak_direction is not None:
+        dx, dy, dtheta = result.weak_direction
+        OUT.print(f"  not fixed along x {dx:+.2f} m, y {dy:+.2f} m, theta {dtheta:+.2f} rad")
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)
-    OUT.print(f"wrote {', '.join(str(out / name) for name in written)}", markup=False)
+    OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json", markup=False)
     return 0
 
 

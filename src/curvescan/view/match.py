@@ -1,4 +1,4 @@
-"""The figures of one match: matched points (6 and 9); of CF-SMA also segments (4) and curvature functions (5)."""
+"""The paper's figures of one match: segments (4), curvature functions (5), matched points (6 and 9)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from curvescan import __version__, se2
+from curvescan.cfsma.config import CfSmaConfig
 from curvescan.cfsma.features import CfSmaFeatures
 from curvescan.cfsma.landmarks import Verdict
 from curvescan.cfsma.trace import CfSmaTrace, count_gates
+from curvescan.matching import match
 from curvescan.matching.result import Label, MatchResult
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points
@@ -36,29 +38,30 @@ def save_match(
     *,
     scans: tuple[LaserScan, LaserScan],
     names: tuple[str, str],
-    min_curvature: float,
-) -> list[str]:
-    """Write matched.png and match.json of a match into a folder, and what else its trace has to show.
+    cfsma: CfSmaConfig,
+) -> None:
+    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder.
 
     Parameters
     ----------
     folder : Path
         An existing folder; see :func:`curvescan.io.output_folder`.
     result : MatchResult
-        Of any method. "cfsma" also gets segments.png and curvature.png.
+        Of any method. Segments and curvature functions are those of CF-SMA, whatever method found the pose.
     scans : (LaserScan, LaserScan)
         The reference and the current scan.
     names : (str, str)
         What to call them.
-    min_curvature : float
-        U_p of "cfsma", radians, drawn with the curvature functions.
-
-    Returns
-    -------
-    list of str
-        Names of the files written.
+    cfsma : CfSmaConfig
+        Parameters of the segments and functions.
     """
-    trace = result.trace
+    paper = result if result.method == "cfsma" else match(*scans, method="cfsma", config=cfsma)
+    trace = paper.trace
+    assert isinstance(trace, CfSmaTrace)
+    draw_segments(folder / "segments.png", trace, names)
+    draw_curvature(folder / "curvature.png", trace, names, cfsma.landmarks.min_curvature)
+    draw_matched(folder / "matched.png", result, scans, names)
+    weak = result.weak_direction
     record = {
         "curvescan": __version__,
         "reference": names[0],
@@ -68,21 +71,16 @@ def save_match(
         "meaning": result.outcome.value,
         "pose": result.pose.tolist() if result.ok else None,
         "covariance": result.covariance.tolist() if result.ok else None,
+        "weak_direction": None if weak is None else weak.tolist(),
         "n_matched": result.n_matched,
     }
-    written = ["matched.png", "match.json"]
-    draw_matched(folder / "matched.png", result, scans, names)
-    if isinstance(trace, CfSmaTrace):
-        draw_segments(folder / "segments.png", trace, names)
-        draw_curvature(folder / "curvature.png", trace, names, min_curvature)
-        written = ["segments.png", "curvature.png", *written]
+    if result.method == "cfsma":
         record |= {
             "rejections": trace.rejections(),
             "readings_reference": count_gates(trace.gates_reference),
             "readings_current": count_gates(trace.gates_current),
         }
     (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    return written
 
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:
@@ -93,7 +91,7 @@ def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None
         for axes, features, name in zip(places, scans, names, strict=True):
             _draw_segments(axes, features)
             n_points = len(features.landmarks)
-            as_place(axes, f"{name}: {len(features.starts)} segments, {n_points} corners")
+            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {n_points} corners")
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 

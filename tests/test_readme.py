@@ -1,0 +1,29 @@
+"""What the README shows runs as it stands."""
+
+from __future__ import annotations
+
+import os
+import re
+
+from tests.conftest import ROOT
+from tests.scenes import room_scan
+from tests.test_cli import flaser
+
+
+def test_the_ten_lines_run(tmp_path, monkeypatch, capsys):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    scans = [room_scan((0.02 * k, 0.0, 0.0), sigma=0.003, seed=k) for k in range(3)]
+    (tmp_path / "intel.clf").write_text("".join(flaser(s, k) for k, s in enumerate(scans)))
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})  # noqa: S102 - our own README
+    printed = capsys.readouterr().out
+    assert printed.startswith("True The scans match.")
+
+
+def test_every_file_the_documents_link_to_is_there():
+    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        text = document.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\((?!http)([^)#]+)", text):
+            path = os.path.normpath(document.parent / target)
+            assert os.path.exists(path), f"{document.name} links to {target}"  # noqa: PTH110
