@@ -70,7 +70,7 @@ def test_odometry_and_match_run_every_method(log, tmp_path, capsys, method):
     assert list(record["config"]) == [method, "odometry"]
     assert record["outcomes"]["matched"] == 7
     assert run(["match", str(log), "0", "3", "--out", str(tmp_path / "m"), "--method", method]) == 0
-    assert "m/matched.png" in capsys.readouterr().out
+    assert "matched.png" in capsys.readouterr().out
 
 
 def test_the_parameters_of_a_rival_are_flags(log, tmp_path):

@@ -72,14 +72,11 @@ def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
     ref, cur = pair(seed)
     pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
     _, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
-    at_rest, n_moved = surfaces_at_rest(
-        cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0
-    )
-    found = slow.surfaces_at_rest(
-        cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0
-    )
-    np.testing.assert_array_equal(at_rest, found)
-    assert n_moved == sum(not at_rest[a] for a, b in itertools.pairwise(cur.bounds))
+    for least in (0.0, 0.003, 0.01):
+        arguments = (cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0, least)
+        at_rest, n_moved = surfaces_at_rest(*arguments)
+        np.testing.assert_array_equal(at_rest, slow.surfaces_at_rest(*arguments))
+        assert n_moved == sum(not at_rest[a] for a, b in itertools.pairwise(cur.bounds))
 
 
 def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
@@ -88,7 +85,7 @@ def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
     is_box = (ref.points[:, 0] > 1.1) & (ref.points[:, 0] < 1.55) & (ref.points[:, 1] > 0.6)
     is_box &= ref.points[:, 1] < 1.05
     assert is_box.sum() > 20
-    ranges[is_box] += 0.012  # within the noise of any one reading
+    ranges[is_box] += 0.02  # within the noise of any one reading
     pushed = cs.LaserScan(
         ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0
     )

@@ -135,7 +135,7 @@ def votes(poses, cell, turn):
     return counts
 
 
-def surfaces_at_rest(surfels, bounds, partner, others, pose, limit):
+def surfaces_at_rest(surfels, bounds, partner, others, pose, limit, least):
     """(m,) False on surfaces whose readings lie to one side of their partners' lines on the mean."""
     at_rest = np.ones(len(surfels), dtype=bool)
     for start, stop in itertools.pairwise(bounds):
@@ -149,5 +149,5 @@ def surfaces_at_rest(surfels, bounds, partner, others, pose, limit):
         distances = [residual(pose, surfels[i, :2], others[partner[i]], False) for i in rows]
         variances = [surfels[i, 7] + others[partner[i], 7] for i in rows]
         deviation = np.sqrt(np.sum(variances)) / len(rows)
-        at_rest[start:stop] = abs(np.mean(distances)) <= limit * deviation
+        at_rest[start:stop] = abs(np.mean(distances)) <= max(limit * deviation, least)
     return at_rest

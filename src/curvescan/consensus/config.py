@@ -114,6 +114,9 @@ class VerificationConfig:
     """Tolerance of a pose to be judged."""
     margin: float = 0.01
     """Metres that two readings of one surface may lie apart besides three standard deviations of their noise."""
+    moved_least: float = 0.01
+    """A surface moved when its readings lie to one side by more than this on the mean, metres: under it stand the
+    errors that all readings of a wall share (rounding to centimetres, angle of incidence)."""
     moved_limit: float = 4.0
     """A surface moved when its readings lie to one side by more standard deviations of their mean than this."""
     n_kept: int = 5

@@ -66,13 +66,14 @@ def gather_evidence(
     surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
     margin = config.verification.margin
     codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, margin)
-    back, limit = inverse(pose), config.verification.moved_limit
+    back = inverse(pose)
+    limit, least = config.verification.moved_limit, config.verification.moved_least
     codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, back, margin)
     at_rest_cur, n_moved_cur = surfaces_at_rest(
-        surfels_cur, cur.bounds, partner_cur, surfels_ref, pose, limit
+        surfels_cur, cur.bounds, partner_cur, surfels_ref, pose, limit, least
     )
     at_rest_ref, n_moved_ref = surfaces_at_rest(
-        surfels_ref, ref.bounds, partner_ref, surfels_cur, back, limit
+        surfels_ref, ref.bounds, partner_ref, surfels_cur, back, limit, least
     )
     if n_moved_cur + n_moved_ref:
         for codes, partner, at_rest in (

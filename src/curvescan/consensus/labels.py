@@ -72,13 +72,19 @@ def compare_readings(
 
 @kernel
 def surfaces_at_rest(
-    surfels: Floats, bounds: Ints, partner: Ints, surfels_other: Floats, pose: Floats, limit: float
+    surfels: Floats,
+    bounds: Ints,
+    partner: Ints,
+    surfels_other: Floats,
+    pose: Floats,
+    limit: float,
+    least: float,
 ) -> tuple[Bools, int]:
     """Return which readings are of surfaces that did not move as a whole, and how many surfaces did.
 
     A leg that took a small step agrees reading by reading, and yet lies to one side with all of them: a surface has
     moved when the mean distance of its readings from their partners' lines exceeds `limit` standard deviations of
-    that mean.
+    that mean, and `least`: lasers have errors that the readings of a wall share.
 
     Parameters
     ----------
@@ -92,6 +98,8 @@ def surfaces_at_rest(
         Of the readings' scan in the other.
     limit : float
         Standard deviations.
+    least : float
+        Metres.
 
     Returns
     -------
@@ -114,7 +122,7 @@ def surfaces_at_rest(
             total += surfels_other[j, 6] * (s * ax + c * ay + pose[1] - surfels_other[j, 4])
             variance += surfels[i, 7] + surfels_other[j, 7]
             n += 1
-        if n >= 4 and total * total > limit * limit * variance:
+        if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
             n_moved += 1
             for i in range(bounds[k], bounds[k + 1]):
                 at_rest[i] = False
