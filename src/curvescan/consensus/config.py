@@ -119,7 +119,7 @@ class VerificationConfig:
     errors that all readings of a wall share (rounding to centimetres, angle of incidence)."""
     moved_limit: float = 4.0
     """A surface moved when its readings lie to one side by more standard deviations of their mean than this."""
-    n_kept: int = 5
+    n_kept: int = 4
     """Poses that are refined."""
     n_wide: int = 192
     """The same where a pose is judged."""
