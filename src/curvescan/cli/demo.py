@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from curvescan.cli.options import ConfigFile, Configs, Method, MethodConfigs
+
 
 def demo(
     *,
@@ -14,6 +16,9 @@ def demo(
     scans: int = 500,
     people: int = 0,
     seed: int = 0,
+    method: Method = "curvescan",
+    config: ConfigFile = None,
+    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Drive a simulated robot through a building, match its scans, and compare with the truth.
 
@@ -33,6 +38,12 @@ def demo(
         How many people walk around the robot.
     seed
         Another seed, another building and another drive.
+    method
+        The matcher.
+    config
+        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
+    configs
+        Parameters of the methods; those of the method that runs are used.
     """
     import numpy as np
 
@@ -44,7 +55,7 @@ def demo(
     from curvescan.odometry import Odometry, run_odometry
     from curvescan.view.run import save_run
 
-    chain = Odometry()
+    chain = Odometry(method, matcher_config=configs.of(method))
     with output_folder(out) as folder:
         load_kernels(chain.method)
         with ERR.status("simulating"):
