@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from curvescan import __version__
+from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import Method
 from curvescan.matching import MATCHERS
@@ -280,6 +281,13 @@ def test_the_module_runs_as_the_command_does():
         [sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=60
     )
     assert done.stdout == f"curvescan {__version__}\n"
+
+
+def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
+    usable = load_usable_methods()
+    assert set(usable) == set(MATCHERS) - {"icp"}
+    assert 'icp is left out: method "icp" needs SciPy' in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(("name", "n_scans"), [("malaga-sena-loop/malaga-sena-loop.clf.gz", 224)])

@@ -37,19 +37,22 @@ def bench(
     """
     from contextlib import nullcontext
 
-    from curvescan.cli.console import OUT, load_kernels, progress_bars, show
+    from curvescan.cli.console import OUT, load_usable_methods, progress_bars, show
     from curvescan.evaluation.benchmark import run_benchmark
     from curvescan.io import output_folder, read_log
-    from curvescan.matching import MATCHERS
     from curvescan.view.benchmark import benchmark_tables, save_benchmark
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:
-        for method in MATCHERS:
-            load_kernels(method)
+        methods = load_usable_methods()
         with progress_bars() as progress:
             results = run_benchmark(
-                n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=progress
+                methods=methods,
+                n_pairs=pairs,
+                n_runs=runs,
+                logs=sources,
+                seed=seed,
+                progress=progress,
             )
         if folder is not None:
             save_benchmark(folder, results)

@@ -21,6 +21,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from curvescan.errors import MissingPackageError
 from curvescan.view.table import ResultTable
 
 OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
@@ -92,6 +93,21 @@ def load_kernels(method: str) -> None:
         seconds = time.perf_counter() - started
     if n_compiled():
         ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+
+
+def load_usable_methods() -> tuple[str, ...]:
+    """Load the kernels of every method and return the names of those whose packages are installed."""
+    from curvescan.matching import MATCHERS
+
+    usable = []
+    for method in MATCHERS:
+        try:
+            load_kernels(method)
+        except MissingPackageError as error:
+            ERR.print(f"{method} is left out: {error}", markup=False)
+        else:
+            usable.append(method)
+    return tuple(usable)
 
 
 def show(result: ResultTable) -> None:

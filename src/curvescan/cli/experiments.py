@@ -24,18 +24,18 @@ def experiments(
     seed
         Seed of all simulated scans.
     """
-    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bars
+    from curvescan.cli.console import ERR, OUT, load_usable_methods, progress_bars
     from curvescan.evaluation.experiments import run_experiments
     from curvescan.io import output_folder, read_log
-    from curvescan.matching import MATCHERS
     from curvescan.view.experiments import save_experiments
 
     sources = [read_log(path) for path in logs]
     with output_folder(out) as folder:
-        for method in MATCHERS:
-            load_kernels(method)
+        methods = load_usable_methods()
         with progress_bars() as progress:
-            results = run_experiments(logs=sources, is_quick=quick, seed=seed, progress=progress)
+            results = run_experiments(
+                methods=methods, logs=sources, is_quick=quick, seed=seed, progress=progress
+            )
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)
     OUT.print(f"wrote {out}/report.html, report.md, results.json", markup=False)
