@@ -1,5 +1,5 @@
 # make demo    install into .venv and run the main job on simulated scans
-# make test    install into .venv and run all checks and tests
+# make test    install into .venv and run all checks, and the tests compiled and without the JIT
 # Needs Python 3.11 or newer, git and make; PYTHON=python3.12 names another interpreter.
 
 PYTHON ?= python3
@@ -18,7 +18,11 @@ demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
 
 test: lint
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q -n 2
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+
+# kernels are seen line by line only without the JIT; slow
+coverage: $(INSTALLED)
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q
 	$(BIN)/coverage report --skip-covered --skip-empty
 
