@@ -166,3 +166,11 @@ def test_wrong_arguments_are_named():
         OdometryConfig(prediction_sigma_m=0)
     with pytest.raises(cs.InvalidArgumentError, match="max_predictions must be >= 0, got -1"):
         OdometryConfig(max_predictions=-1)
+
+
+def test_the_first_scan_has_no_match_that_could_fail():
+    scans, _ = drive(3)
+    run = run_odometry([*scans, blank()])
+    assert run.is_failed.tolist() == [False, False, False, True]
+    assert run.is_matched.tolist() == [False, True, True, False]
+    assert run_odometry([]).is_failed.size == 0

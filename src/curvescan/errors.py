@@ -30,3 +30,9 @@ class OutputError(CurvescanError, OSError):
 
 class MissingPackageError(CurvescanError, ImportError):
     """An optional package is needed for what was asked; the message gives the pip command."""
+
+
+def require(holds: bool, rule: str, value: object) -> None:
+    """Raise InvalidArgumentError with the rule and the value that breaks it, unless `holds`."""
+    if not holds:
+        raise InvalidArgumentError(f"{rule}, got {value!r}")

@@ -229,6 +229,13 @@ class OdometryRun:
         """(n,) whether each pose comes from a match with the scan before it; False at the first."""
         return np.array([o is StepOutcome.MATCHED for o in self.outcomes], dtype=np.bool_)
 
+    @property
+    def is_failed(self) -> Bools:
+        """(n,) whether the match of each scan failed; False at the first, which has none."""
+        failed = ~self.is_matched
+        failed[:1] = False
+        return failed
+
 
 def run_odometry(
     scans: Iterable[LaserScan],

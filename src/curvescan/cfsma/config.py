@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,9 +112,3 @@ class CfSmaConfig:
     """Pairing of curvature functions."""
     landmarks: LandmarksConfig = field(default_factory=LandmarksConfig)
     """Characteristic points."""
-
-
-def require(holds: bool, rule: str, value: object) -> None:
-    """Raise InvalidArgumentError with the rule and the value unless `holds`."""
-    if not holds:
-        raise InvalidArgumentError(f"{rule}, got {value!r}")

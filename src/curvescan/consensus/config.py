@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import require
 from curvescan.types import Floats
 
 
@@ -241,9 +241,3 @@ class ConsensusConfig:
     """Least squares."""
     information: InformationConfig = field(default_factory=InformationConfig)
     """Covariance."""
-
-
-def require(holds: bool, rule: str, value: object) -> None:
-    """Raise InvalidArgumentError with the rule and the value unless `holds`."""
-    if not holds:
-        raise InvalidArgumentError(f"{rule}, got {value!r}")

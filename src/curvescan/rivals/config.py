@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from curvescan.cfsma.config import require
+from curvescan.errors import require
 
 
 @dataclass(frozen=True, kw_only=True)

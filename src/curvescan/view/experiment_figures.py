@@ -51,8 +51,7 @@ def draw_maps(path: Path, drive: DriveComparison) -> None:
             axes.plot(*occupied_cells(drive.log, poses).T, ",", color=DARK)
             axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
             axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label="matching")
-            failed = ~result.run.is_matched
-            failed[0] = False
+            failed = result.run.is_failed
             axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.0, label="match failed")
             end = result.errors.end_translation
             as_place(axes, f"{method}: end off by {end:.2f} m, {result.n_failed} failed")
@@ -81,15 +80,13 @@ def draw_moved(path: Path, drive: DriveComparison, method: str) -> None:
     run = drive.results[method].run
     poses = run.trajectory.poses
     standing, moved = standing_and_moved_cells(drive.log, poses, run.is_matched)
-    failed = ~run.is_matched
-    failed[0] = False
     draw_map(
         path,
         title=f"experiment {drive.experiment.number}, {method}",
         cells=standing,
         moved_cells=moved,
         poses=poses,
-        failed=failed,
+        failed=run.is_failed,
         true_poses=_true_poses(drive),
     )
 

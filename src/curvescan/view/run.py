@@ -117,8 +117,6 @@ def _digest(source: Path | None) -> dict[str, object]:
 
 def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None) -> None:
     poses = run.trajectory.poses
-    failed = ~run.is_matched
-    failed[0] = False
     wheel_poses = wheel_cells = None
     if log.odometry is not None:
         wheel_poses = _from_first(log.odometry.poses[: len(poses)])
@@ -133,7 +131,7 @@ def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None) -> Non
         cells=standing,
         moved_cells=moved,
         poses=poses,
-        failed=failed,
+        failed=run.is_failed,
         wheel_cells=wheel_cells,
         wheel_poses=wheel_poses,
         true_poses=None if truth is None else _from_first(truth[: len(poses)]),
