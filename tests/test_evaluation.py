@@ -116,7 +116,7 @@ def test_experiments_repeat_to_the_last_digit_and_write_a_report(tmp_path, quick
 
     save_experiments(tmp_path, quick_experiments)
     page = (tmp_path / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 8
+    assert page.count("data:image/png;base64,") == 10
     assert 'src="' + "data" in page
     assert "http" not in page
     assert "Table VI" in (tmp_path / "report.md").read_text()

@@ -48,7 +48,7 @@ def draw_maps(path: Path, drive: DriveComparison) -> None:
         for axes, (method, result) in zip(places, drive.results.items(), strict=False):
             axes.axis("on")
             poses = result.run.trajectory.poses
-            axes.plot(*occupied_cells(drive.log, poses).T, ",", color=DARK)
+            axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0.0)
             axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
             axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label="matching")
             failed = result.run.is_failed
@@ -75,11 +75,16 @@ def draw_trajectories(path: Path, drive: DriveComparison) -> None:
         figure.legend(loc="outside lower center", ncols=5)
 
 
-def draw_moved(path: Path, drive: DriveComparison, method: str) -> None:
-    """Save the map of one method with the discarded dynamic readings in grey (figure 9a)."""
+def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
+    """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
     run = drive.results[method].run
     poses = run.trajectory.poses
     standing, moved = standing_and_moved_cells(drive.log, poses, run.is_matched)
+    wheel_poses = wheel_cells = None
+    if drive.log.odometry is not None and drive.experiment.n_people == 0:
+        wheels = drive.log.odometry.poses
+        wheel_poses = se2.between(wheels[0], wheels)
+        wheel_cells = occupied_cells(drive.log, wheel_poses)
     draw_map(
         path,
         title=f"experiment {drive.experiment.number}, {method}",
@@ -87,6 +92,8 @@ def draw_moved(path: Path, drive: DriveComparison, method: str) -> None:
         moved_cells=moved,
         poses=poses,
         failed=run.is_failed,
+        wheel_cells=wheel_cells,
+        wheel_poses=wheel_poses,
         true_poses=_true_poses(drive),
     )
 

@@ -12,7 +12,12 @@ from curvescan import __version__
 from curvescan.evaluation.drives import DriveResult
 from curvescan.evaluation.experiments import DriveComparison, Experiments
 from curvescan.view.document import Part, save_document
-from curvescan.view.experiment_figures import draw_errors, draw_maps, draw_moved, draw_trajectories
+from curvescan.view.experiment_figures import (
+    draw_drive_map,
+    draw_errors,
+    draw_maps,
+    draw_trajectories,
+)
 from curvescan.view.experiment_tables import drive_table, log_table, random_transform_table
 from curvescan.view.table import ResultTable
 
@@ -141,10 +146,15 @@ def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:
     yield (f"maps_{number}.png", "Maps of all methods at the same scale; truth dashed.")
     draw_trajectories(folder / f"trajectories_{number}.png", drive)
     yield (f"trajectories_{number}.png", "Trajectories of all methods in one figure, truth dashed.")
+    method = best_method(drive)
+    draw_drive_map(folder / f"map_{number}.png", drive, method)
     if drive.experiment.n_people:
-        method = best_method(drive)
-        draw_moved(folder / f"moved_{number}.png", drive, method)
-        yield (f"moved_{number}.png", f"Map by {method}, discarded dynamic readings in grey.")
+        yield (f"map_{number}.png", f"Map by {method}, discarded dynamic readings in grey.")
+    else:
+        yield (
+            f"map_{number}.png",
+            f"Map by {method} (dark) over the map from wheel odometry (light).",
+        )
 
 
 def _lost_ways(drive: DriveComparison) -> Iterator[str]:
