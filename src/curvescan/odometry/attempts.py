@@ -61,12 +61,17 @@ def as_found(result: MatchResult) -> UncertainPose:
 def judge(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> Attempt:
     """Return a match held against what was expected.
 
-    Where the two agree they are fused: along a corridor, which the match leaves open, the expected motion decides.
-    Where they do not, the expectation takes no part in the pose.
+    The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they contradict
+    each other, what was expected is believed as little as after a failure.
     """
     if not result.ok:
         return Attempt(result, expected, False)
+    if not config.is_fused:
+        return Attempt(result, UncertainPose(result.pose, result.covariance), True)
     found = as_found(result)
     fused, distance = fuse(expected, found)
     is_plausible = distance <= config.surprise
-    return Attempt(result, fused if is_plausible and config.is_fused else found, is_plausible)
+    if not is_plausible:
+        lost = np.diag(np.square((config.lost_m, config.lost_m, config.lost_rad)))
+        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + lost), found)
+    return Attempt(result, fused, is_plausible)

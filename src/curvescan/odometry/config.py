@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from curvescan.errors import require
@@ -125,8 +124,8 @@ class OdometryConfig:
     def scan_to_scan(cls) -> OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
         return cls(
-            keys=KeysConfig(distance=0.0, turn=0.0, max_keys=1, max_tries=0),
-            motion=MotionConfig(is_fused=False, surprise=math.inf),
+            keys=KeysConfig(distance=0.0, turn=0.0, max_keys=1, max_tries=0, kept=1.0),
+            motion=MotionConfig(is_fused=False),
         )
 
     @classmethod

@@ -166,7 +166,7 @@ class Keys:
         for key in self._keys:
             if key.parent is lost:
                 key.parent = lost.parent
-        self._poses = np.array([key.world.pose for key in self._keys])
+        self._poses = np.array([key.world.pose for key in self._keys]).reshape(-1, 3)
 
     def _place(self, fix: Fix) -> UncertainPose:
         kept = self._kept if fix.is_measured else 1.0

@@ -34,6 +34,8 @@ def find_known_place(
     turn : float
         Key scans whose direction differs by more are not tried, radians.
     """
+    if config.max_tries == 0:
+        return None
     hits: list[tuple[Fix, MatchResult]] = []
     n_tried = 0
     for key in keys.nearest(fix.world.pose, config.max_reach, turn):

@@ -98,6 +98,11 @@ class Odometry:
     config : OdometryConfig or None
         None for what suits the method: see :meth:`OdometryConfig.of_method`.
 
+    Attributes
+    ----------
+    keys : Keys
+        The key scans in memory, each with its number in the stream and its pose.
+
     Raises
     ------
     InvalidArgumentError
@@ -117,7 +122,7 @@ class Odometry:
         self.matcher = find_matcher(method, matcher_config)
         self._n_scans = 0
         self._motion = Motion(self.config.motion)
-        self._keys = Keys(self.config.keys.max_keys, self.config.keys.kept)
+        self.keys = Keys(self.config.keys.max_keys, self.config.keys.kept)
         self._fix: Fix | None = None
         self._last: PreparedScan | None = None  # the last scan, if it can be a reference
         self._n_searches = 0  # scans for which a known place is still looked for, after a failure
@@ -147,7 +152,7 @@ class Odometry:
         motion = self._motion.expect(None if wheels is None else _as_wheels(wheels))
         if self._fix is None:
             is_guess = not self.matcher.can_be_reference(current.features)
-            key = self._keys.add(current, self._n_scans, None, is_guess=is_guess)
+            key = self.keys.add(current, self._n_scans, None, is_guess=is_guess)
             self._fix, found = Fix(key=key, seen=nowhere_else()), _Found(StepOutcome.STARTED)
         else:
             self._fix, found = self._locate(current, self._fix, motion)
@@ -178,7 +183,7 @@ class Odometry:
             second = self._attempt(before, current, motion)
             if second.is_surer_than(attempt, min_score):
                 attempt, origin, outcome = second, nowhere_else(), StepOutcome.CHAINED
-                key = self._keys.add(before, self._n_scans - 1, last)
+                key = self.keys.add(before, self._n_scans - 1, last)
         if not attempt.result.ok:
             return self._do_without(current, last, motion, attempt.result)
         key.used = self._n_scans
@@ -213,14 +218,14 @@ class Odometry:
         turn = math.pi if self._n_searches > 0 else 1.5 * self.config.keys.turn
         self._n_searches = max(self._n_searches - 1, 0)
         is_due = self._is_leaving(fix, score)
-        known = find_known_place(current, fix, self._keys, self.config.keys, turn=turn)
+        known = find_known_place(current, fix, self.keys, self.config.keys, turn=turn)
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
             found, self._n_searches = _Found(StepOutcome.REVISITED, result, fix.key.index), 0
             is_due = self._is_leaving(fix, result.score, 0.7)
         if is_due:
-            fix = Fix(key=self._keys.add(current, self._n_scans, fix), seen=nowhere_else())
+            fix = Fix(key=self.keys.add(current, self._n_scans, fix), seen=nowhere_else())
         return fix, found
 
     def _do_without(
@@ -228,7 +233,7 @@ class Odometry:
     ) -> tuple[Fix, _Found]:
         """Return where a scan is that neither the key scan nor the scan before it shows."""
         lost = last.moved(self._motion.vaguely(motion))
-        known = find_known_place(current, lost, self._keys, self.config.keys, turn=math.pi)
+        known = find_known_place(current, lost, self.keys, self.config.keys, turn=math.pi)
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
@@ -240,8 +245,8 @@ class Odometry:
         if self.matcher.can_be_reference(current.features):
             # a robot is never stuck on an old reference; but guesses must not push out what is known
             if last.key.is_guess and last.key.used == last.key.index:
-                self._keys.forget(last.key)
-            key = self._keys.add(current, self._n_scans, fix, is_guess=True)
+                self.keys.forget(last.key)
+            key = self.keys.add(current, self._n_scans, fix, is_guess=True)
             fix = Fix(key=key, seen=nowhere_else())
         outcome = StepOutcome.HELD if is_held else StepOutcome.PREDICTED
         return fix, _Found(outcome, failed, last.key.index)
