@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated
 
 import tyro
 
-if TYPE_CHECKING:
-    from curvescan.types import Floats
-
-LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
-"""Pose of the laser on the robot: metres, metres, degrees."""
+from curvescan.cli.options import LaserPose, in_radians
 
 
 def evaluate(
@@ -24,7 +19,7 @@ def evaluate(
     laser_pose: LaserPose = (0.0, 0.0, 0.0),
     near: float = 5.0,
     tolerance: float = 0.01,
-    benchmark: str | None = None,
+    benchmark: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     out: Path | None = None,
 ) -> int:
     """Measure a trajectory against relations of the Freiburg SLAM benchmark, or against reference poses.
@@ -107,14 +102,3 @@ def evaluate(
             f"wrote {out}/evaluation.md, evaluation.json, errors.png, trajectory.png", markup=False
         )
     return 0
-
-
-def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
-    """Return a pose given in metres and degrees as the library has it."""
-    import numpy as np
-
-    from curvescan.errors import require
-
-    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
-    x, y, yaw_deg = laser_pose
-    return np.array([x, y, math.radians(yaw_deg)])

@@ -7,6 +7,7 @@ count: wheel odometry, or what a SLAM system has corrected.
 from __future__ import annotations
 
 import csv
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,8 +76,9 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
             f"{path} holds no poses that can be read: give TUM text, CSV with columns stamp, x, y, theta, or a log"
         )
     if _is_packed(file):
-        raise LogFormatError(f"{path} is a trajectory compressed with gzip: unpack it first")
+        raise LogFormatError(f"{path} is compressed with gzip and not a log: unpack it first")
     if is_tum:
+        _check_quaternion(first.split(), path)
         return PoseFile(trajectory=read_tum(file), is_of_sensor=False)
     return PoseFile(
         trajectory=read_pose_csv(file), is_of_sensor=first.split(",") == list(CSV_HEADER)
@@ -153,6 +155,16 @@ def _is_tum(line: str) -> bool:
         return False
 
 
+def _check_quaternion(fields: list[str], path: str | os.PathLike[str]) -> None:
+    """Refuse a line of eight numbers that are no pose: relations have as many."""
+    length = math.hypot(*map(float, fields[4:8]))
+    if len(fields) == 8 and abs(length - 1.0) > 0.01:
+        raise LogFormatError(
+            f"{path}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
+            f"{length:.3g}: if the file holds relations, it goes to --relations"
+        )
+
+
 def _is_packed(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(2) == GZIP_MAGIC
@@ -163,7 +175,7 @@ def _columns(names: list[str], path: str | os.PathLike[str]) -> list[int]:
     missing = [name for name in _POSE_NAMES if name not in names]
     if stamp is None or missing:
         raise LogFormatError(
-            f"{path}: poses in CSV need the columns stamp (or timestamp), x, y and theta, got {', '.join(names)!r}"
+            f"{path}: poses in CSV need the columns stamp (or timestamp), x, y and theta, got {', '.join(names)[:60]!r}"
         )
     return [names.index(name) for name in (stamp, *_POSE_NAMES)]
 

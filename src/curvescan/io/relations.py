@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.faults import FaultCounter
 from curvescan.io.lines import read_lines
 from curvescan.types import Floats, Pose
@@ -81,6 +81,8 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     """
     rows: list[list[float]] = []
     faults = FaultCounter()
+    if not Path(path).exists():  # the reader of lines would speak of a log
+        raise LogFileError(f"relations file {path} does not exist: check the path")
     for number, line in read_lines(Path(path), faults):
         fields = line.split()
         if fields and not fields[0].startswith(b"#"):

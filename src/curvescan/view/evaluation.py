@@ -86,7 +86,7 @@ def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
                     "heading",
                     f"{np.degrees(totals.turn_error):.2f} deg",
                     f"{np.degrees(totals.turn_per_metre):.4f} deg",
-                    f"{totals.turn_drift:.5f} deg",
+                    "-" if np.isnan(totals.turn_drift) else f"{totals.turn_drift:.5f} deg",
                 ),
             ],
         ),
@@ -106,13 +106,11 @@ def relation_notes(errors: RelationErrors) -> list[str]:
 def reference_notes(errors: ReferenceErrors) -> list[str]:
     """Return how poses and reference were brought together, a sentence each."""
     pairs = errors.association
-    notes = [
-        f"{len(pairs):,} of {errors.n_poses:,} poses have one of the {errors.n_reference:,} reference poses, "
-        f"{pairs.n_exact:,} of them at exactly the same stamp."
-    ]
+    found = f"{len(pairs):,} of {errors.n_poses:,} poses have one of the {errors.n_reference:,} reference poses"
     if pairs.by == "order":
-        notes.append("Most time stamps repeat: poses were paired in their order instead.")
-    elif len(errors.stamps) > 1 and (back := np.count_nonzero(np.diff(errors.stamps) < 0.0)):
+        return [f"{found}, paired in their order: most time stamps repeat and tell nothing."]
+    notes = [f"{found}, {pairs.n_exact:,} of them at exactly the same stamp."]
+    if len(errors.stamps) > 1 and (back := np.count_nonzero(np.diff(errors.stamps) < 0.0)):
         notes.append(
             f"Time goes back {back:,} times: the poses are taken in the order of the file."
         )
@@ -151,14 +149,17 @@ def save_relation_evaluation(
         ),
         ("trajectory.png", "The trajectory, and where the worst near relations are."),
     ]
-    record = {
-        which: {"translation_m": _record(t), "rotation_rad": _record(r)}
-        for which in _WHICH
-        for t, r in [errors.spreads(which)]
-    }
-    counts = {"given": errors.n_given, "missing": errors.n_missing}
-    tables = relation_tables(errors, benchmark)
-    _save(folder, about, relation_notes(errors), tables, figures, {"relations": counts | record})
+    tables, record = relation_tables(errors, benchmark), relation_record(errors)
+    _save(folder, about, relation_notes(errors), tables, figures, {"relations": record})
+
+
+def relation_record(errors: RelationErrors) -> dict[str, object]:
+    """Return the errors of relations as a JSON file holds them: metres, radians."""
+    record: dict[str, object] = {"given": errors.n_given, "missing": errors.n_missing}
+    for which in _WHICH:
+        translation, rotation = errors.spreads(which)
+        record[which] = {"translation_m": _record(translation), "rotation_rad": _record(rotation)}
+    return record
 
 
 def save_reference_evaluation(

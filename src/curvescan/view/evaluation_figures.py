@@ -88,7 +88,8 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
             for colour, (name, values) in zip(colours, lines.items(), strict=True):
                 axes.plot(length, values, color=colour, lw=1.0, label=name)
             axes.set(xlabel="path travelled [m]", ylabel=what)
-        panels[0].set_ylim(bottom=0.0)
+        largest = max(float(values.max()) for values in position.values())
+        panels[0].set_ylim(0.0, 1.05 * largest or 1.0)
         for axes, what, values in (
             (panels[2], "translation error of each metre [m]", errors.rpe_metre.translation),
             (
@@ -118,11 +119,12 @@ def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
 
 def _scatter(axes: Axes, x: Floats, values: Floats, title: str) -> None:
     """Plot errors on a logarithmic scale with their median; what is exactly right stands at the bottom."""
-    if values.size == 0:
+    positive = values[values > 0.0]
+    if positive.size == 0:  # no error has a logarithm
+        axes.plot(x, values, ".", color=DARK, ms=4.0)
         axes.set_title(title)
         return
-    positive = values[values > 0.0]
-    floor = 0.5 * float(positive.min()) if positive.size else 1e-9
+    floor = 0.5 * float(positive.min())
     axes.plot(x, np.maximum(values, floor), ".", color=DARK, ms=4.0, alpha=0.5, mew=0.0)
     median = float(np.median(values))
     axes.axhline(max(median, floor), color=PATH, lw=1.0, ls="--")
