@@ -61,6 +61,7 @@ def evaluate(
     from curvescan.evaluation.relations import relation_errors
     from curvescan.io import output_folder, read_poses, read_relations
     from curvescan.view import evaluation as view
+    from curvescan.view import evaluation_tables as tables_of
 
     if (relations is None) == (reference is None):
         raise InvalidArgumentError(
@@ -79,7 +80,10 @@ def evaluate(
         if relations is not None:
             known = find_benchmark(benchmark, relations.name)
             errors = relation_errors(own, read_relations(relations), mount, near=near)
-            notes, tables = view.relation_notes(errors), view.relation_tables(errors, known)
+            notes, tables = (
+                tables_of.relation_notes(errors),
+                tables_of.relation_tables(errors, known),
+            )
             if folder is not None:
                 view.save_relation_evaluation(
                     folder, errors, own, benchmark=known, about=about | {"near_s": near}
@@ -89,7 +93,7 @@ def evaluate(
             if source.is_of_sensor and np.any(mount):
                 OUT.print("the reference holds poses of the laser: --laser-pose is left aside")
             against = reference_errors(own, source, mount, tolerance=tolerance)
-            notes, tables = view.reference_notes(against), view.reference_tables(against)
+            notes, tables = tables_of.reference_notes(against), tables_of.reference_tables(against)
             if folder is not None:
                 about |= {"tolerance_s": tolerance}
                 view.save_reference_evaluation(folder, against, about=about)
