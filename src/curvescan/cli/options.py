@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
@@ -18,6 +19,9 @@ from curvescan.rivals.config import (
     IdcConfig,
     PlIcpConfig,
 )
+
+if TYPE_CHECKING:
+    from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
 """The log to read."""
@@ -75,3 +79,17 @@ ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
+
+LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
+"""Pose of the laser on the robot: metres, metres, degrees."""
+
+
+def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
+    """Return a pose given in metres and degrees as the library has it."""
+    import numpy as np
+
+    from curvescan.errors import require
+
+    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
+    x, y, yaw_deg = laser_pose
+    return np.array([x, y, math.radians(yaw_deg)])

@@ -18,6 +18,8 @@ from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
+from curvescan.io.poses import PoseFile, read_poses
+from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 
@@ -26,6 +28,8 @@ __all__ = [
     "Finding",
     "Log",
     "LogReport",
+    "PoseFile",
+    "Relations",
     "findings_of",
     "inspect_log",
     "output_folder",
@@ -33,6 +37,8 @@ __all__ = [
     "read_config",
     "read_csv",
     "read_log",
+    "read_poses",
+    "read_relations",
     "read_tum",
     "write_config",
     "write_csv",
