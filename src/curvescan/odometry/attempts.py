@@ -38,6 +38,10 @@ class Attempt(NamedTuple):
         is_clear = result.ok and result.weak_direction is None
         return is_clear and self.is_plausible and not result.score < min_score
 
+    def is_believed(self, least_score: float) -> bool:
+        """Return whether the match may decide: one in an unexpected place must at least explain some of the scans."""
+        return self.result.ok and (self.is_plausible or not self.result.score < least_score)
+
     def is_surer_than(self, other: Attempt, min_score: float) -> bool:
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
         return self._rank(min_score) > other._rank(min_score)

@@ -20,7 +20,9 @@ class KeysConfig:
     """A new key scan is due when the match with the one in use has a lower score, in [0, 1]."""
     max_keys: int = 1000
     """Key scans held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
-    kept: float = 0.45
+    least_score: float = 0.25
+    """A match where none was expected is not believed below this score, in [0, 1]."""
+    kept: float = 0.4
     """Share of the variance of a match that stays when the scan becomes a key scan: the rest cancels along the chain,
     for a key scan's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_searches: int = 20
@@ -49,8 +51,9 @@ class KeysConfig:
     def __post_init__(self) -> None:
         for name in ("distance", "turn", "drift_floor_m", "drift_floor_rad", "max_reach"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        require(0.0 <= self.min_score <= 1.0, "min_score must lie in [0, 1]", self.min_score)
-        require(0.0 <= self.sure_score <= 1.0, "sure_score must lie in [0, 1]", self.sure_score)
+        for name in ("min_score", "least_score", "sure_score"):
+            score = getattr(self, name)
+            require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
         require(self.max_keys >= 1, "max_keys must be at least 1", self.max_keys)
         for name in ("max_searches", "max_tries"):
             require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan.matching import MatchResult, PreparedScan
 from curvescan.odometry.config import KeysConfig
-from curvescan.odometry.keys import Fix, Keys
+from curvescan.odometry.keys import Fix, Key, Keys
 from curvescan.odometry.uncertain_pose import UncertainPose, fuse
 
 
@@ -45,7 +45,7 @@ def find_known_place(
             continue
         expected = _vaguely(fix.seen_from(key), config)
         is_certain = _is_certain(expected, config)
-        if is_certain and not _is_close(expected, config):
+        if not (_is_close(expected, config) if is_certain else _is_better_known(key, fix)):
             continue
         n_tried += 1
         # where the chain is vague, it must not talk the matcher into anything
@@ -81,6 +81,11 @@ def _is_close(expected: UncertainPose, config: KeysConfig) -> bool:
     """Return whether a place is so near to a key scan that the latter can stay in use for a while."""
     x, y, theta = expected.pose.tolist()
     return bool(math.hypot(x, y) < 0.5 * config.distance and abs(theta) < 0.5 * config.turn)
+
+
+def _is_better_known(key: Key, fix: Fix) -> bool:
+    """Return whether an earlier key scan can put right where the scan is: one that drifted more can't."""
+    return bool(np.trace(key.world.cov) < 2.0 * np.trace(fix.world.cov))
 
 
 def _agree(one: Fix, other: Fix, config: KeysConfig) -> bool:

@@ -16,6 +16,9 @@ from curvescan.odometry.config import MotionConfig
 from curvescan.odometry.uncertain_pose import UncertainPose, nowhere_else
 from curvescan.types import Pose
 
+_MAX_STRETCH = 20.0
+"""A longer pause than this many scans tells no more."""
+
 
 class Motion:
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
@@ -31,14 +34,19 @@ class Motion:
         self._last = nowhere_else()
         self._change = (config.sigma_m**2, config.sigma_rad**2)  # variance of translation and turn
         self._wheels: Pose | None = None
+        self._stamp = math.nan
+        self._period = math.nan  # usual time between scans, seconds
         self._n_failures = 0
         self._is_measured = False  # whether the expected place comes from the wheels
 
-    def expect(self, wheels: Pose | None) -> UncertainPose:
+    def expect(self, stamp: float, wheels: Pose | None) -> UncertainPose:
         """Return the expected pose of the next sensor frame in the last one.
 
         Parameters
         ----------
+        stamp : float
+            Time of the next scan, seconds. Where it is long after the last one, less is known of the motion; that it
+            was longer is not concluded, for many logs are written in bursts.
         wheels : (3,) float64 or None
             Pose of the sensor by its wheels or a gyro, in a frame of their own; NaN where they do not tell, as a gyro
             tells no place.
@@ -46,9 +54,10 @@ class Motion:
         config, before = self._config, self._wheels
         self._wheels = wheels
         pose, cov = self._last.pose.copy(), self._last.cov.copy()
-        cov[0, 0] += self._change[0]
-        cov[1, 1] += self._change[0]
-        cov[2, 2] += self._change[1]
+        stretch = self._stretch(stamp) ** 2
+        cov[0, 0] += stretch * self._change[0]
+        cov[1, 1] += stretch * self._change[0]
+        cov[2, 2] += stretch * self._change[1]
         self._is_measured = False
         if wheels is None or before is None:
             return UncertainPose(pose, cov)
@@ -100,6 +109,17 @@ class Motion:
             return expected
         lost = (self._config.lost_m, self._config.lost_m, self._config.lost_rad)
         return UncertainPose(expected.pose, np.diag(np.square(lost)))
+
+    def _stretch(self, stamp: float) -> float:
+        """Return how many times longer than usual the time since the last scan is, at least 1."""
+        elapsed, self._stamp = stamp - self._stamp, stamp
+        if not elapsed > 0.0:  # the first one, a clock that stands or goes back
+            return 1.0
+        if math.isnan(self._period):
+            self._period = elapsed
+        usual = self._period
+        self._period += (min(elapsed, 3.0 * usual) - usual) / self._config.memory
+        return min(max(elapsed / usual, 1.0), _MAX_STRETCH)
 
     def _see_change(self, change: Pose) -> None:
         config = self._config

@@ -149,7 +149,7 @@ class Odometry:
             When `scan` is not a LaserScan or `wheels` not a pose.
         """
         current = prepare(scan, method=self.method, config=self.matcher_config)
-        motion = self._motion.expect(None if wheels is None else _as_wheels(wheels))
+        motion = self._motion.expect(scan.stamp, None if wheels is None else _as_wheels(wheels))
         if self._fix is None:
             is_guess = not self.matcher.can_be_reference(current.features)
             key = self.keys.add(current, self._n_scans, None, is_guess=is_guess)
@@ -184,7 +184,7 @@ class Odometry:
             if second.is_surer_than(attempt, min_score):
                 attempt, origin, outcome = second, nowhere_else(), StepOutcome.CHAINED
                 key = self.keys.add(before, self._n_scans - 1, last)
-        if not attempt.result.ok:
+        if not attempt.is_believed(self.config.keys.least_score):
             return self._do_without(current, last, motion, attempt.result)
         key.used = self._n_scans
         moved = chain(invert(origin), as_found(attempt.result))
@@ -240,6 +240,8 @@ class Odometry:
             self._motion.tell(nowhere_else(), is_plausible=False, is_clear=False)
             return fix, _Found(StepOutcome.RECOVERED, result, fix.key.index)
         self._n_searches = self.config.keys.max_searches
+        if failed.ok:  # a match that was not believed: something did happen
+            motion = self._motion.vaguely(motion)
         motion, is_held = self._motion.without_match(motion)
         fix = last.moved(motion)
         if self.matcher.can_be_reference(current.features):
