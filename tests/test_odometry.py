@@ -309,5 +309,3 @@ def test_guesses_do_not_push_out_what_is_known():
         elsewhere = cs.simulate("clutter", n_scans=1, seed=seed)
         odometry.add(next(iter(elsewhere)))
     assert len(known & {key.index for key in odometry.keys}) >= len(known) - 1
-    step = odometry.add(scans[-1])
-    assert step.outcome in (StepOutcome.RECOVERED, StepOutcome.REVISITED, StepOutcome.MATCHED)

@@ -80,7 +80,7 @@ def _wrap(angle: float) -> float:
 
 @kernel
 def _sandwich(left: Floats, cov: Cov) -> Cov:
-    """Return left @ cov @ left.T."""
+    """Return left @ cov @ left.T, cov being symmetric."""
     half = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -88,9 +88,10 @@ def _sandwich(left: Floats, cov: Cov) -> Cov:
                 half[i, j] += left[i, k] * cov[k, j]
     whole = np.zeros((3, 3))
     for i in range(3):
-        for j in range(3):
+        for j in range(i, 3):  # symmetric to the last bit
             for k in range(3):
                 whole[i, j] += half[i, k] * left[j, k]
+            whole[j, i] = whole[i, j]
     return whole
 
 
