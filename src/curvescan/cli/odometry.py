@@ -5,7 +5,16 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, Topic
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    LogPath,
+    MapConfig,
+    Method,
+    MethodConfigs,
+    Topic,
+)
+from curvescan.mapping.config import OccupancyConfig
 
 
 def odometry(
@@ -16,13 +25,15 @@ def odometry(
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
+    occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Match each scan of a log with the one before, and write the trajectory and the map.
+    """Match each scan of a log with the one before, and write the trajectory and the maps.
 
-    Writes trajectory.tum, trajectory.csv (with covariances), map.png and run.json. Ctrl-C ends the run and writes
-    what there is so far, marked as partial.
+    Writes trajectory.tum, trajectory.csv (with covariances), map.png, run.json, and the occupancy map: map.pgm with
+    map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far,
+    marked as partial.
 
     Parameters
     ----------
@@ -36,13 +47,15 @@ def odometry(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    occupancy
+        How to make the occupancy map.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
-    from curvescan.cli.summary import summarise
+    from curvescan.cli.summary import summarise, wrote
     from curvescan.io import output_folder, read_log
     from curvescan.odometry import Odometry, run_odometry
     from curvescan.view.run import save_run
@@ -53,8 +66,18 @@ def odometry(
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:
             run = run_odometry(source, chain, on_step=advance)
-        with ERR.status("drawing the map"):
-            save_run(folder, run, source, odometry=chain, command=sys.argv, source=log)
+        with ERR.status("drawing the maps"):
+            left_out = save_run(
+                folder,
+                run,
+                source,
+                odometry=chain,
+                command=sys.argv,
+                source=log,
+                occupancy=occupancy,
+            )
     OUT.print(summarise(run, len(source)))
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
+    for remark in left_out:
+        ERR.print(remark, markup=False)
+    OUT.print(wrote(out, left_out), markup=False)
     return 0

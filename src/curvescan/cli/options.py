@@ -10,6 +10,7 @@ import tyro
 
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.consensus.config import ConsensusConfig
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.rivals.config import (
     CoxConfig,
     HistogramConfig,
@@ -59,3 +60,6 @@ Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
+
+MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map")]
+"""Parameters of the occupancy map, as flags --map.PARAMETER."""

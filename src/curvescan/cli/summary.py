@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 from rich.table import Table
 
@@ -28,3 +31,9 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
         f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile", "", ""
     )
     return result
+
+
+def wrote(folder: Path, left_out: Sequence[str]) -> str:
+    """Return the sentence on the files of a run."""
+    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
+    return f"wrote {folder}/trajectory.tum, trajectory.csv, map.png{maps}, run.json"

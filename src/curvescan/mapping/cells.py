@@ -1,0 +1,66 @@
+"""The cells of a square grid in which readings ended: the map as points, light enough to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import Ints, Points, Pose
+
+_BATCH = 500_000
+"""Points gathered before they are merged into cells, so that memory follows the area and not the log."""
+
+
+def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
+    """Return the centres of all cells of a square grid in which a reading ended.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once, one at a time; scans beyond the poses are left out.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out.
+    cell : float
+        Side of a cell, metres, > 0.
+
+    Returns
+    -------
+    (k, 2) float64
+        Metres, frame of the map, without repeats, sorted by x and y.
+    """
+    cells = Cells(cell)
+    for scan, pose in zip(scans, poses, strict=False):
+        if not np.isnan(pose).any():
+            cells.add(se2.transform(pose, scan.points[scan.valid]))
+    return cells.centres()
+
+
+class Cells:
+    """Cells of a square grid that points fell into; memory follows the area and not the number of points."""
+
+    def __init__(self, cell: float) -> None:
+        if not cell > 0.0:
+            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+        self._cell = cell
+        self._batch: list[Ints] = [np.empty((0, 2), dtype=np.int64)]
+        self._n_waiting = 0
+
+    def add(self, points: Points) -> None:
+        """Take in (n, 2) points, metres."""
+        self._batch.append(np.floor(points / self._cell).astype(np.int64))
+        self._n_waiting += len(points)
+        if self._n_waiting > _BATCH:
+            self._merge()
+
+    def centres(self) -> Points:
+        """Return the (k, 2) centres of the cells, metres, without repeats, sorted by x and y."""
+        self._merge()
+        return (self._batch[0].astype(np.float64) + 0.5) * self._cell
+
+    def _merge(self) -> None:
+        self._batch = [np.unique(np.concatenate(self._batch), axis=0)]
+        self._n_waiting = 0
