@@ -8,11 +8,14 @@ from pathlib import Path
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
+    Laser,
+    LaserSetUp,
     LogPath,
     MapConfig,
     Method,
     MethodConfigs,
     Topic,
+    open_log,
 )
 from curvescan.mapping.config import OccupancyConfig
 
@@ -25,6 +28,7 @@ def odometry(
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -47,6 +51,8 @@ def odometry(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
     occupancy
         How to make the occupancy map.
     config
@@ -56,11 +62,11 @@ def odometry(
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
-    from curvescan.io import output_folder, read_log
+    from curvescan.io import output_folder
     from curvescan.odometry import Odometry, run_odometry
     from curvescan.view.run import save_run
 
-    source = read_log(log, range_max=range_max, topic=topic)
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     chain = Odometry(method, matcher_config=configs.of(method))
     with output_folder(out) as folder:
         load_kernels(method)
