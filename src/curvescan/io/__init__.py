@@ -19,6 +19,7 @@ from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
 from curvescan.io.report import LogReport
+from curvescan.io.report_json import report_as_plain
 from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 
@@ -36,6 +37,7 @@ __all__ = [
     "read_csv",
     "read_log",
     "read_tum",
+    "report_as_plain",
     "set_up",
     "write_config",
     "write_csv",

@@ -15,8 +15,9 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Fault, Log
+from curvescan.io.sense import GyroLog
 from curvescan.scan import LaserScan, mirrored
-from curvescan.types import Trajectory
+from curvescan.types import Floats, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +119,18 @@ class _LogSetUp:
             return None
         poses = se2.compose(robot.poses, np.array(self._setup.laser_pose))
         return Trajectory(stamps=robot.stamps, poses=poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        return self._log.robot_odometry() if isinstance(self._log, MountedLog) else None
+
+    def hangs_upside_down(self) -> bool:
+        """Return what the user says, else the log; the scans have been mirrored for it."""
+        if self._setup.upside_down is not None:
+            return self._setup.upside_down
+        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+
+    def turned_by_gyro(self) -> Floats | None:
+        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
 
     @property
     def faults(self) -> tuple[Fault, ...]:
