@@ -57,7 +57,8 @@ def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) 
 
 def _merged_ranks(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float]:
     """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the highest of each block, and a block's side in metres."""
-    ranks = np.where(grid.is_occupied, 2, np.where(grid.is_free, 1, 0)).astype(np.uint8)
+    ranks = grid.is_free.astype(np.uint8)
+    ranks[grid.is_occupied] = 2
     n = -(-max(ranks.shape) // _MAX_PIXELS)
     if n > 1:
         n_rows, n_columns = (-(-size // n) for size in ranks.shape)
