@@ -18,6 +18,8 @@ from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
+from curvescan.io.poses import PoseFile, read_poses
+from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
 from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
@@ -28,6 +30,8 @@ __all__ = [
     "LaserSetup",
     "Log",
     "LogReport",
+    "PoseFile",
+    "Relations",
     "findings_of",
     "inspect_log",
     "output_folder",
@@ -35,6 +39,8 @@ __all__ = [
     "read_config",
     "read_csv",
     "read_log",
+    "read_poses",
+    "read_relations",
     "read_tum",
     "set_up",
     "write_config",
