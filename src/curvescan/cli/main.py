@@ -16,6 +16,7 @@ from curvescan import __version__
 from curvescan.cli.bench import bench
 from curvescan.cli.calibrate import calibrate
 from curvescan.cli.demo import demo
+from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
@@ -28,6 +29,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "odometry": odometry,
     "match": match,
+    "evaluate": evaluate,
     "experiments": experiments,
     "calibrate": calibrate,
     "bench": bench,

@@ -23,6 +23,7 @@ from curvescan.rivals.config import (
 
 if TYPE_CHECKING:
     from curvescan.io import Log
+    from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
 """The log to read."""
@@ -70,6 +71,21 @@ Topic: TypeAlias = str | None
 MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map")]
 """Parameters of the occupancy map, as flags --map.PARAMETER."""
 
+LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
+"""Pose of the laser on the robot: metres, metres, degrees."""
+
+
+def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
+    """Return a pose given in metres and degrees as the library has it."""
+    import numpy as np
+
+    from curvescan.errors import require
+
+    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
+    x, y, yaw_deg = laser_pose
+    return np.array([x, y, math.radians(yaw_deg)])
+
+
 Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """Given or not."""
 
@@ -91,6 +107,8 @@ class Laser:
     """The laser stands upright, though the log says that it hangs upside down: do not mirror its scans."""
     clockwise: Flag = False
     """The laser turns against what the log says: mirror its scans."""
+    backwards: Flag = False
+    """The log has the beams in the reverse of the order in which they were swept (some RPLIDARs): turn them round."""
 
     def __post_init__(self) -> None:
         if self.upside_down and self.upright:
@@ -105,13 +123,17 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
     """Return the log that the flags of a command ask for."""
     from curvescan.io import read_log
 
-    pose = laser.laser_pose
+    pose = None
+    if laser.laser_pose is not None:
+        x, y, theta = in_radians(laser.laser_pose).tolist()
+        pose = (x, y, theta)
     return read_log(
         path,
         range_max=range_max,
         topic=topic,
         ignore_beams=laser.ignore_beams,
-        laser_pose=pose and (pose[0], pose[1], math.radians(pose[2])),
+        laser_pose=pose,
         upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
         clockwise=laser.clockwise,
+        backwards=laser.backwards,
     )

@@ -18,6 +18,8 @@ from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
+from curvescan.io.poses import PoseFile, read_poses
+from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
 from curvescan.io.report_json import report_as_plain
 from curvescan.io.setup import LaserSetup, set_up
@@ -29,6 +31,8 @@ __all__ = [
     "LaserSetup",
     "Log",
     "LogReport",
+    "PoseFile",
+    "Relations",
     "findings_of",
     "inspect_log",
     "output_folder",
@@ -36,6 +40,8 @@ __all__ = [
     "read_config",
     "read_csv",
     "read_log",
+    "read_poses",
+    "read_relations",
     "read_tum",
     "report_as_plain",
     "set_up",
@@ -54,6 +60,7 @@ def read_log(
     laser_pose: tuple[float, float, float] | None = None,
     upside_down: bool | None = None,
     clockwise: bool = False,
+    backwards: bool = False,
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
@@ -77,6 +84,9 @@ def read_log(
         Whether the laser hangs upside down, so that its scans are mirrored; None to believe the log.
     clockwise : bool
         Whether the laser turns against what the log says, so that its scans are mirrored.
+    backwards : bool
+        Whether the log has the beams in the reverse of the order in which they were swept, so that they are turned
+        round: for some drivers of RPLIDARs, whose sweeps cannot be deskewed otherwise.
 
     Returns
     -------
@@ -98,6 +108,7 @@ def read_log(
         laser_pose=laser_pose,
         upside_down=upside_down,
         clockwise=clockwise,
+        backwards=backwards,
     )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(
