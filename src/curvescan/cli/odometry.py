@@ -12,11 +12,16 @@ from curvescan.cli.options import (
     ChainConfigs,
     ConfigFile,
     Configs,
+    Laser,
+    LaserSetUp,
     LogPath,
+    MapConfig,
     Method,
     MethodConfigs,
     Topic,
+    open_log,
 )
+from curvescan.mapping.config import OccupancyConfig
 
 if TYPE_CHECKING:
     from curvescan.io.log import Log
@@ -33,14 +38,17 @@ def odometry(
     chain: Chain = "auto",
     range_max: float | None = None,
     topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
     chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Follow the sensor of a log by matching its scans, and write the trajectory and the map.
+    """Follow the sensor of a log by matching its scans, and write the trajectory and the maps.
 
-    Writes trajectory.tum, trajectory.csv (with covariances), map.png and run.json. Ctrl-C ends the run and writes
-    what there is so far, marked as partial.
+    Writes trajectory.tum, trajectory.csv (with covariances), map.png, run.json, and the occupancy map: map.pgm with
+    map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far,
+    marked as partial.
 
     Parameters
     ----------
@@ -60,6 +68,10 @@ def odometry(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
+    occupancy
+        How to make the occupancy map.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -68,23 +80,33 @@ def odometry(
         Parameters of the odometry, where key scans are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
-    from curvescan.cli.summary import summarise
+    from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
-    from curvescan.io import output_folder, read_log
+    from curvescan.io import output_folder
     from curvescan.odometry import run_odometry
     from curvescan.view.run import save_run
 
-    source = read_log(log, range_max=range_max, topic=topic)
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     wheels = _wheels_of(source) if odometry_prior else None
     tracker = make_odometry(method, chain, configs, chain_config)
     with output_folder(out) as folder:
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:
             run = run_odometry(source, tracker, wheels=wheels, on_step=advance)
-        with ERR.status("drawing the map"):
-            save_run(folder, run, source, odometry=tracker, command=sys.argv, source=log)
+        with ERR.status("drawing the maps"):
+            left_out = save_run(
+                folder,
+                run,
+                source,
+                odometry=tracker,
+                command=sys.argv,
+                source=log,
+                occupancy=occupancy,
+            )
     OUT.print(summarise(run, len(source)))
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
+    for remark in left_out:
+        ERR.print(remark, markup=False)
+    OUT.print(wrote(out, left_out), markup=False)
     return 0
 
 

@@ -11,6 +11,8 @@ import tyro
 
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.consensus.config import ConsensusConfig
+from curvescan.errors import InvalidArgumentError
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.rivals.config import (
     CoxConfig,
@@ -21,6 +23,7 @@ from curvescan.rivals.config import (
 )
 
 if TYPE_CHECKING:
+    from curvescan.io import Log
     from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
@@ -80,6 +83,9 @@ ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
 
+MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map")]
+"""Parameters of the occupancy map, as flags --map.PARAMETER."""
+
 LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
 """Pose of the laser on the robot: metres, metres, degrees."""
 
@@ -93,3 +99,56 @@ def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
     require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
     x, y, yaw_deg = laser_pose
     return np.array([x, y, math.radians(yaw_deg)])
+
+
+Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+"""Given or not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laser:
+    """How the laser is set up, where its log does not say so or is wrong."""
+
+    ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
+    """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
+    laser_pose: Annotated[
+        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")
+    ] = None
+    """Pose of the laser on the robot, metres, metres, degrees: carries the wheel odometry to the laser, in place of
+    what the log says."""
+    upside_down: Flag = False
+    """The laser hangs upside down, though the log does not say so: mirror its scans."""
+    upright: Flag = False
+    """The laser stands upright, though the log says that it hangs upside down: do not mirror its scans."""
+    clockwise: Flag = False
+    """The laser turns against what the log says: mirror its scans."""
+    backwards: Flag = False
+    """The log has the beams in the reverse of the order in which they were swept (some RPLIDARs): turn them round."""
+
+    def __post_init__(self) -> None:
+        if self.upside_down and self.upright:
+            raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
+
+
+LaserSetUp: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
+"""How the laser is set up, as flags of their own."""
+
+
+def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser) -> Log:
+    """Return the log that the flags of a command ask for."""
+    from curvescan.io import read_log
+
+    pose = None
+    if laser.laser_pose is not None:
+        x, y, theta = in_radians(laser.laser_pose).tolist()
+        pose = (x, y, theta)
+    return read_log(
+        path,
+        range_max=range_max,
+        topic=topic,
+        ignore_beams=laser.ignore_beams,
+        laser_pose=pose,
+        upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
+        clockwise=laser.clockwise,
+        backwards=laser.backwards,
+    )
