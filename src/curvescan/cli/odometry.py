@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from curvescan.cli.options import (
     Chain,
@@ -22,10 +21,6 @@ from curvescan.cli.options import (
     open_log,
 )
 from curvescan.mapping.config import OccupancyConfig
-
-if TYPE_CHECKING:
-    from curvescan.io.log import Log
-    from curvescan.types import Pose
 
 
 def odometry(
@@ -59,8 +54,8 @@ def odometry(
     method
         The matcher.
     odometry_prior
-        Expect of each scan what the log's own odometry says, instead of the last motion. The matches decide where they
-        can; along a corridor the odometry does.
+        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion. The
+        matches decide where they can; along a corridor the odometry does.
     chain
         What a scan is matched with: `keys`, a key scan until it is left behind, and earlier ones where the place is known;
         `last`, the scan before it; `auto`, key scans for the default matcher and the last scan for the others.
@@ -83,11 +78,12 @@ def odometry(
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
     from curvescan.io import output_folder
+    from curvescan.io.prior import prior_of
     from curvescan.odometry import run_odometry
     from curvescan.view.run import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    wheels = _wheels_of(source) if odometry_prior else None
+    wheels = prior_of(source) if odometry_prior else None
     tracker = make_odometry(method, chain, configs, chain_config)
     with output_folder(out) as folder:
         load_kernels(method)
@@ -108,13 +104,3 @@ def odometry(
         ERR.print(remark, markup=False)
     OUT.print(wrote(out, left_out), markup=False)
     return 0
-
-
-def _wheels_of(log: Log) -> Pose:
-    from curvescan.errors import InvalidArgumentError
-
-    if log.odometry is None:
-        raise InvalidArgumentError(
-            f"{log.name} holds no odometry that --odometry-prior could take: leave the flag out"
-        )
-    return log.odometry.poses

@@ -21,8 +21,6 @@ _LOW_VALID_SHARE = 0.25
 _UNEVEN = 3.0
 _STALE = 0.1
 _MISSING = 0.005
-_DEGREES = (30.0, 90.0)
-"""A gyroscope that turns so many times as far as the scans gives degrees."""
 
 
 def on_file(report: LogReport) -> Iterator[Found]:
@@ -82,15 +80,11 @@ def on_beams(report: LogReport) -> Iterator[Found]:
             f"{doubt}, and motion and map come out as in a mirror",
             "--upright" if report.is_upside_down else "--clockwise",
         )
-    if (
-        sense.reference == "gyroscope"
-        and (sense.is_against or sense.is_along)
-        and _DEGREES[0] < sense.ratio < _DEGREES[1]
-    ):
+    if sense.is_in_degrees:
         yield Found(
             "gyro_in_degrees",
             f"the gyroscope turns {sense.ratio:.0f} times as far as the scans",
-            "it gives degrees where REP-103 asks for radians; only its sign is used here",
+            "it gives degrees where REP-103 asks for radians; --odometry-prior takes them for what they are",
         )
 
 

@@ -32,6 +32,9 @@ _TRUNCATED = 0.5
 _CLEARER = 0.8
 """A shift counts where its cost is less than this share of that of the same shift the other way."""
 
+_DEGREES = (30.0, 90.0)
+"""A gyroscope that turns so many times as far as the scans gives degrees."""
+
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
 
@@ -81,6 +84,12 @@ class RotationSense:
             self.n_turns >= _MIN_TURNS
             and self.n_turns - self.n_against >= _MIN_SHARE * self.n_turns
         )
+
+    @property
+    def is_in_degrees(self) -> bool:
+        """Whether the reference is a gyroscope that gives degrees where REP-103 asks for radians."""
+        is_clear = self.is_against or self.is_along
+        return self.reference == "gyroscope" and is_clear and _DEGREES[0] < self.ratio < _DEGREES[1]
 
 
 def sense_of_log(log: Log) -> RotationSense | None:

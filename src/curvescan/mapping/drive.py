@@ -64,9 +64,7 @@ def map_drive(
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
     kept, watched = tee(scans)
-    for scan, pose, moved in zip(
-        kept, poses, moved_along(watched, poses, is_joined), strict=False
-    ):
+    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
         points = se2.transform(pose, scan.points)
         standing.add(points[scan.valid & ~moved])
         moving.add(points[moved])
