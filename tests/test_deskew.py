@@ -23,6 +23,7 @@ from curvescan.deskew import (
     sweep_shift,
 )
 from curvescan.io import read_log
+from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.simulation import SENSORS, World, simulate
 from curvescan.simulation.raycast import cast_rays
 from tests.scenes import ROOM
@@ -315,6 +316,32 @@ def test_a_fast_spin_is_as_accurate_as_one_seen_without_sweeping():
     assert rpe["swept"][1] < 1.1 * rpe["still"][1]
     assert total["swept"] < 1.1 * total["still"]
     # and it matters: two in a hundred of the turn are lost otherwise
+    assert total["skewed"] > 10 * total["swept"]
+
+
+@pytest.mark.slow
+def test_the_odometry_deskews_as_the_chain_does():
+    """A spin by key scans: with sweeps as without, to 10 % a step, and next to no drift."""
+    steps = {"swept": [], "still": [], "skewed": []}
+    drift = {name: [] for name in steps}
+    for rate_deg in (87.3, -88.4):
+        for scans, still, truth in spins(rate_deg):
+            found = {
+                "swept": run_odometry(scans),
+                "still": run_odometry(still),
+                "skewed": run_odometry(scans, Odometry(config=OdometryConfig(deskew=False))),
+            }
+            for name, run in found.items():
+                one = errors(run.trajectory.poses, truth)
+                steps[name].append(one)
+                drift[name].append(np.sum(one[:, 1]))
+    rpe = {
+        name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()
+    }
+    total = {name: np.sqrt(np.mean(np.square(all_))) for name, all_ in drift.items()}
+    assert rpe["swept"][0] < 1.1 * rpe["still"][0]
+    assert rpe["swept"][1] < 1.1 * rpe["still"][1]
+    assert total["swept"] < math.radians(0.15)  # of 540 deg; what is left is noise of the last scan
     assert total["skewed"] > 10 * total["swept"]
 
 

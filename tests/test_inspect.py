@@ -497,7 +497,11 @@ def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
     report = inspect_log(read_log(path))
     assert 0.25 < report.stale_share < 0.4
     options = {f.kind: f.option for f in findings_of(report) if f.topic == "beams"}
-    assert options == {"stale_beams": "", "turns_against": "--clockwise", "gyro_in_degrees": ""}
+    assert options == {
+        "stale_beams": "--drop-stale",
+        "turns_against": "--clockwise",
+        "gyro_in_degrees": "",
+    }
     repaired = inspect_log(read_log(path, clockwise=True))
     assert repaired.sense is not None
     assert repaired.sense.is_along

@@ -219,6 +219,16 @@ def test_beams_turned_round_are_where_they_were(tmp_path):
     assert first.valid.tolist() == [True, True, False]
 
 
+def test_readings_that_were_not_seen_again_are_dropped(tmp_path):
+    rows = [[1.0, 2.0, 3.0], [1.0, 2.5, 3.0], [1.5, 2.5, 3.0, 4.0], [1.5, 81.91, 3.5, 4.0]]
+    path = write(tmp_path / "a.log", *[flaser(row, stamp=k) for k, row in enumerate(rows)])
+    found = [scan.valid.tolist() for scan in read_log(path, drop_stale=True)]
+    assert found == [[True] * 3, [False, True, False], [True] * 4, [False, False, True, False]]
+    log = read_log(path, drop_stale=True)
+    assert next(scan.ranges.tolist() for scan in log) == rows[0]  # and again from the start
+    assert "repeat those of the sweep before" in " ".join(log.notes)
+
+
 @pytest.mark.slow
 def test_commands_take_a_set_up(tmp_path, capsys):
     bag = robot_bag(tmp_path / "bag", "mcap", 0.0, flip=True, told=False)

@@ -77,6 +77,7 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
+    from curvescan.evaluation.sweeps import lists_beams_backwards
     from curvescan.io import output_folder
     from curvescan.io.prior import prior_of
     from curvescan.odometry import run_odometry
@@ -84,9 +85,15 @@ def odometry(
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     wheels = prior_of(source) if odometry_prior else None
-    tracker = make_odometry(method, chain, configs, chain_config)
     with output_folder(out) as folder:
         load_kernels(method)
+        is_backwards = lists_beams_backwards(source)
+        if is_backwards:
+            ERR.print(
+                "the beams of each scan seem to be listed against the order they were swept in: "
+                "sweeps are not deskewed; with --backwards they are"
+            )
+        tracker = make_odometry(method, chain, configs, chain_config, deskew=not is_backwards)
         with progress_bar("odometry", len(source)) as advance:
             run = run_odometry(source, tracker, wheels=wheels, on_step=advance)
         with ERR.status("drawing the maps"):

@@ -122,6 +122,8 @@ class Laser:
     """The laser stands upright, though the log says that it hangs upside down: do not mirror its scans."""
     clockwise: Flag = False
     """The laser turns against what the log says: mirror its scans."""
+    drop_stale: Flag = False
+    """A beam that repeats its value of the sweep before to the last digit gives no reading: it was not seen again."""
     backwards: Flag = False
     """The log has the beams in the reverse of the order in which they were swept (some RPLIDARs): turn them round."""
 
@@ -150,5 +152,6 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
         laser_pose=pose,
         upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
         clockwise=laser.clockwise,
+        drop_stale=laser.drop_stale,
         backwards=laser.backwards,
     )

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from curvescan.cli.options import Chain, ChainConfigs, Method, MethodConfigs
 from curvescan.matching import DEFAULT_METHOD
 from curvescan.odometry import Odometry, OdometryConfig
 
 
 def make_odometry(
-    method: Method, chain: Chain, configs: MethodConfigs, chain_config: ChainConfigs
+    method: Method,
+    chain: Chain,
+    configs: MethodConfigs,
+    chain_config: ChainConfigs,
+    *,
+    deskew: bool = True,
 ) -> Odometry:
     """Return a fresh odometry; "auto" chains by key scans where the default matcher is asked for."""
     uses_keys = chain == "keys" or (chain == "auto" and method == DEFAULT_METHOD)
-    config = chain_config.odometry if uses_keys else OdometryConfig.scan_to_scan()
+    given = chain_config.odometry
+    config = given if uses_keys else OdometryConfig.scan_to_scan()
+    config = replace(config, deskew=deskew and given.deskew)
     return Odometry(method, matcher_config=configs.of(method), config=config)

@@ -12,10 +12,12 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from curvescan.deskew import deskew, predicted_velocity, step_seconds, sweep_shift
+from curvescan.io.log import Log
 from curvescan.matching import match, prepare
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -54,6 +56,20 @@ class SweepOrder:
     def is_forwards(self) -> bool:
         """Whether the log certainly has the beams in the order in which they were swept."""
         return self.gain > _CERTAIN * self.standard_error
+
+
+def lists_beams_backwards(log: Log, n_scans: int = 300) -> bool:
+    """Return whether the first scans of a log show that its beams are listed against the order they were swept in.
+
+    Parameters
+    ----------
+    log : Log
+        Its first scans are read once more; False where they tell no times of their beams.
+    n_scans : int
+        How many scans are asked.
+    """
+    first = next(iter(log))
+    return first.time_increment > 0.0 and judge_sweeps(islice(log, n_scans)).is_backwards
 
 
 def judge_sweeps(scans: Iterable[LaserScan]) -> SweepOrder:

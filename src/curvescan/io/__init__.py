@@ -60,6 +60,7 @@ def read_log(
     laser_pose: tuple[float, float, float] | None = None,
     upside_down: bool | None = None,
     clockwise: bool = False,
+    drop_stale: bool = False,
     backwards: bool = False,
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
@@ -84,6 +85,8 @@ def read_log(
         Whether the laser hangs upside down, so that its scans are mirrored; None to believe the log.
     clockwise : bool
         Whether the laser turns against what the log says, so that its scans are mirrored.
+    drop_stale : bool
+        Whether a beam that repeats its value of the sweep before to the last digit gives no reading.
     backwards : bool
         Whether the log has the beams in the reverse of the order in which they were swept, so that they are turned
         round: for some drivers of RPLIDARs, whose sweeps cannot be deskewed otherwise.
@@ -108,6 +111,7 @@ def read_log(
         laser_pose=laser_pose,
         upside_down=upside_down,
         clockwise=clockwise,
+        drop_stale=drop_stale,
         backwards=backwards,
     )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN

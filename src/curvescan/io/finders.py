@@ -64,8 +64,8 @@ def on_beams(report: LogReport) -> Iterator[Found]:
             "stale_beams",
             f"{report.stale_share:.0%} of the readings are those of the sweep before, to the last digit, while the "
             "others change",
-            "the driver keeps old values where a beam met nothing new; they smear when the sensor moves, and no "
-            "option tells them apart",
+            "the driver keeps old values where a beam met nothing new; they smear when the sensor moves",
+            "--drop-stale",
         )
     if report.fixed_beams:
         yield _on_fixed_beams(report)

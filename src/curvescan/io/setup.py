@@ -6,7 +6,7 @@ One record, and one view of a log that applies it to every scan and to the wheel
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -36,6 +36,9 @@ class LaserSetup:
         Whether the laser hangs upside down, so that its scans are mirrored. None: what the log says.
     clockwise : bool
         Whether the laser turns against what its log says, so that its scans are mirrored.
+    drop_stale : bool
+        Whether a beam that repeats its value of the sweep before to the last digit gives no reading: some drivers leave
+        the old value standing where a turn of the sensor brought no new one.
     backwards : bool
         Whether the log has the beams of a sweep in the reverse of the order in which they were swept, as some drivers
         of RPLIDARs do: they are turned round, so that the times of the beams hold.
@@ -50,6 +53,7 @@ class LaserSetup:
     laser_pose: tuple[float, float, float] | None = None
     upside_down: bool | None = None
     clockwise: bool = False
+    drop_stale: bool = False
     backwards: bool = False
 
     def __post_init__(self) -> None:
@@ -93,7 +97,11 @@ def set_up(log: Log, setup: LaserSetup) -> Log:
         hangs = isinstance(log, MountedLog) and log.hangs_upside_down()
     is_mirrored = hangs != setup.clockwise
     if not (
-        is_mirrored or any(setup.ignore_beams) or setup.laser_pose is not None or setup.backwards
+        is_mirrored
+        or any(setup.ignore_beams)
+        or setup.laser_pose is not None
+        or setup.drop_stale
+        or setup.backwards
     ):
         return log
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
@@ -159,6 +167,8 @@ class _LogSetUp:
                     else "hangs upside down"
                 )
             )
+        if self._setup.drop_stale:
+            notes.append("readings that repeat those of the sweep before are dropped")
         if self._setup.backwards:
             notes.append("the beams of each scan are turned round: they were swept in that order")
         if any(self._setup.ignore_beams):
@@ -178,7 +188,8 @@ class _LogSetUp:
         return len(self._log)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return map(self._seen, self._log)
+        scans = fresh(self._log) if self._setup.drop_stale else self._log
+        return map(self._seen, scans)
 
     def _seen(self, scan: LaserScan) -> LaserScan:
         first, last = self._setup.ignore_beams
@@ -189,3 +200,16 @@ class _LogSetUp:
             scan = replace(scan, ranges=ranges)
         scan = mirrored(scan) if self._is_mirrored else scan
         return swept_backwards(scan) if self._setup.backwards else scan
+
+
+def fresh(scans: Iterable[LaserScan]) -> Iterator[LaserScan]:
+    """Yield scans without the readings that repeat the same beam's of the scan before to the last digit."""
+    before = np.empty(0)
+    for scan in scans:
+        ranges = scan.ranges
+        if len(before) == len(ranges):
+            is_stale = scan.valid & (ranges == before)
+            if is_stale.any():
+                scan = replace(scan, ranges=np.where(is_stale, np.nan, ranges))
+        before = ranges
+        yield scan

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from curvescan.odometry.config import KeysConfig, MotionConfig, OdometryConfig
-    from curvescan.odometry.odometry import Odometry, OdometryStep, StepOutcome
+    from curvescan.odometry.odometry import Odometry
     from curvescan.odometry.run import OdometryRun, run_odometry
+    from curvescan.odometry.step import OdometryStep, StepOutcome
 
 _HOMES = {
     "KeysConfig": "config",
@@ -16,8 +17,8 @@ _HOMES = {
     "Odometry": "odometry",
     "OdometryConfig": "config",
     "OdometryRun": "run",
-    "OdometryStep": "odometry",
-    "StepOutcome": "odometry",
+    "OdometryStep": "step",
+    "StepOutcome": "step",
     "run_odometry": "run",
 }
 

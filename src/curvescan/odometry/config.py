@@ -123,6 +123,9 @@ class OdometryConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     """Motion: what is expected of the next scan before it is matched."""
 
+    deskew: bool = True
+    """Where a scan tells the times of its beams, the motion during the sweep is taken out of it."""
+
     @classmethod
     def scan_to_scan(cls) -> OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""

@@ -7,78 +7,25 @@ at rest does not drift; a new key scan is made when the one in use is left behin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.matching import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
 from curvescan.matching.registry import find_matcher
 from curvescan.odometry.attempts import Attempt, as_found, judge
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.keys import Fix, Keys
+from curvescan.odometry.keys import Fix, Key, Keys
 from curvescan.odometry.known_places import find_known_place
 from curvescan.odometry.motion import Motion
+from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.odometry.sweeps import Sweeps
 from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert, nowhere_else
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Pose
-
-
-class StepOutcome(Enum):
-    """How a scan got its pose; the value is a sentence for people."""
-
-    STARTED = "First scan: its sensor frame is the frame of the trajectory."
-    MATCHED = "Matched with the key scan in use."
-    CHAINED = "Matched with the scan before it, which became the key scan."
-    REVISITED = "Matched with an earlier key scan as well: the place is known."
-    RECOVERED = (
-        "Lost by the key scan in use and by the scan before it, found by an earlier key scan."
-    )
-    PREDICTED = "No match: the expected motion was taken."
-    HELD = "Matches keep failing: the sensor is taken to stand still."
-
-
-MATCHES = (
-    StepOutcome.MATCHED,
-    StepOutcome.CHAINED,
-    StepOutcome.REVISITED,
-    StepOutcome.RECOVERED,
-)
-"""Outcomes that stand on a match."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class OdometryStep:
-    """Where the sensor was at one scan.
-
-    Attributes
-    ----------
-    index : int
-        Number of the scan, from 0.
-    stamp : float
-        Its stamp, seconds.
-    pose : (3,) float64
-        [x, y, theta] of the sensor in the frame of the first scan: metres, metres, radians.
-    covariance : (3, 3) float64
-        Covariance of the pose, x, y, theta; zero at the first scan.
-    outcome : StepOutcome
-        How the pose came about.
-    match : MatchResult or None
-        The match behind it, also where it failed; None at the first scan.
-    reference : int or None
-        Number of the scan that `match` was tried with; None at the first scan.
-    """
-
-    index: int
-    stamp: float
-    pose: Pose
-    covariance: Cov
-    outcome: StepOutcome
-    match: MatchResult | None
-    reference: int | None
+from curvescan.types import Pose
 
 
 class Odometry:
@@ -125,6 +72,7 @@ class Odometry:
         self.keys = Keys(self.config.keys.max_keys, self.config.keys.kept)
         self._fix: Fix | None = None
         self._last: PreparedScan | None = None  # the last scan, if it can be a reference
+        self._sweeps = Sweeps()
         self._n_searches = 0  # scans for which a known place is still looked for, after a failure
 
     def add(self, scan: LaserScan, wheels: ArrayLike | None = None) -> OdometryStep:
@@ -148,14 +96,19 @@ class Odometry:
         InvalidArgumentError
             When `scan` is not a LaserScan or `wheels` not a pose.
         """
-        current = prepare(scan, method=self.method, config=self.matcher_config)
+        if not isinstance(scan, LaserScan):
+            raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         motion = self._motion.expect(scan.stamp, None if wheels is None else _as_wheels(wheels))
+        current = self._prepare(
+            self._sweeps.deskewed(scan, motion.pose) if self.config.deskew else scan
+        )
         if self._fix is None:
+            self._first = scan
             is_guess = not self.matcher.can_be_reference(current.features)
             key = self.keys.add(current, self._n_scans, None, is_guess=is_guess)
             self._fix, found = Fix(key=key, seen=nowhere_else()), _Found(StepOutcome.STARTED)
         else:
-            self._fix, found = self._locate(current, self._fix, motion)
+            self._fix, found, current = self._locate(scan, current, self._fix, motion)
         world = self._fix.world
         step = OdometryStep(
             index=self._n_scans,
@@ -171,33 +124,57 @@ class Odometry:
         return step
 
     def _locate(
-        self, current: PreparedScan, last: Fix, motion: UncertainPose
-    ) -> tuple[Fix, _Found]:
+        self, scan: LaserScan, current: PreparedScan, last: Fix, motion: UncertainPose
+    ) -> tuple[Fix, _Found, PreparedScan]:
         """Return where a scan is: by the key scan in use, else by the scan before it, else as well as it can be told."""
         min_score = self.config.keys.min_score
-        key, outcome = last.key, StepOutcome.MATCHED
-        attempt = self._attempt(key.scan, current, last.moved(motion).seen)
-        origin = last.seen
+        reference, origin, outcome = last.key.scan, last.seen, StepOutcome.MATCHED
+        attempt = self._attempt(reference, current, chain(origin, motion))
         before = self._last
-        if not (before is None or before is key.scan or attempt.is_sure(min_score)):
+        if not (before is None or before is reference or attempt.is_sure(min_score)):
             second = self._attempt(before, current, motion)
             if second.is_surer_than(attempt, min_score):
-                attempt, origin, outcome = second, nowhere_else(), StepOutcome.CHAINED
-                key = self.keys.add(before, self._n_scans - 1, last)
+                attempt, outcome = second, StepOutcome.CHAINED
+                reference, origin = before, nowhere_else()
         if not attempt.is_believed(self.config.keys.least_score):
-            return self._do_without(current, last, motion, attempt.result)
+            return *self._do_without(current, last, motion, attempt.result), current
+        key = last.key
+        if outcome is StepOutcome.CHAINED:
+            key = self.keys.add(reference, self._n_scans - 1, last)
+        attempt, current = self._with_better_sweep(scan, current, key, origin, motion, attempt)
         key.used = self._n_scans
         moved = chain(invert(origin), as_found(attempt.result))
+        is_clear = attempt.result.weak_direction is None
         self._motion.tell(
-            fuse(motion, moved)[0],
-            is_plausible=attempt.is_plausible,
-            is_clear=attempt.result.weak_direction is None,
+            fuse(motion, moved)[0], is_plausible=attempt.is_plausible, is_clear=is_clear
         )
-        fix = Fix(key=key, seen=attempt.seen, is_measured=attempt.result.weak_direction is None)
+        fix = Fix(key=key, seen=attempt.seen, is_measured=is_clear)
         found = _Found(outcome, attempt.result, key.index)
         if self._n_searches > 0 or self._is_leaving(fix, attempt.result.score):
-            return self._find_key(current, fix, found, attempt.result.score)
-        return fix, found
+            return *self._find_key(current, fix, found, attempt.result.score), current
+        return fix, found, current
+
+    def _with_better_sweep(
+        self,
+        scan: LaserScan,
+        current: PreparedScan,
+        key: Key,
+        origin: UncertainPose,
+        motion: UncertainPose,
+        attempt: Attempt,
+    ) -> tuple[Attempt, PreparedScan]:
+        """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
+        found = se2.between(origin.pose, attempt.result.pose)
+        if not (self.config.deskew and self._sweeps.is_worth_again(scan, motion.pose, found)):
+            return attempt, current
+        better = self._prepare(self._sweeps.once_more(scan, found))
+        if self._n_scans == 1:  # nothing was known of the first scan's velocity
+            key.scan = self._prepare(self._sweeps.once_more(self._first, found))
+        again = self._attempt(key.scan, better, chain(origin, motion))
+        return (again, better) if again.result.ok else (attempt, current)
+
+    def _prepare(self, scan: LaserScan) -> PreparedScan:
+        return prepare(scan, method=self.method, config=self.matcher_config)
 
     def _attempt(
         self, reference: PreparedScan, current: PreparedScan, expected: UncertainPose

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.matching import Outcome
-from curvescan.odometry.odometry import MATCHES, Odometry, OdometryStep, StepOutcome
+from curvescan.odometry.odometry import Odometry
+from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Ints, Pose, Trajectory
 

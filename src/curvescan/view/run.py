@@ -21,6 +21,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.drive import DriveMap, map_drive
 from curvescan.mapping.map_server import write_map
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
+from curvescan.odometry.sweeps import deskewed_along
 from curvescan.types import Pose
 from curvescan.view.map import draw_map
 from curvescan.view.occupancy import draw_occupancy
@@ -69,7 +70,8 @@ def save_run(
     occupancy = occupancy or OccupancyConfig()
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    place = map_drive(log, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
+    place = map_drive(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
     _save_map(folder / "map.png", run, log, truth, place)
     left_out: tuple[str, ...] = ()
     if place.grid is not None:

@@ -1,0 +1,64 @@
+"""What the odometry tells of each scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from curvescan.matching import MatchResult
+from curvescan.types import Cov, Pose
+
+
+class StepOutcome(Enum):
+    """How a scan got its pose; the value is a sentence for people."""
+
+    STARTED = "First scan: its sensor frame is the frame of the trajectory."
+    MATCHED = "Matched with the key scan in use."
+    CHAINED = "Matched with the scan before it, which became the key scan."
+    REVISITED = "Matched with an earlier key scan as well: the place is known."
+    RECOVERED = (
+        "Lost by the key scan in use and by the scan before it, found by an earlier key scan."
+    )
+    PREDICTED = "No match: the expected motion was taken."
+    HELD = "Matches keep failing: the sensor is taken to stand still."
+
+
+MATCHES = (
+    StepOutcome.MATCHED,
+    StepOutcome.CHAINED,
+    StepOutcome.REVISITED,
+    StepOutcome.RECOVERED,
+)
+"""Outcomes that stand on a match."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OdometryStep:
+    """Where the sensor was at one scan.
+
+    Attributes
+    ----------
+    index : int
+        Number of the scan, from 0.
+    stamp : float
+        Its stamp, seconds.
+    pose : (3,) float64
+        [x, y, theta] of the sensor in the frame of the first scan: metres, metres, radians; at the middle of the sweep
+        where the scan tells the times of its beams.
+    covariance : (3, 3) float64
+        Covariance of the pose, x, y, theta; zero at the first scan.
+    outcome : StepOutcome
+        How the pose came about.
+    match : MatchResult or None
+        The match behind it, also where it failed; None at the first scan.
+    reference : int or None
+        Number of the scan that `match` was tried with; None at the first scan.
+    """
+
+    index: int
+    stamp: float
+    pose: Pose
+    covariance: Cov
+    outcome: StepOutcome
+    match: MatchResult | None
+    reference: int | None

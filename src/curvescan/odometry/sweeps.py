@@ -1,0 +1,58 @@
+"""Sweeps: scans as they are matched, with the motion during each sweep taken out as well as it is known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.deskew import WORTH_AGAIN, deskew, predicted_velocity, step_seconds, sweep_shift
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Pose, Trajectory
+
+_N_STAMPS = 12
+
+
+class Sweeps:
+    """The clock of a stream of scans, and the velocity that a motion between two of them means."""
+
+    def __init__(self) -> None:
+        self._stamps: deque[float] = deque(maxlen=_N_STAMPS)
+        self._seconds = 0.0
+
+    def deskewed(self, scan: LaserScan, motion: Pose) -> LaserScan:
+        """Return the next scan, deskewed as if the sensor moved by `motion` since the last; once for each scan."""
+        self._stamps.append(scan.stamp)
+        if scan.time_increment == 0.0:
+            return scan
+        self._seconds = step_seconds(tuple(self._stamps), scan.scan_time)
+        return self.once_more(scan, motion)
+
+    def once_more(self, scan: LaserScan, motion: Pose) -> LaserScan:
+        """Return the scan of the last call deskewed with another motion."""
+        return deskew(scan, predicted_velocity(motion, self._seconds))
+
+    def is_worth_again(self, scan: LaserScan, expected: Pose, found: Pose) -> bool:
+        """Return whether a motion that was found puts readings elsewhere than the expected one did."""
+        if scan.time_increment == 0.0 or self._seconds == 0.0:
+            return False
+        error: Floats = se2.log(se2.between(expected, found)) / self._seconds
+        return sweep_shift(scan, error) > WORTH_AGAIN
+
+
+def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterator[LaserScan]:
+    """Yield scans deskewed with the motion of a trajectory, for maps.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once; those beyond the trajectory are left out.
+    trajectory : Trajectory
+        Of the same scans.
+    """
+    sweeps, before = Sweeps(), None
+    for scan, pose in zip(scans, trajectory.poses, strict=False):
+        yield sweeps.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
+        before = pose
