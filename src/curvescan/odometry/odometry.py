@@ -164,7 +164,7 @@ class Odometry:
         attempt: Attempt,
     ) -> tuple[Attempt, PreparedScan]:
         """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
-        found = se2.between(origin.pose, attempt.result.pose)
+        found = se2.between(origin.pose, attempt.seen.pose)
         if not (self.config.deskew and self._sweeps.is_worth_again(scan, motion.pose, found)):
             return attempt, current
         better = self._prepare(self._sweeps.once_more(scan, found))
