@@ -19,7 +19,7 @@ from curvescan.evaluation.errors import trajectory_errors
 from curvescan.evaluation.experiments import count_parameters, run_experiments
 from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
-from curvescan.evaluation.real_logs import assign_relations, chain, judge_log
+from curvescan.evaluation.real_logs import assign_relations, judge_log
 from curvescan.evaluation.speed import measure_speed
 from curvescan.io import Relations
 from curvescan.odometry import run_odometry
@@ -182,13 +182,6 @@ def test_lost_steps_are_found_and_put_right():
     assert lost.motion > 0.0
     exact = replace(run, trajectory=cs.Trajectory(stamps=log.truth.stamps, poses=log.truth.poses))
     assert find_lost_steps(log.truth.poses, exact).end_without < 1e-9
-
-
-def test_chained_matches_repeat_a_motion_that_is_not_known():
-    nan = [math.nan] * 3
-    motion = np.array([nan, [1.0, 0.0, math.pi / 2], nan, [2.0, 0.0, 0.0]])
-    expected = [[0, 0, 0], [0, 0, 0], [1, 0, math.pi / 2], [1, 1, math.pi], [-1, 1, math.pi]]
-    np.testing.assert_allclose(chain(motion), expected, atol=1e-12)
 
 
 def relations_of(log, pairs, shift=0.0):

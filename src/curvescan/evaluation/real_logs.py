@@ -2,7 +2,7 @@
 
 A log has no truth. Wheel odometry is good from one scan to the next, and so are the poses of a log that a SLAM system
 has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations, checked
-by hand (see ``relations.py``), the matches are chained to a trajectory and measured against them.
+by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from curvescan.io.log import Log
 from curvescan.io.relations import Relations
 from curvescan.matching import match, prepare
 from curvescan.matching.result import Outcome
-from curvescan.types import Bools, Floats, Pose, Trajectory
+from curvescan.odometry import Odometry, OdometryRun, run_odometry
+from curvescan.types import Bools, Floats
 
 RIGHT = (0.25, np.radians(3.0))
 """A match is right within this of the log's own poses: metres, radians."""
@@ -51,8 +52,10 @@ class LogJudgement:
         Distance and angle between what was found and the log's own poses; None where it has none.
     seconds : (n_steps,) float64
         Time to prepare a scan and to match it.
+    run : OdometryRun or None
+        The odometry of the whole log by this method, laser alone; None without relations of this log.
     relations : RelationErrors or None
-        Errors of the chained matches; None without relations of this log.
+        Errors of that odometry.
     """
 
     log: str
@@ -62,6 +65,7 @@ class LogJudgement:
     motion: Floats
     difference: Floats | None
     seconds: Floats
+    run: OdometryRun | None = None
     relations: RelationErrors | None = None
 
     @property
@@ -129,18 +133,15 @@ def judge_log(
     """
     motion: list[Floats] = []
     seconds: list[float] = []
-    stamps: list[float] = []
     failures: Counter[Outcome] = Counter()
     prepared = (
-        (time.perf_counter(), prepare(scan, method=method), time.perf_counter(), scan.stamp)
-        for scan in log
+        (time.perf_counter(), prepare(scan, method=method), time.perf_counter()) for scan in log
     )
-    for (_, reference, _, stamp), (begun, current, ready, next_stamp) in pairwise(prepared):
+    for (_, reference, _), (begun, current, ready) in pairwise(prepared):
         started = time.perf_counter()
         result = match(reference, current, method=method)
         seconds.append(time.perf_counter() - started + ready - begun)
         motion.append(result.pose)
-        stamps.extend([next_stamp] if stamps else [stamp, next_stamp])
         if not result.ok:
             failures[result.outcome] += 1
         if on_step:
@@ -151,10 +152,10 @@ def judge_log(
         poses = log.odometry.poses
         off = se2.between(se2.between(poses[:-1], poses[1:]), found)
         difference = np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])])
-    errors = None
+    run = errors = None
     if relations is not None:
-        trajectory = Trajectory(stamps=np.array(stamps), poses=chain(found))
-        errors = relation_errors(trajectory, relations, laser_pose)
+        run = run_odometry(log, Odometry(method))
+        errors = relation_errors(run.trajectory, relations, laser_pose)
     return LogJudgement(
         log=log.name,
         method=method,
@@ -163,28 +164,9 @@ def judge_log(
         motion=found,
         difference=difference,
         seconds=np.array(seconds),
+        run=run,
         relations=errors,
     )
-
-
-def chain(motion: Pose) -> Pose:
-    """Return the poses that motions lead to, from the origin; a motion that is not known repeats the one before.
-
-    Parameters
-    ----------
-    motion : (n, 3) float64
-        Each from one pose to the next; NaN where a match failed.
-
-    Returns
-    -------
-    (n + 1, 3) float64
-        Without NaN: a failed match costs what the repeated motion is wrong by, not the rest of the trajectory.
-    """
-    poses, last = [se2.identity()], se2.identity()
-    for step in motion:
-        last = last if np.isnan(step[0]) else step
-        poses.append(se2.compose(poses[-1], last))
-    return np.array(poses)
 
 
 def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> list[Relations | None]:

@@ -137,7 +137,7 @@ def log_relation_table(judged: Sequence[LogJudgement]) -> ResultTable:
     """Return the errors of methods against relations, of the logs that have some."""
     rows = []
     for one in judged:
-        if one.relations is None:
+        if one.relations is None or one.run is None:
             continue
         near, far, everything = (one.relations.spreads(w) for w in ("near", "far", "all"))
         rows.append(
@@ -149,12 +149,12 @@ def log_relation_table(judged: Sequence[LogJudgement]) -> ResultTable:
                 f"{np.degrees(near[1].mean):.3f} ± {np.degrees(near[1].std):.3f} deg",
                 f"{everything[0].mean:.3f} ± {everything[0].std:.3f} m",
                 f"{np.degrees(everything[1].mean):.2f} ± {np.degrees(everything[1].std):.2f} deg",
-                f"{one.n_failed:,} of {one.n_steps:,}",
-                f"{1e3 * np.median(one.seconds):.3f} ms",
+                f"{np.count_nonzero(one.run.is_failed):,} of {one.n_steps:,}",
+                f"{1e3 * np.median(one.run.seconds):.3f} ms",
             )
         )
     return ResultTable(
-        title="Errors of relations, each scan matched with the one before; a failed match repeats the motion before it",
+        title="Errors of relations, the odometry of each method: key scans for the default matcher, scan to scan for the others",
         columns=(
             "log",
             "method",
