@@ -20,6 +20,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.io.folder import output_file
 from curvescan.types import Trajectory
 
 CSV_HEADER = (
@@ -210,8 +211,10 @@ def _numbers(fields: Iterable[str], where: str) -> list[float]:
 @contextmanager
 def _writing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     try:
-        with Path(path).open("w", encoding="utf-8", newline="") as file:
+        with output_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
             yield file
+    except OutputError:
+        raise
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot write {path}: {error}") from error
 
