@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.cfsma.config import CfSmaConfig, CurvatureConfig, LandmarksConfig
 from curvescan.cfsma.trace import Gate
 from curvescan.matching import MATCHERS, Label, Matcher, find_matcher
-from tests.scenes import room_scan
+from tests.scenes import room_ranges, room_scan
 
 MOTION = np.array([0.1, 0.05, 0.1])
 
@@ -195,3 +195,56 @@ def test_wrong_arguments_are_named():
     for guess in ((1, 2), (1, 2, math.nan), "far"):
         with pytest.raises(cs.InvalidArgumentError, match="guess must be three"):
             cs.match(scan, scan, guess=guess)
+
+
+def told_by_angles(scan, keep=slice(None)):
+    """The same readings, or some of them, with the directions told one by one."""
+    return cs.LaserScan(scan.ranges[keep], angles=scan.angles[keep], range_max=scan.range_max)
+
+
+def test_even_beams_told_one_by_one_match_alike(method, pair):
+    grid = cs.match(*pair, method=method)
+    told = cs.match(*(told_by_angles(scan) for scan in pair), method=method)
+    assert told.outcome is grid.outcome
+    np.testing.assert_allclose(told.pose, grid.pose, atol=1e-9)
+    np.testing.assert_array_equal(told.labels_current, grid.labels_current)
+
+
+def jittered_room(pose, seed, fov, way=1):
+    """The room seen by beams that stray by up to a third of a step."""
+    rng = np.random.default_rng(seed)
+    angles = np.linspace(-fov / 2, fov / 2, 361) + fov / 1080 * rng.uniform(-1, 1, 361)
+    ranges = room_ranges(pose, angles) + 0.005 * rng.standard_normal(361)
+    return cs.LaserScan(ranges[::way], angles=angles[::way], range_max=20.0)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("beams", ["thinned", "jittered"])
+def test_uneven_beams_give_the_pose_within_the_noise(method, beams, way):
+    # as far as each strays on even scans of this room: the paper's matcher is coarse, ICP stops short
+    shift, turn = {"cfsma": (0.1, 0.05), "icp": (0.008, 0.009)}.get(method, (0.006, 0.003))
+    n_ok = {"even": 0, "uneven": 0}
+    for seed in range(6):
+        fov = 2 * math.pi if method != "cfsma" and seed % 2 else math.pi
+        even = (
+            room_scan(sigma=0.005, seed=seed, fov=fov),
+            room_scan(MOTION, sigma=0.005, seed=50 + seed, fov=fov),
+        )
+        if beams == "thinned":
+            keep = np.flatnonzero(np.arange(361) % 3 != 1)[::way]
+            uneven = tuple(told_by_angles(scan, keep) for scan in even)
+        else:
+            uneven = (
+                jittered_room(np.zeros(3), seed, fov, way),
+                jittered_room(MOTION, 50 + seed, fov, way),
+            )
+        assert not any(scan.has_uniform_angles for scan in uneven)
+        guess = (0.05, 0.0, 0.05)
+        n_ok["even"] += cs.match(*even, method=method, guess=guess).ok
+        result = cs.match(*uneven, method=method, guess=guess)
+        n_ok["uneven"] += result.ok
+        if result.ok:
+            assert np.hypot(*(result.pose - MOTION)[:2]) < shift
+            assert abs(result.pose[2] - MOTION[2]) < turn
+    assert n_ok["uneven"] >= n_ok["even"] - 1
+    assert n_ok["even"] >= 2

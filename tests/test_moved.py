@@ -115,3 +115,25 @@ def test_scans_beyond_a_failed_match_are_not_asked():
     assert told[2].any()
     told = list(moved_along([room, room, came], poses, np.array([False, True, False])))
     assert not told[2].any()
+
+
+def test_uneven_beams_tell_what_moved_too():
+    keep = np.flatnonzero(np.arange(361) % 3 != 1)
+    room = room_scan()
+    for way in (1, -1):
+        before, after = (
+            LaserScan(scan.ranges[keep][::way], angles=scan.angles[keep][::way], range_max=20.0)
+            for scan in (room, with_person(room, 100, 120, 1.0))
+        )
+        assert not before.has_uniform_angles
+        np.testing.assert_array_equal(
+            moved_readings(after, [(before, HERE)]), beams((100, 120))[keep][::way]
+        )
+
+
+def test_a_hole_between_two_beams_was_not_looked_through():
+    room = room_scan()
+    keep = np.r_[0:90, 130:361]
+    before = LaserScan(room.ranges[keep], angles=room.angles[keep], range_max=20.0)
+    came = with_person(room, 100, 120, 1.0)
+    assert not moved_readings(came, [(before, HERE)]).any()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.consensus.polar import polar_lookup, reading_at
+from curvescan.consensus.polar import polar_lookup, reading_at, uneven_lookup
 from tests.consensus_scenes import features
 from tests.reference import consensus as slow
 
@@ -69,3 +69,44 @@ def test_odd_increments_cost_no_memory_and_raise_nothing(increment):
     one = features(scan)
     assert one.view.lookup.size <= 6300
     assert reading_at(1.0, 1.0, one.view) >= -2
+
+
+def uneven(span_deg, seed, way, n_beams=240):
+    """A ring seen by beams a half to one and a half steps apart, some of them without a reading."""
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(0.5, 1.5, n_beams - 1)
+    angles = np.concatenate([[0.0], np.cumsum(steps / steps.sum())]) * math.radians(span_deg)
+    angles = rng.uniform(-7.0, 7.0) + way * angles
+    ranges = np.full(n_beams, 2.0)
+    ranges[rng.choice(n_beams, 20, replace=False)] = np.nan
+    return cs.LaserScan(ranges, angles=angles, range_max=9.0)
+
+
+@pytest.mark.parametrize("span_deg", [150.0, 358.5, 360.0, 361.0])
+@pytest.mark.parametrize("way", [1, -1])
+def test_of_uneven_beams_the_reading_is_that_of_the_nearest(span_deg, way):
+    scan = uneven(span_deg, int(span_deg), way)
+    assert not scan.has_uniform_angles
+    assert scan.is_full_circle is (span_deg > 300)
+    one = features(scan)
+    by_beam = np.full(len(scan), -1)
+    by_beam[one.beam_idx] = np.arange(len(one.beam_idx))
+    step = abs(scan.angle_increment)
+    n_told = 0
+    for angle in np.random.default_rng(1).uniform(-math.pi, math.pi, 400):
+        off = np.sort(np.abs(cs.se2.wrap(angle - scan.angles)))
+        if off[1] - off[0] < 0.26 * step or abs(off[0] - step) < 0.6 * step:
+            continue  # about halfway between two beams, or at the sweep's end: either is right
+        point = 3.0 * np.array([math.cos(angle), math.sin(angle)])
+        expected = slow.reading_at(point, scan.angles, by_beam, 1.5 * step)
+        assert reading_at(*point, one.view) == expected
+        n_told += 1
+    assert n_told > 150
+
+
+def test_a_hole_between_uneven_beams_is_out_of_view():
+    angles = np.radians([0.0, 1.0, 2.1, 3.0, 60.0, 61.0, 62.0])
+    lookup, density = uneven_lookup(np.arange(7), angles, math.radians(1.0), False)
+    for bearing_deg, expected in [(0.2, 0), (2.0, 2), (4.0, 3), (30.0, -2), (59.0, 4), (63.0, 6)]:
+        assert lookup[round(math.radians(bearing_deg) * density)] == expected
+    assert lookup[-1] == -2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,9 +79,92 @@ def test_nothing_valid_is_no_error():
         assert "0 valid" in repr(scan)
 
 
+def told(angles, ranges=None, **kwargs):
+    """A scan whose beams are told one by one."""
+    ranges = np.ones(len(angles)) if ranges is None else ranges
+    return LaserScan(ranges, angles=angles, range_min=0.1, range_max=8.0, **kwargs)
+
+
+def test_beams_told_one_by_one_are_where_they_are_said_to_be():
+    angles = np.array([0.1, 0.2, 0.5, 0.6, 0.72])
+    for way in (1, -1):
+        scan = told(way * angles, [1.0, 2.0, math.nan, 3.0, 4.0])
+        np.testing.assert_array_equal(scan.angles, way * angles)
+        np.testing.assert_allclose(scan.directions[:, 1], np.sin(way * angles))
+        np.testing.assert_allclose(scan.points[1], 2.0 * scan.directions[1])
+        assert (scan.angle_min, scan.has_uniform_angles) == (way * 0.1, False)
+        assert scan.angle_increment == pytest.approx(way * 0.11)
+        assert scan.mean_increment == pytest.approx(way * 0.155)
+        readings = valid_readings(scan)
+        assert readings.beam_idx.tolist() == [0, 1, 3, 4][::way]
+        assert (np.diff(readings.angles) > 0).all()
+
+
+def test_even_beams_told_one_by_one_are_even():
+    scan = make(np.ones(50))
+    rng = np.random.default_rng(0)
+    same = told(scan.angles + rng.uniform(-4e-4, 4e-4, 50))  # printed with few digits, say
+    assert same.has_uniform_angles
+    assert same.angle_increment == pytest.approx(0.1, abs=2e-5)
+    assert not told(scan.angles + rng.uniform(-5e-3, 5e-3, 50)).has_uniform_angles
+
+
+def test_a_jump_by_a_turn_is_undone():
+    angles = np.radians([170.0, 175.0, 180.0, -174.0, -170.0])
+    scan = told(angles)
+    np.testing.assert_allclose(np.degrees(scan.angles), [170, 175, 180, 186, 190])
+    np.testing.assert_allclose(scan.directions[3], [math.cos(angles[3]), math.sin(angles[3])])
+
+
+@pytest.mark.parametrize(("span_deg", "closed"), [(355, False), (358, True), (362, True)])
+def test_uneven_beams_close_the_circle_too(span_deg, closed):
+    angles = np.radians(np.linspace(0, span_deg, 361) + 0.2 * np.sin(np.arange(361)))
+    assert told(angles).is_full_circle is closed
+    assert told(-angles).is_full_circle is closed
+
+
+def test_a_changed_copy_keeps_the_beams():
+    for scan in (make(np.ones(5)), told([0.1, 0.2, 0.5, 0.6, 0.7], time_increment=0.01)):
+        copy = replace(scan, ranges=np.full(5, 2.0), stamp=3.0)
+        np.testing.assert_array_equal(copy.angles, scan.angles)
+        assert copy.has_uniform_angles is scan.has_uniform_angles
+        assert (copy.stamp, copy.time_increment) == (3.0, scan.time_increment)
+
+
+def test_sweeps_of_one_beam_or_none_may_be_told_too():
+    assert told([]).is_full_circle is False
+    assert told([0.3]).points.tolist() == [[math.cos(0.3), math.sin(0.3)]]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "directions of the beams are missing"),
+        ({"angle_min": 0.0}, "directions of the beams are missing"),
+        ({"angles": [0.0, 0.1], "angle_min": 0.0}, "contradict"),
+        ({"angles": [0.0, 0.1], "angle_min": 0.0, "angle_increment": 0.2}, "contradict"),
+        ({"angles": [0.0]}, r"one value a beam \(2\), got 1"),
+        ({"angles": [0.0, math.nan]}, "angles must be finite"),
+        ({"angles": [0.1, 0.1]}, "all rise or all fall"),
+    ],
+)
+def test_directions_are_given_once(options, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        LaserScan([1.0, 2.0], **options)
+
+
+def test_directions_go_one_way_and_round_once():
+    with pytest.raises(InvalidArgumentError, match="all rise or all fall"):
+        told([0.0, 0.1, 0.05])
+    with pytest.raises(InvalidArgumentError, match=r"more than once, got 720.0 deg"):
+        told(np.linspace(0.0, 4.0 * math.pi, 100))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"time_increment": -1e-4}, "time_increment must be finite and >= 0 seconds, got -0.0001"),
+        ({"scan_time": math.nan}, "scan_time must be finite and >= 0 seconds, got nan"),
         ({"ranges": np.ones((4, 3))}, r"ranges must be 1-D, got shape \(4, 3\)"),
         ({"ranges": ["far"]}, "ranges must be numbers"),
         ({"angle_min": math.nan}, "angle_min must be finite, got nan"),

@@ -18,7 +18,7 @@ from tests.scenes import room_scan
 CONFIG = SurfacesConfig()
 
 
-def run_sweep(scan):
+def run_sweep(scan, told_by_angles=False):
     return sweep(
         scan.ranges,
         scan.directions,
@@ -26,6 +26,7 @@ def run_sweep(scan):
         scan.angle_increment < 0,
         scan.is_full_circle,
         abs(scan.angle_increment),
+        scan.angles if told_by_angles else scan.angles[:0],
         CONFIG.incidence_limit,
         CONFIG.max_gap,
     )
@@ -72,6 +73,18 @@ def test_a_clockwise_sweep_is_its_mirror_image():
     np.testing.assert_array_equal(beam_mirrored, 360 - beam_idx)
     np.testing.assert_allclose(readings_mirrored, readings, atol=1e-12)
     np.testing.assert_array_equal(bounds_mirrored, bounds)
+
+
+@pytest.mark.parametrize("fov", [math.pi, 2 * math.pi - math.radians(1.0)])
+@pytest.mark.parametrize("way", [1, -1])
+def test_beams_told_one_by_one_give_the_same_surfaces(fov, way):
+    scan = pillar_scan(seed=4, fov=fov, n_beams=360)
+    ranges = scan.ranges.copy()
+    ranges[np.random.default_rng(4).choice(360, 40, replace=False)] = np.nan
+    angles = scan.angles
+    scan = cs.LaserScan(ranges[::way], angles=angles[::way], range_max=20.0)
+    for grid, told in zip(run_sweep(scan), run_sweep(scan, told_by_angles=True), strict=True):
+        np.testing.assert_array_equal(told, grid)
 
 
 @pytest.mark.parametrize("seed", range(5))

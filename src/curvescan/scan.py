@@ -1,14 +1,14 @@
 """LaserScan: one sweep of a 2D laser, with the semantics of sensor_msgs/LaserScan and REP-117.
 
-Beam i points at ``angle_min + i * angle_increment``. A reading is valid when it is a finite, positive
-number in ``[range_min, range_max]``; anything else (NaN, an infinity, 0, a negative value, a driver's
-code such as 81.91) is *no reading*: data, never an error.
+Beam i points at ``angle_min + i * angle_increment``, or at ``angles[i]`` where the beams are not evenly spaced. A
+reading is valid when it is a finite, positive number in ``[range_min, range_max]``; anything else (NaN, an
+infinity, 0, a negative value, a driver's code such as 81.91) is *no reading*: data, never an error.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -22,6 +22,8 @@ from curvescan.types import Bools, Floats, Ints, Points
 class LaserScan:
     """One sweep of a 2D laser scanner.
 
+    The beams' directions are given by `angle_min` and `angle_increment`, or one by one by `angles`.
+
     Parameters
     ----------
     ranges : (n,) array_like
@@ -30,41 +32,58 @@ class LaserScan:
     angle_min : float
         Direction of beam 0 in the sensor frame, radians, counter-clockwise from the x axis.
     angle_increment : float
-        Angle from a beam to the next, radians, not 0; negative for a clockwise (or upside-down) sensor.
+        Angle from a beam to the next, radians, not 0; negative for a clockwise (or upside-down) sensor. Where
+        `angles` are given it is their mean step if they are evenly spaced, else their median step.
     range_min, range_max : float
         Limits of a valid reading, metres, both inclusive; 0 <= range_min < range_max, range_max may be inf.
     stamp : float
-        Time of the sweep, seconds. Stamps of successive scans may repeat or go back.
+        Time of the first beam, seconds. Stamps of successive scans may repeat or go back.
     intensities : (n,) array_like or None
         Strength of each return in the driver's unit, or None.
+    angles : (n,) array_like
+        Direction of each beam in the sensor frame, radians: finite, all rising or all falling (a jump by a turn is
+        undone), over no more than one turn and two and a half of their steps. Instead of `angle_min` and
+        `angle_increment`; together with them only where both say the same, as :func:`dataclasses.replace` has it.
+    time_increment : float
+        From a beam to the next in the order of `ranges`, seconds, >= 0; 0: not known.
+    scan_time : float
+        From a sweep to the next, seconds, >= 0; 0: not known.
 
     Raises
     ------
     InvalidArgumentError
-        When a shape or a scalar breaks the rules above. Bad *readings* never raise.
+        When a shape or a scalar breaks the rules above, and when directions are given twice or not at all. Bad
+        *readings* never raise.
     """
 
     ranges: Floats
     _: KW_ONLY
-    angle_min: float
-    angle_increment: float
+    angle_min: float = None  # type: ignore[assignment]
+    angle_increment: float = None  # type: ignore[assignment]
     range_min: float = 0.0
     range_max: float = math.inf
     stamp: float = 0.0
     intensities: Floats | None = None
+    angles: Floats = None  # type: ignore[assignment]
+    time_increment: float = 0.0
+    scan_time: float = 0.0
+    _beams: _Beams = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", _read_only_row(self.ranges, "ranges"))
-        for name in ("angle_min", "angle_increment", "range_min", "range_max", "stamp"):
+        for name in ("range_min", "range_max", "stamp", "time_increment", "scan_time"):
             object.__setattr__(self, name, _as_float(getattr(self, name), name))
-        for name in ("angle_min", "angle_increment", "stamp"):
-            if not math.isfinite(getattr(self, name)):
-                raise InvalidArgumentError(f"{name} must be finite, got {getattr(self, name)}")
-        if self.angle_increment == 0.0:
-            raise InvalidArgumentError(
-                "angle_increment must not be 0: give the angle from a beam to the next, "
-                "negative for a clockwise sensor"
-            )
+        if not math.isfinite(self.stamp):
+            raise InvalidArgumentError(f"stamp must be finite, got {self.stamp}")
+        for name in ("time_increment", "scan_time"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise InvalidArgumentError(
+                    f"{name} must be finite and >= 0 seconds, got {getattr(self, name)}: 0 says that it is not known"
+                )
+        beams = self._beams_given()
+        for name in ("angle_min", "angle_increment", "angles"):
+            object.__setattr__(self, name, getattr(beams, name))
+        object.__setattr__(self, "_beams", beams)
         if not 0.0 <= self.range_min < self.range_max:
             raise InvalidArgumentError(
                 f"range limits must satisfy 0 <= range_min < range_max, "
@@ -79,12 +98,44 @@ class LaserScan:
                 )
             object.__setattr__(self, "intensities", intensities)
 
+    def _beams_given(self) -> _Beams:
+        n = len(self)
+        is_gridded = self.angle_min is not None or self.angle_increment is not None
+        if self.angles is None:
+            if self.angle_min is None or self.angle_increment is None:
+                raise InvalidArgumentError(
+                    "the directions of the beams are missing: give angle_min and angle_increment, or angles"
+                )
+            return _even_beams(
+                n,
+                _as_float(self.angle_min, "angle_min"),
+                _as_float(self.angle_increment, "angle_increment"),
+            )
+        angles = _read_only_row(self.angles, "angles")
+        if angles.size != n:
+            raise InvalidArgumentError(
+                f"angles must have one value a beam ({n}), got {angles.size}"
+            )
+        if not is_gridded:
+            return _beams_at(angles)
+        # dataclasses.replace hands all fields on: the same directions said twice are no contradiction
+        if self.angle_min is not None and self.angle_increment is not None:
+            even = _even_beams(n, float(self.angle_min), float(self.angle_increment))
+            if np.array_equal(even.angles, angles):
+                return even
+            given = _beams_at(angles)
+            if (given.angle_min, given.angle_increment) == (self.angle_min, self.angle_increment):
+                return given
+        raise InvalidArgumentError(
+            "angles and angle_min, angle_increment contradict each other: give angles alone, or the other two"
+        )
+
     def __len__(self) -> int:
         return int(self.ranges.size)
 
     def __repr__(self) -> str:
         n_valid = int(np.count_nonzero(self.valid))
-        span_deg = math.degrees(self.angle_increment) * max(len(self) - 1, 0)
+        span_deg = math.degrees(self.angles[-1] - self.angles[0]) if len(self) else 0.0
         return (
             f"LaserScan({len(self)} beams over {span_deg:.2f} deg, {n_valid} valid, "
             f"stamp={self.stamp!r})"
@@ -98,14 +149,21 @@ class LaserScan:
         return (ranges > 0.0) & (ranges >= self.range_min) & (ranges <= min(self.range_max, _HUGE))
 
     @property
-    def angles(self) -> Floats:
-        """(n,) direction of each beam in the sensor frame, radians, read-only, not wrapped."""
-        return _beams(len(self), self.angle_min, self.angle_increment)[0]
+    def has_uniform_angles(self) -> bool:
+        """Whether every beam lies within a hundredth of a step of ``angle_min + i * angle_increment``."""
+        return self._beams.is_uniform
+
+    @property
+    def mean_increment(self) -> float:
+        """Mean angle from a beam to the next, radians: the increment of as many even beams over the same angle."""
+        if self.has_uniform_angles:
+            return self.angle_increment
+        return float(self.angles[-1] - self.angles[0]) / (len(self) - 1)
 
     @property
     def directions(self) -> Points:
         """(n, 2) unit vector of each beam in the sensor frame, read-only."""
-        return _beams(len(self), self.angle_min, self.angle_increment)[1]
+        return self._beams.directions
 
     @cached_property
     def points(self) -> Points:
@@ -120,7 +178,9 @@ class LaserScan:
         degree all close the circle.
         """
         step = abs(self.angle_increment)
-        return step * (len(self) + 1.5) >= 2.0 * math.pi
+        if self.has_uniform_angles:
+            return step * (len(self) + 1.5) >= 2.0 * math.pi
+        return float(abs(self.angles[-1] - self.angles[0])) + 2.5 * step >= 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,7 +199,7 @@ class Readings:
     points : (m, 2) float64
         Metres, sensor frame.
     angle_step : float
-        Angle between neighbouring beams, radians, positive.
+        Angle between neighbouring beams, radians, positive; the median one where they are not evenly spaced.
     n_beams : int
         Beams of the sweep, valid or not.
     is_closed : bool
@@ -189,16 +249,95 @@ def valid_readings(scan: LaserScan) -> Readings:
 
 
 _HUGE = float(np.finfo(np.float64).max)
+_EVEN = 0.01
+"""Share of a step by which beams may stray from evenly spaced ones and still be looked up as such."""
+
+_LONE_STEP = math.radians(1.0)
+"""Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Beams:
+    """Where the beams of a sweep point.
+
+    Attributes
+    ----------
+    angles : (n,) float64
+        Radians, rising or falling, not wrapped; read-only.
+    directions : (n, 2) float64
+        Their unit vectors; read-only.
+    angle_min, angle_increment : float
+        First angle; mean step of uniform beams, else median step; radians.
+    is_uniform : bool
+        Whether the angles are angle_min + i * angle_increment, but for a hundredth of a step.
+    """
+
+    angles: Floats
+    angle_min: float
+    angle_increment: float
+    is_uniform: bool
+
+    @cached_property
+    def directions(self) -> Points:
+        directions = np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
+        directions.setflags(write=False)
+        return directions
 
 
 @lru_cache(maxsize=32)
-def _beams(n: int, angle_min: float, angle_increment: float) -> tuple[Floats, Points]:
+def _even_beams(n: int, angle_min: float, angle_increment: float) -> _Beams:
     # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
+    for name, value in (("angle_min", angle_min), ("angle_increment", angle_increment)):
+        if not math.isfinite(value):
+            raise InvalidArgumentError(f"{name} must be finite, got {value}")
+    if angle_increment == 0.0:
+        raise InvalidArgumentError(
+            "angle_increment must not be 0: give the angle from a beam to the next, "
+            "negative for a clockwise sensor"
+        )
     angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     angles.setflags(write=False)
-    directions.setflags(write=False)
-    return angles, directions
+    return _Beams(
+        angles=angles, angle_min=angle_min, angle_increment=angle_increment, is_uniform=True
+    )
+
+
+def _beams_at(angles: Floats) -> _Beams:
+    """Return beams at given angles, having checked the rules of LaserScan."""
+    if not np.isfinite(angles).all():
+        raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
+    if angles.size < 2:
+        first = float(angles[0]) if angles.size else 0.0
+        return _Beams(angles=angles, angle_min=first, angle_increment=_LONE_STEP, is_uniform=True)
+    steps = np.diff(angles)
+    if not _is_one_way(steps):
+        angles = np.unwrap(angles)
+        angles.setflags(write=False)
+        steps = np.diff(angles)
+    if not _is_one_way(steps):
+        raise InvalidArgumentError(
+            "angles must all rise or all fall from a beam to the next: sort the readings by angle and drop "
+            "those that repeat one"
+        )
+    median, span = float(np.median(steps)), float(angles[-1] - angles[0])
+    if abs(span) > 2.0 * math.pi + 2.5 * abs(median):
+        raise InvalidArgumentError(
+            f"angles must not go round more than once, got {math.degrees(abs(span)):.1f} deg: "
+            "give a LaserScan for each turn"
+        )
+    mean = span / steps.size
+    strays = angles - (angles[0] + mean * np.arange(angles.size))
+    is_uniform = bool(np.max(np.abs(strays)) <= _EVEN * abs(mean))
+    return _Beams(
+        angles=angles,
+        angle_min=float(angles[0]),
+        angle_increment=mean if is_uniform else median,
+        is_uniform=is_uniform,
+    )
+
+
+def _is_one_way(steps: Floats) -> bool:
+    return bool(np.all(steps > 0.0) or np.all(steps < 0.0))
 
 
 def _read_only_row(values: ArrayLike, name: str) -> Floats:

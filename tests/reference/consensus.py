@@ -45,12 +45,13 @@ def line(points):
     return centre, vectors[:, 1], values[0], values[1]
 
 
-def reading_at(point, angles, lookup_by_beam):
-    """Reading of the beam nearest in direction; -2 when none lies within half a step and a little."""
+def reading_at(point, angles, lookup_by_beam, reach=None):
+    """Reading of the beam nearest in direction; -2 when none lies within reach: half a step and a little."""
     off = np.abs(se2.wrap(np.arctan2(point[1], point[0]) - angles))
     beam = int(np.argmin(off))
     step = abs(angles[1] - angles[0])
-    return lookup_by_beam[beam] if off[beam] <= 0.5 * step + 3e-5 else -2
+    reach = 0.5 * step + 3e-5 if reach is None else reach
+    return lookup_by_beam[beam] if off[beam] <= reach else -2
 
 
 def support(probes, view, find, pose, tolerance, slope):

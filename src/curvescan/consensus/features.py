@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.frames import find_corners, find_ends
-from curvescan.consensus.polar import View, polar_lookup
+from curvescan.consensus.polar import View, polar_lookup, uneven_lookup
 from curvescan.consensus.probes import choose_probes
 from curvescan.consensus.surfaces import fit_surfels, moments, sweep
 from curvescan.consensus.turns import direction_histogram
@@ -65,8 +65,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     """Return the features of a scan, also of one without a valid reading."""
     n, step = len(scan), abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
-    angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
-    n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
+    is_even = scan.has_uniform_angles
     surfaces, frames = config.surfaces, config.frames
     beam_idx, readings, bounds = sweep(
         scan.ranges,
@@ -75,6 +74,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         is_clockwise,
         is_closed,
         step,
+        scan.angles[:0] if is_even else scan.angles,
         surfaces.incidence_limit,
         surfaces.max_gap,
     )
@@ -83,11 +83,18 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     arms = np.array(frames.arms)
     corners = find_corners(surfels, sums, bounds, arms, sigma, frames.min_turn, frames.max_frames)
     ends = find_ends(surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames)
+    if is_even:
+        angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
+        n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
+        lookup, density = polar_lookup(beam_idx, n, n_slots, is_clockwise, is_closed), 1.0 / step
+    else:
+        angle_min = float(scan.angles[-1 if is_clockwise else 0])
+        lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
     view = View(
         probes=choose_probes(surfels, step, config.verification.n_probes),
         surfels=surfels,
-        fan=np.array([math.remainder(angle_min, 2.0 * math.pi), 1.0 / step, sigma]),
-        lookup=polar_lookup(beam_idx, n, n_slots, is_clockwise, is_closed),
+        fan=np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma]),
+        lookup=lookup,
     )
     return ConsensusFeatures(
         n_beams=n,

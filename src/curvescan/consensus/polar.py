@@ -32,6 +32,12 @@ class View(NamedTuple):
     lookup: Ints
 
 
+_SLOTS_A_STEP = 4
+"""Slots of an uneven lookup for each median step: the nearest beam is told but for an eighth of a step."""
+
+_MAX_SLOTS = 1 << 16
+
+
 @kernel
 def polar_lookup(
     beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool
@@ -51,6 +57,49 @@ def polar_lookup(
     if is_closed and n_beams == n_slots - 1:
         lookup[n_slots - 1] = lookup[0]
     return lookup
+
+
+def uneven_lookup(
+    beam_idx: Ints, angles: Floats, step: float, is_closed: bool
+) -> tuple[Ints, float]:
+    """Return the lookup of beams that are not evenly spaced, and its slots a radian.
+
+    Each slot holds what the nearest beam has; -2 where that is farther off than one and a half steps, as in a hole.
+
+    Parameters
+    ----------
+    beam_idx : (m,) int64
+        The scan's own index of each reading.
+    angles : (n,) float64
+        Direction of each beam, radians, rising or falling.
+    step : float
+        Median angle between neighbouring beams, radians.
+    is_closed : bool
+        Whether the last beam neighbours the first.
+    """
+    reading = np.full(angles.size, -1, dtype=np.int64)
+    reading[beam_idx] = np.arange(beam_idx.size)
+    if angles[-1] < angles[0]:
+        angles, reading = angles[::-1], reading[::-1]
+    turn = 2.0 * math.pi
+    offsets = angles - angles[0]
+    once = offsets < turn - 1e-9  # what a sweep sees a second time is left to the first
+    offsets, reading = offsets[once], reading[once]
+    reach = turn if is_closed else offsets[-1] + 1.5 * step
+    n_slots = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS)) + 1 - is_closed
+    # a full circle has a whole number of slots, the last slot of an open sweep is what it does not see
+    density = (n_slots - (not is_closed)) / reach
+    around = offsets
+    if is_closed:
+        around = np.concatenate([offsets[-1:] - turn, offsets, offsets[:1] + turn])
+        reading = np.concatenate([reading[-1:], reading, reading[:1]])
+    slots = np.arange(n_slots) / density
+    after = np.clip(np.searchsorted(around, slots), 1, max(around.size - 1, 1))
+    nearest = np.where(slots - around[after - 1] <= around[after] - slots, after - 1, after)
+    lookup = np.where(np.abs(slots - around[nearest]) <= 1.5 * step, reading[nearest], -2)
+    if not is_closed:
+        lookup[-1] = -2
+    return lookup, density
 
 
 @kernel

@@ -23,6 +23,14 @@ N_COLUMNS = 9
 
 
 @kernel
+def widest_gap(turn: float, incidence_limit: float) -> float:
+    """Return the gap that a surface may show between two readings, per metre of range and a turn of the beam apart."""
+    if turn < 0.9 * incidence_limit:
+        return math.sin(turn) / math.sin(incidence_limit - turn)
+    return 10.0 * math.sin(turn)
+
+
+@kernel
 def sweep(
     ranges: Floats,
     directions: Points,
@@ -30,10 +38,13 @@ def sweep(
     is_clockwise: bool,
     is_closed: bool,
     step: float,
+    angles: Floats,
     incidence_limit: float,
     max_gap: int,
 ) -> tuple[Ints, Floats, Ints]:
     """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
+
+    `angles` has the direction of each beam where these are not evenly spaced, and is empty where they are.
 
     Returns
     -------
@@ -56,11 +67,7 @@ def sweep(
     # the gap that a surface may show, per metre of range, after 1, 2, ... steps
     slope = np.empty(max_gap + 2)
     for g in range(max_gap + 2):
-        angle = g * step
-        if angle < 0.9 * incidence_limit:
-            slope[g] = math.sin(angle) / math.sin(incidence_limit - angle)
-        else:
-            slope[g] = 10.0 * math.sin(angle)
+        slope[g] = widest_gap(g * step, incidence_limit)
     first = -1
     for i in range(m):
         b = order[i]
@@ -71,6 +78,11 @@ def sweep(
                 first = 0
                 continue
             skipped = n - skipped
+        turn = skipped * step
+        if angles.size > 0:
+            turn = abs(angles[b] - angles[a])
+            turn = max(2.0 * math.pi - turn, 0.0) if i == 0 else turn
+            skipped = int(turn / step + 0.5)
         if skipped > max_gap + 1:
             if first < 0:
                 first = i
@@ -78,7 +90,8 @@ def sweep(
         near = min(ranges[a], ranges[b])
         dx = ranges[b] * directions[b, 0] - ranges[a] * directions[a, 0]
         dy = ranges[b] * directions[b, 1] - ranges[a] * directions[a, 1]
-        limit = near * slope[skipped] + 0.03
+        widest = slope[skipped] if angles.size == 0 else widest_gap(turn, incidence_limit)
+        limit = near * widest + 0.03
         breaks[i] = dx * dx + dy * dy > limit * limit
         if breaks[i] and first < 0:
             first = i

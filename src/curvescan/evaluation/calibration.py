@@ -145,7 +145,7 @@ def sensor_of_log(log: Log) -> Sensor:
         name=log.name,
         n_beams=len(scan),
         angle_min=scan.angle_min,
-        angle_increment=scan.angle_increment,
+        angle_increment=scan.mean_increment,  # a simulated sensor has even beams
         range_min=scan.range_min,
         range_max=scan.range_max,
         sigma_range=0.0,

@@ -16,7 +16,7 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 Layout = tuple[int, float, float, bool]
-"""Number of beams, angle_min, angle_increment, whether the sweep is a full circle."""
+"""Number of beams, angle_min, mean step, whether the sweep is a full circle."""
 
 _MAX_CODES = 1024
 _MAX_LAYOUTS = 256
@@ -96,7 +96,7 @@ class Tally:
         return bool(np.array_equal(previous, ranges, equal_nan=True))
 
     def _add_layout(self, scan: LaserScan) -> None:
-        layout = (len(scan), scan.angle_min, scan.angle_increment, scan.is_full_circle)
+        layout = (len(scan), scan.angle_min, scan.mean_increment, scan.is_full_circle)
         if layout in self.layouts or len(self.layouts) < _MAX_LAYOUTS:
             self.layouts[layout] += 1
 

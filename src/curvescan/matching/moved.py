@@ -19,7 +19,7 @@ from curvescan import se2
 from curvescan.cfsma.config import SegmentationConfig
 from curvescan.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, valid_readings
-from curvescan.types import Bools, Floats, Pose
+from curvescan.types import Bools, Floats, Ints, Pose
 
 MARGIN = 0.1
 """A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
@@ -29,6 +29,9 @@ SHARE = 0.3
 
 LAGS = (1, 3, 6)
 """How many scans back the earlier scans lie; at 5 to 10 Hz about the last second."""
+
+_HOLE = 3.5
+"""Steps between two unevenly spaced beams from which on the sensor looked away between them."""
 
 _SEGMENTS = SegmentationConfig(min_readings=3)
 
@@ -92,14 +95,28 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
         return np.zeros(len(current), dtype=np.bool_)
     x, y = se2.transform(pose, current.points).T
     distance = np.hypot(x, y)
-    # beams are counted from the first, whatever the way the sensor turns and wherever it starts
-    turn = np.sign(earlier.angle_increment) * (np.arctan2(y, x) - earlier.angle_min)
-    beam = np.remainder(turn, 2.0 * np.pi) / abs(earlier.angle_increment)
-    is_seen = current.valid & (beam < len(earlier) - 1)
-    left = np.where(is_seen, beam, 0.0).astype(np.int64)
+    left, is_seen = _beam_before(earlier, np.arctan2(y, x))
+    is_seen &= current.valid
     reach = _reach(earlier)
     was_free: Bools = is_seen & (np.minimum(reach[left], reach[left + 1]) > distance + MARGIN)
     return was_free
+
+
+def _beam_before(scan: LaserScan, bearings: Floats) -> tuple[Ints, Bools]:
+    """Return the beam that a scan swept just before each bearing, and whether the next beam came just after it."""
+    # beams are counted from the first, whatever the way the sensor turns and wherever it starts
+    way, step = np.sign(scan.angle_increment), abs(scan.angle_increment)
+    turn = np.remainder(way * (bearings - scan.angle_min), 2.0 * np.pi)
+    if scan.has_uniform_angles:
+        beam = turn / step
+        is_seen = beam < len(scan) - 1
+        return np.where(is_seen, beam, 0.0).astype(np.int64), is_seen
+    offsets = way * (scan.angles - scan.angle_min)
+    beam = np.searchsorted(offsets, turn, side="right") - 1
+    # what lies in a hole between two beams was not seen, though both saw past it
+    widths = np.append(np.diff(offsets), np.inf)
+    is_seen = (beam >= 0) & (widths[beam] < _HOLE * step)
+    return np.where(is_seen, beam, 0), is_seen
 
 
 def _reach(scan: LaserScan) -> Floats:
