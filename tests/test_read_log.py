@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import io
 import os
 import sqlite3
 import subprocess
@@ -12,6 +13,7 @@ import tracemalloc
 import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -33,7 +35,15 @@ def sample_of(name: str, folder: Path) -> bytes:
     """Return a sound file with one scan of the format whose row has this name."""
     if name in BAGS:
         return storage(write_bag(folder / "source", BAGS[name], [scan()])).read_bytes()
-    return {"CARMEN log": flaser().encode()}[name]
+    if name == "NPZ of scans":
+        buffer = io.BytesIO()
+        np.savez(buffer, stamps=[1.0], ranges=[[1.0, 2.0]], angle_min=0.0, angle_increment=0.1)
+        return buffer.getvalue()
+    return {
+        "CARMEN log": flaser().encode(),
+        "CSV of scans": b"stamp,angle_min,angle_increment,ranges\n1.0,-1.0,0.5,1.0,2.0\n",
+        "CoreSLAM log": b" ".join([b"5"] * 707) + b"\n",
+    }[name]
 
 
 @pytest.mark.parametrize("row", FORMATS, ids=lambda row: row.name)
@@ -178,7 +188,7 @@ def test_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
         (b"#ROSBAG V2.0\n\x45\x00", "is a ROS 1 bag that cannot be read"),
         (b"\x89MCAP0\r\n\x01", r"is a ROS 2 bag \(MCAP\) that cannot be read"),
         (bz2.compress(TEXT), "is compressed with bzip2.*unpack it first"),
-        (b"\x00\x01\x02\x03" * 50, "binary data of an unknown format; read are: CARMEN log"),
+        (b"\x00\x01\x02\x03" * 50, "binary data of an unknown format; read are: .*CARMEN log"),
         (b"\nstamp,x,y\n1,2,3\n", r"text of an unknown format \(it begins 'stamp,x,y'\)"),
         (b"FLASERS 3 1 2 3", "text of an unknown format"),
     ],

@@ -75,6 +75,8 @@ class OdometryStep:
         How the pose came about.
     match : MatchResult or None
         The match behind it, also where it failed; None at the first scan.
+    reference : int or None
+        Number of the scan that `match` was tried with; None at the first scan.
     """
 
     index: int
@@ -83,6 +85,7 @@ class OdometryStep:
     covariance: Cov
     outcome: StepOutcome
     match: MatchResult | None
+    reference: int | None
 
 
 class Odometry:
@@ -124,6 +127,7 @@ class Odometry:
         self._n_scans = 0
         self._n_failures = 0  # in a row
         self._reference: PreparedScan | None = None
+        self._reference_idx = 0
         self._pose_w_ref, self._cov_w_ref = se2.identity(), np.zeros((3, 3))
         self._pose_w_last, self._cov_w_last = se2.identity(), np.zeros((3, 3))
         self._motion = se2.identity()  # pose of the last scan in the one before
@@ -147,9 +151,11 @@ class Odometry:
             When `scan` is not a LaserScan.
         """
         current = prepare(scan, method=self.method, config=self.matcher_config)
+        reference_idx = None
         if self._reference is None:
             result, outcome = None, StepOutcome.STARTED
         else:
+            reference_idx = self._reference_idx
             result = match(
                 self._reference,
                 current,
@@ -159,7 +165,7 @@ class Odometry:
             )
             outcome = self._move(result)
         if self._reference is None or current.matcher.can_be_reference(current.features):
-            self._reference = current
+            self._reference, self._reference_idx = current, self._n_scans
             self._pose_w_ref, self._cov_w_ref = self._pose_w_last, self._cov_w_last
         step = OdometryStep(
             index=self._n_scans,
@@ -168,6 +174,7 @@ class Odometry:
             covariance=self._cov_w_last.copy(),
             outcome=outcome,
             match=result,
+            reference=reference_idx,
         )
         self._n_scans += 1
         return step

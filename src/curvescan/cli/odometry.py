@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, Topic
+
+FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
+"""Names of the table of further files, written out so that --help loads none of their writers."""
 
 
 def odometry(
@@ -16,6 +20,7 @@ def odometry(
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
+    also: tuple[FurtherName, ...] = (),
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -36,6 +41,9 @@ def odometry(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    also
+        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap, scans and poses
+        for Foxglove and ROS 2).
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -44,17 +52,34 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
     from curvescan.io import output_folder, read_log
-    from curvescan.odometry import Odometry, run_odometry
+    from curvescan.io.further import FURTHER_FILES
+    from curvescan.odometry import Odometry, OdometryStep, run_odometry
+    from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
     source = read_log(log, range_max=range_max, topic=topic)
-    chain = Odometry(method, matcher_config=configs.of(method))
+    chain, graph = Odometry(method, matcher_config=configs.of(method)), PoseGraph()
     with output_folder(out) as folder:
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:
-            run = run_odometry(source, chain, on_step=advance)
+
+            def on_step(step: OdometryStep) -> None:
+                graph.add(step)
+                advance()
+
+            run = run_odometry(source, chain, on_step=on_step)
         with ERR.status("drawing the map"):
-            save_run(folder, run, source, odometry=chain, command=sys.argv, source=log)
+            save_run(
+                folder,
+                run,
+                source,
+                odometry=chain,
+                command=sys.argv,
+                source=log,
+                also=also,
+                edges=graph.edges,
+            )
     OUT.print(summarise(run, len(source)))
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
+    files = ["trajectory.tum", "trajectory.csv", *(FURTHER_FILES[name].filename for name in also)]
+    OUT.print(f"wrote {out}/{', '.join(files)}, map.png, run.json", markup=False)
     return 0
