@@ -10,6 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from decimal import Decimal
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -234,14 +235,13 @@ class BagWriter:
 
     def _nanoseconds(self, stamp: float) -> int:
         """Return a stamp in whole nanoseconds, having made sure that a message can hold it."""
-        whole = math.floor(stamp)
         low, high = (0, 2**32) if self._is_ros1 else (-(2**31), 2**31)
-        if not low <= whole < high:
+        if not low <= stamp < high:
             raise OutputError(
                 f"cannot write the stamp {stamp} s to a {self._kind.value}: its seconds must lie in {low} to {high - 1}"
             )
-        # the difference is exact, so that rounding happens once
-        return whole * _SECOND + round((stamp - whole) * _SECOND)
+        # by the decimal digits of the stamp: those of 1700000000.123456 are meant, not the float64's further ones
+        return int(round(Decimal(repr(stamp)) * _SECOND))
 
     def _new(self, msgtype: str, **fields: Any) -> Any:
         return self._store.types[msgtype](**fields)
