@@ -61,6 +61,13 @@ def test_wheels_straight_on_and_turning_on_the_spot(tmp_path: Path) -> None:
     np.testing.assert_allclose(odometry.poses[2], [way, 0.145, math.pi / 2], atol=1e-3)
 
 
+def test_another_mount_replaces_the_rovers(tmp_path: Path) -> None:
+    path = write(tmp_path / "a", line(), line(left=2000, right=2000))
+    odometry = read_log(path, laser_pose=(0.0, 0.5, 0.0)).odometry
+    assert odometry is not None
+    np.testing.assert_allclose(odometry.poses[:, :2], [[0, 0.5], [2 * math.pi * 0.077, 0.5]])
+
+
 def test_wheels_on_an_arc(tmp_path: Path) -> None:
     # a full circle in steps of 10 deg, left: the rover comes home
     lines = [line(left=200 * k, right=round(200 * k * 1.5)) for k in range(2)]

@@ -25,7 +25,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import curvescan.io.bag_files as bag_files
 from curvescan.cli.main import run
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io import Log, read_log
+from curvescan.io import Log, inspect_log, read_log
 from curvescan.io.bag_scan import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.rosbag import BROKEN_BAG
 from tests.bags import (
@@ -725,6 +725,22 @@ def test_laser_that_hangs_upside_down_is_told(tmp_path: Path) -> None:
     mount = transform(1, "base_link", "laser", (0.5, 0.0, 0.0), rotation=roll)
     log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(SECOND), *drive("topic"), mount]))
     assert any("upside down" in note for note in log.notes)
+    assert any("mirrored" in note for note in log.notes)
+
+
+def test_times_of_beams_and_sweeps_come_through(tmp_path: Path, kind: str) -> None:
+    times = [(1e-4, 0.1), (math.nan, 0.1), (-1e-4, math.inf), (0.0, 0.0)]
+    scans = [
+        scan((i + 1) * SECOND, time_increment=beam, scan_time=sweep)
+        for i, (beam, sweep) in enumerate(times)
+    ]
+    log = read_log(write_bag(tmp_path / "bag", kind, scans))
+    found = [(one.time_increment, one.scan_time) for one in log]
+    expected = [(1e-4, 0.1), (0.0, 0.1), (0.0, 0.0), (0.0, 0.0)]
+    assert found == pytest.approx(np.array(expected), rel=1e-6)
+    assert log.faults == ()
+    assert any("2 scans have a time_increment or scan_time" in note for note in log.notes)
+    assert inspect_log(log).n_timed_scans == 1
 
 
 def test_transforms_of_early_ros1(tmp_path: Path) -> None:

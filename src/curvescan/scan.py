@@ -8,8 +8,9 @@ infinity, 0, a negative value, a driver's code such as 81.91) is *no reading*: d
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -181,6 +182,36 @@ class LaserScan:
         if self.has_uniform_angles:
             return step * (len(self) + 1.5) >= 2.0 * math.pi
         return float(abs(self.angles[-1] - self.angles[0])) + 2.5 * step >= 2.0 * math.pi
+
+
+def mirrored(scan: LaserScan) -> LaserScan:
+    """Return a scan with its beams mirrored about the sensor's x axis, in their own order.
+
+    It is what a sensor that hangs upside down, or turns against what its driver says, saw of the world from above.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        Any scan.
+
+    Returns
+    -------
+    LaserScan
+        Each direction negated; all else unchanged.
+    """
+    grid = _even_beams(len(scan), scan.angle_min, scan.angle_increment)
+    directions: dict[str, Any] = {
+        "angle_min": None,
+        "angle_increment": None,
+        "angles": -scan.angles,
+    }
+    if np.array_equal(grid.angles, scan.angles):
+        directions = {
+            "angle_min": -scan.angle_min,
+            "angle_increment": -scan.angle_increment,
+            "angles": None,
+        }
+    return replace(scan, **directions)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import LogPath, Topic
+from curvescan.cli.options import Laser, LaserSetUp, LogPath, Topic, open_log
 
 FormatName: TypeAlias = Literal["carmen", "csv", "npz", "ros1", "ros2", "mcap"]
 """Names of the table of writers, written out so that --help loads none of them."""
@@ -21,6 +21,7 @@ def convert(
     format: FormatName | None = None,  # noqa: A002 - the flag's name
     range_max: float | None = None,
     topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
 ) -> int:
     """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
 
@@ -39,11 +40,13 @@ def convert(
         Upper limit of a valid reading, metres, in place of what the log says; it is written to the scans.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong; the scans are written as they then are.
     """
     from curvescan.cli.console import ERR, OUT, progress_bar
-    from curvescan.io import read_log, write_log
+    from curvescan.io import write_log
 
-    source = read_log(log, range_max=range_max, topic=topic)
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     with progress_bar("convert", len(source)) as advance:
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
     for fault in source.faults:

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import math
 
-from curvescan.cli.options import LogPath, Topic
+from curvescan.cli.options import Laser, LaserSetUp, LogPath, Topic, open_log
 
 
-def info(log: LogPath, /, *, range_max: float | None = None, topic: Topic = None) -> int:
+def info(
+    log: LogPath,
+    /,
+    *,
+    range_max: float | None = None,
+    topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+) -> int:
     """Tell what is in a log and what is wrong with it, each finding with its consequence.
 
     Exit status 0 when motion can be looked for in it, 1 when not.
@@ -15,18 +22,21 @@ def info(log: LogPath, /, *, range_max: float | None = None, topic: Topic = None
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
     """
     from rich.markup import escape
 
     from curvescan.cli.console import OUT
-    from curvescan.io import findings_of, inspect_log, read_log
+    from curvescan.io import findings_of, inspect_log
 
-    report = inspect_log(read_log(log, range_max=range_max, topic=topic))
+    report = inspect_log(open_log(log, range_max=range_max, topic=topic, laser=laser))
     time = report.time
     rows = [
         ("format", report.format),

@@ -10,11 +10,14 @@ import tyro
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
+    Laser,
+    LaserSetUp,
     LogPath,
     Method,
     MethodConfigs,
     ScanNumber,
     Topic,
+    open_log,
 )
 
 if TYPE_CHECKING:
@@ -31,6 +34,7 @@ def match(
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -42,7 +46,8 @@ def match(
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j
@@ -55,6 +60,8 @@ def match(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -65,10 +72,10 @@ def match(
     from curvescan import match as match_scans
     from curvescan.cfsma.trace import CfSmaTrace
     from curvescan.cli.console import OUT, load_kernels
-    from curvescan.io import output_folder, pick_scans, read_log
+    from curvescan.io import output_folder, pick_scans
     from curvescan.view.match import save_match
 
-    source = read_log(log, range_max=range_max, topic=topic)
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)

@@ -6,7 +6,17 @@ import sys
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from curvescan.cli.options import ConfigFile, Configs, LogPath, Method, MethodConfigs, Topic
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    Laser,
+    LaserSetUp,
+    LogPath,
+    Method,
+    MethodConfigs,
+    Topic,
+    open_log,
+)
 
 FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
 """Names of the table of further files, written out so that --help loads none of their writers."""
@@ -21,6 +31,7 @@ def odometry(
     range_max: float | None = None,
     topic: Topic = None,
     also: tuple[FurtherName, ...] = (),
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -32,7 +43,8 @@ def odometry(
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     out
         Folder for the results; made if it is missing.
     method
@@ -44,6 +56,8 @@ def odometry(
     also
         Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap, scans and poses
         for Foxglove and ROS 2).
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -51,13 +65,13 @@ def odometry(
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
-    from curvescan.io import output_folder, read_log
+    from curvescan.io import output_folder
     from curvescan.io.further import FURTHER_FILES
     from curvescan.odometry import Odometry, OdometryStep, run_odometry
     from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
-    source = read_log(log, range_max=range_max, topic=topic)
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     chain, graph = Odometry(method, matcher_config=configs.of(method)), PoseGraph()
     with output_folder(out) as folder:
         load_kernels(method)

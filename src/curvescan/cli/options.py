@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.consensus.config import ConsensusConfig
+from curvescan.errors import InvalidArgumentError
 from curvescan.rivals.config import (
     CoxConfig,
     HistogramConfig,
@@ -17,6 +19,9 @@ from curvescan.rivals.config import (
     IdcConfig,
     PlIcpConfig,
 )
+
+if TYPE_CHECKING:
+    from curvescan.io import Log
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
 """The log to read."""
@@ -57,5 +62,52 @@ ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""
+
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
+
+Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+"""Given or not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laser:
+    """How the laser is set up, where its log does not say so or is wrong."""
+
+    ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
+    """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
+    laser_pose: Annotated[
+        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")
+    ] = None
+    """Pose of the laser on the robot, metres, metres, degrees: carries the wheel odometry to the laser, in place of
+    what the log says."""
+    upside_down: Flag = False
+    """The laser hangs upside down, though the log does not say so: mirror its scans."""
+    upright: Flag = False
+    """The laser stands upright, though the log says that it hangs upside down: do not mirror its scans."""
+    clockwise: Flag = False
+    """The laser turns against what the log says: mirror its scans."""
+
+    def __post_init__(self) -> None:
+        if self.upside_down and self.upright:
+            raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
+
+
+LaserSetUp: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
+"""How the laser is set up, as flags of their own."""
+
+
+def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser) -> Log:
+    """Return the log that the flags of a command ask for."""
+    from curvescan.io import read_log
+
+    pose = laser.laser_pose
+    return read_log(
+        path,
+        range_max=range_max,
+        topic=topic,
+        ignore_beams=laser.ignore_beams,
+        laser_pose=pose and (pose[0], pose[1], math.radians(pose[2])),
+        upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
+        clockwise=laser.clockwise,
+    )

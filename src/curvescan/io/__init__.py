@@ -20,6 +20,7 @@ from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
 from curvescan.io.memory import MemoryLog, log_from_arrays
 from curvescan.io.report import LogReport
+from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 from curvescan.io.writers import WRITERS, write_log
 
@@ -27,6 +28,7 @@ __all__ = [
     "WRITERS",
     "Fault",
     "Finding",
+    "LaserSetup",
     "Log",
     "LogReport",
     "MemoryLog",
@@ -39,6 +41,7 @@ __all__ = [
     "read_csv",
     "read_log",
     "read_tum",
+    "set_up",
     "write_config",
     "write_csv",
     "write_log",
@@ -47,7 +50,14 @@ __all__ = [
 
 
 def read_log(
-    path: str | os.PathLike[str], *, range_max: float | None = None, topic: str | None = None
+    path: str | os.PathLike[str],
+    *,
+    range_max: float | None = None,
+    topic: str | None = None,
+    ignore_beams: tuple[int, int] = (0, 0),
+    laser_pose: tuple[float, float, float] | None = None,
+    upside_down: bool | None = None,
+    clockwise: bool = False,
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
@@ -62,6 +72,15 @@ def read_log(
         Upper limit of a valid reading, metres, in place of what the log says of its sensor; inf for no limit.
     topic : str or None
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    ignore_beams : (int, int)
+        How many beams at the beginning and at the end of each sweep give no reading: they see the robot, say.
+    laser_pose : (3,) float or None
+        Pose x, y, theta of the laser on the robot (metres, metres, radians), which carries the wheel odometry to the
+        laser, in place of what the log says.
+    upside_down : bool or None
+        Whether the laser hangs upside down, so that its scans are mirrored; None to believe the log.
+    clockwise : bool
+        Whether the laser turns against what the log says, so that its scans are mirrored.
 
     Returns
     -------
@@ -75,8 +94,15 @@ def read_log(
     LogFormatError
         When it is of another format or holds no scan that can be read.
     InvalidArgumentError
-        When `range_max` is not a positive number, or `topic` does not fit what is in the log.
+        When `range_max` is not a positive number, `topic` does not fit what is in the log, or the laser's set-up
+        breaks the rules of LaserSetup.
     """
+    setup = LaserSetup(
+        ignore_beams=ignore_beams,
+        laser_pose=laser_pose,
+        upside_down=upside_down,
+        clockwise=clockwise,
+    )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(
             f"range_max must be a positive number of metres, got {range_max}"
@@ -84,4 +110,4 @@ def read_log(
     file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file
     row = find_format(read_head(first, HEAD_BYTES), first)
-    return row.load()(file, range_max=range_max, topic=topic)
+    return set_up(row.load()(file, range_max=range_max, topic=topic), setup)

@@ -41,11 +41,14 @@ class BagOdometry:
     ----------
     trajectory : Trajectory or None
         Pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any.
+    robot : Trajectory or None
+        Pose of the robot's base likewise.
     notes : tuple of str
         Where it is from and what was assumed of the mount.
     """
 
     trajectory: Trajectory | None = None
+    robot: Trajectory | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -107,6 +110,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
     notes.append(f"odometry is from {source}; {mount_notes[0]}")
     return BagOdometry(
         trajectory=Trajectory(stamps=stamps, poses=se2.compose(poses, mount)),
+        robot=Trajectory(stamps=stamps, poses=poses),
         notes=(*notes, *mount_notes[1:]),
     )
 
@@ -192,8 +196,6 @@ def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str
         f"the laser's mount, from transforms {robot} to {laser}: x {mount[0]:.3f} m, y {mount[1]:.3f} m, "
         f"yaw {math.degrees(mount[2]):.1f} deg"
     ]
-    if transform[2, 2] < 0.0:
-        notes.append("by the transforms the laser hangs upside down: its scans are not mirrored")
     if tree.moving.intersection(way):
         notes.append("the laser's mount changes during the log: the first one is taken throughout")
     return mount, tuple(notes)

@@ -31,7 +31,7 @@ def scan_of(
     Raises
     ------
     BrokenMessageError
-        When the header makes no sense. Bad *readings* never raise.
+        When the header makes no sense. Bad *readings* never raise; times that make no sense are not known, so 0.
     """
     try:
         angle_min, step = float(message.angle_min), float(message.angle_increment)
@@ -46,6 +46,7 @@ def scan_of(
         raise BrokenMessageError(BAD_ANGLES)
     if not 0.0 <= low < high:
         raise BrokenMessageError(BAD_LIMITS)
+    times = _times(message)
     try:
         return LaserScan(
             ranges,
@@ -55,6 +56,24 @@ def scan_of(
             range_max=high,
             stamp=when,
             intensities=intensities if n_beams == n_intensities > 0 else None,
+            time_increment=_seconds(times[0]),
+            scan_time=_seconds(times[1]),
         )
     except InvalidArgumentError as error:
         raise BrokenMessageError(NO_FIELDS) from error
+
+
+def has_bad_times(message: Any) -> bool:
+    """Return whether a message gives a time of beams or sweeps that is none: negative, infinite, not a number."""
+    return not all(0.0 <= t < math.inf for t in _times(message))
+
+
+def _times(message: Any) -> tuple[float, float]:
+    try:
+        return float(message.time_increment), float(message.scan_time)
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        return 0.0, 0.0  # a definition of the bag's own that goes without
+
+
+def _seconds(value: float) -> float:
+    return value if 0.0 <= value < math.inf else 0.0

@@ -73,6 +73,16 @@ class FrameTree:
             frame = edge_to[0] if edge_to[1] == frame else edge_to[1]
         return path[::-1]
 
+    def root(self, frame: str) -> tuple[str, list[Edge]]:
+        """Return the topmost ancestor of a frame and the edges down from it; the frame itself where it has none."""
+        parents = {child: parent for parent, child in reversed(self.transforms)}
+        path: list[Edge] = []
+        top = frame
+        while top in parents and parents[top] != frame and len(path) < len(parents):
+            path.append((parents[top], top))
+            top = parents[top]
+        return top, path[::-1]
+
     def along(self, start: str, path: list[Edge]) -> Floats:
         """Return the (4, 4) pose of the last frame of a path in the frame it starts from."""
         pose, frame = np.eye(4), start

@@ -15,6 +15,7 @@ laser declared as 81.90) is brought below the first of them.
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -101,12 +102,15 @@ class CarmenLog:
         where there is none yet. None when no sweep has a pose, or when all of several poses are exactly 0 0 0: so
         a logger fills the fields when it has no odometry.
         """
-        poses = np.array(self._series.poses).reshape(-1, 3)
-        is_filler = len(poses) > 1 and not np.any(poses)
-        if is_filler or np.all(np.isnan(poses)):
-            return None
-        poses[:, 2] = se2.wrap(poses[:, 2])
-        return Trajectory(stamps=np.array(self._series.stamps), poses=poses)
+        return _trajectory(self._series.stamps, self._series.poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the pose of the robot at each sweep, where the log tells it from the laser's; else ``odometry``."""
+        return _trajectory(self._series.stamps, self._series.robot_poses) or self.odometry
+
+    def hangs_upside_down(self) -> bool:
+        """Return False: a CARMEN log does not say."""
+        return False
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -181,6 +185,15 @@ class CarmenLog:
             f"the log does not give the laser's largest range: {self._default_limit:g} m is taken, as for "
             "a SICK LMS; range_max sets another",
         )
+
+
+def _trajectory(stamps: array[float], rows: array[float]) -> Trajectory | None:
+    poses = np.array(rows).reshape(-1, 3)
+    is_filler = len(poses) > 1 and not np.any(poses)
+    if is_filler or np.all(np.isnan(poses)):
+        return None
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    return Trajectory(stamps=np.array(stamps), poses=poses)
 
 
 def _below_codes(range_max: float) -> float:

@@ -33,14 +33,17 @@ OTHER_TAGS = "(other)"
 
 @dataclass
 class Series:
-    """What is kept of the sweeps of one message name: 32 bytes a sweep.
+    """What is kept of the sweeps of one message name: 56 bytes a sweep.
 
     Attributes
     ----------
     stamps : array of float
         One a sweep, seconds.
     poses : array of float
-        Three a sweep: x, y, theta; NaN where unknown.
+        Three a sweep: x, y, theta of the laser, or of the robot where the lines do not tell them apart; NaN
+        where unknown.
+    robot_poses : array of float
+        Three a sweep, of the robot.
     is_beyond_mm_scale : bool
         Whether a finite reading exceeds SICK_MM_END.
     has_own_limit : bool
@@ -49,13 +52,15 @@ class Series:
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
     poses: array[float] = field(default_factory=lambda: array("d"))
+    robot_poses: array[float] = field(default_factory=lambda: array("d"))
     is_beyond_mm_scale: bool = False
     has_own_limit: bool = True
 
-    def add(self, sweep: Sweep, pose: PoseRow) -> None:
-        """Append a sweep."""
+    def add(self, sweep: Sweep, robot_pose: PoseRow) -> None:
+        """Append a sweep, with the pose of the robot for lines that give none."""
         self.stamps.append(sweep.stamp)
-        self.poses.extend(pose)
+        self.poses.extend(sweep.pose or robot_pose)
+        self.robot_poses.extend(sweep.robot_pose or robot_pose)
         if math.isnan(sweep.range_max):
             self.has_own_limit = False
             if not self.is_beyond_mm_scale:
@@ -86,7 +91,7 @@ class Index:
 
 
 def build_index(path: Path) -> Index:
-    """Return what one pass over the file finds; memory grows by 32 bytes a sweep.
+    """Return what one pass over the file finds; memory grows by 56 bytes a sweep.
 
     Parameters
     ----------
@@ -108,7 +113,7 @@ def build_index(path: Path) -> Index:
         try:
             if tag in SWEEP_PARSERS:
                 sweep = SWEEP_PARSERS[tag](line)
-                series[tag].add(sweep, sweep.pose or robot_pose)
+                series[tag].add(sweep, robot_pose)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":

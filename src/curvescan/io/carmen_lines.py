@@ -54,6 +54,8 @@ class Sweep(NamedTuple):
         Remissions.
     pose : tuple of 3 float, or None
         Pose of the laser in the odometry's frame, finite; None where the line gives none.
+    robot_pose : tuple of 3 float, or None
+        Pose of the robot likewise.
     """
 
     stamp: float
@@ -63,6 +65,7 @@ class Sweep(NamedTuple):
     range_max: float
     intensities: Floats | None
     pose: PoseRow | None
+    robot_pose: PoseRow | None
 
 
 def tag_of(line: bytes) -> bytes:
@@ -104,9 +107,16 @@ def parse_flaser(line: bytes) -> Sweep:
     n = _count(fields, 1, "FLASER")
     _check_length(fields, n + 8 + _N_TAIL, "FLASER")
     ranges = _numbers(fields[2 : n + 2], "FLASER")
-    x, y, theta, _, _, _, stamp = _finite_numbers(fields[n + 2 : n + 9], "FLASER")
+    *poses, stamp = _finite_numbers(fields[n + 2 : n + 9], "FLASER")
     return Sweep(
-        stamp, ranges, -math.pi / 2.0, flaser_angle_increment(n), math.nan, None, (x, y, theta)
+        stamp,
+        ranges,
+        -math.pi / 2.0,
+        flaser_angle_increment(n),
+        math.nan,
+        None,
+        pose=(poses[0], poses[1], poses[2]),
+        robot_pose=(poses[3], poses[4], poses[5]),
     )
 
 
@@ -191,6 +201,7 @@ def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> Sweep:
         range_max=max_range if 0.0 < max_range < math.inf else math.nan,
         intensities=_numbers(fields[n + 10 : end], tag) if n_remissions == n else None,
         pose=(tail[0], tail[1], tail[2]) if n_pose_fields else None,
+        robot_pose=(tail[3], tail[4], tail[5]) if n_pose_fields else None,
     )
 
 

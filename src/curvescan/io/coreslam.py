@@ -80,7 +80,7 @@ def open_coreslam(
     """
     refuse_topic(path, FORMAT, topic)
     read = partial(_records, path, RANGE_MAX if range_max is None else range_max)
-    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, notes=_NOTES)
+    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, notes=_NOTES, mount=MOUNT)
 
 
 def _records(path: Path, range_max: float, faults: FaultCounter) -> Iterator[Record]:

@@ -51,6 +51,7 @@ def inspect_log(log: Log) -> LogReport:
         format=log.format,
         n_scans=len(tally.stamps),
         beam_counts=beam_counts,
+        n_timed_scans=tally.n_timed,
         fov_deg=360.0 if is_circle else math.degrees(abs(step)) * max(n_beams - 1, 0),
         first_beam_deg=math.degrees(angle_min),
         angle_step_deg=math.degrees(step),

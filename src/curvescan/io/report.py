@@ -95,6 +95,8 @@ class LogReport:
         Scans.
     beam_counts : mapping of int to int
         Scans by number of beams.
+    n_timed_scans : int
+        Scans that tell the time from a beam to the next, without which the motion within a sweep cannot be undone.
     fov_deg, first_beam_deg, angle_step_deg : float
         Field of view, direction of beam 0 and angle from beam to beam (negative for a clockwise sensor) of the
         most frequent arrangement of beams, degrees; NaN without scans.
@@ -128,6 +130,7 @@ class LogReport:
     format: str
     n_scans: int
     beam_counts: Mapping[int, int]
+    n_timed_scans: int = 0
     fov_deg: float
     first_beam_deg: float
     angle_step_deg: float

@@ -1,12 +1,14 @@
 """RosbagLog: the laser scans of a ROS bag, ROS 1 or ROS 2, read without ROS.
 
 Scans stand in the order in which the recorder received them; their stamps are those of the message headers. Ranges and
-limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*.
+limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions: where the
+transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
 """
 
 from __future__ import annotations
 
 import difflib
+import math
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +29,9 @@ from curvescan.io.bag_messages import (
     shown,
     stamp_of,
 )
+from curvescan.io.bag_mount import laser_tilt, tilt_notes
 from curvescan.io.bag_odometry import BagOdometry, read_odometry
-from curvescan.io.bag_scan import scan_of
+from curvescan.io.bag_scan import has_bad_times, scan_of
 from curvescan.io.faults import FaultCounter
 from curvescan.io.log import Fault
 from curvescan.scan import LaserScan
@@ -45,6 +49,7 @@ class _Survey:
 
     stamps: array[float]
     faults: tuple[Fault, ...]
+    n_bad_times: int
 
 
 class RosbagLog:
@@ -133,26 +138,41 @@ class RosbagLog:
             notes.append(
                 "the scans are not stamped (all zeros): the time they were received stands for it"
             )
-        return (*notes, *self._bag.notes, *self._odometry.notes)
+        if self._surveyed().n_bad_times:
+            notes.append(
+                f"{self._surveyed().n_bad_times:,} scans have a time_increment or scan_time that is negative or no "
+                "number: it is taken as not known"
+            )
+        return (*notes, *self._bag.notes, *self._odometry.notes, *tilt_notes(self._tilt))
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return ``odometry`` without the laser's mount: the pose of the robot's base at each scan."""
+        return self._odometry.robot
+
+    def hangs_upside_down(self) -> bool:
+        """Return whether /tf or /tf_static has the laser's z axis point down."""
+        return self._tilt > 0.5 * math.pi
 
     def __len__(self) -> int:
         return len(self._surveyed().stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
         faults, stamps = FaultCounter("message"), array("d")
-        number = 0
+        number, n_bad_times = 0, 0
         try:
             for number, message in enumerate(self._bag.messages([self._topic]), 1):
                 try:
-                    scan = self._scan(message)
+                    decoded = self._bag.decode(message)
+                    scan = self._scan(decoded, message)
                 except BrokenMessageError as error:
                     faults.add(str(error), number)
                     continue
                 stamps.append(scan.stamp)
+                n_bad_times += has_bad_times(decoded)
                 yield scan
         except LogFormatError:
             faults.add(BROKEN_BAG, number + 1)
-        self._survey = self._survey or _Survey(stamps, faults.faults())
+        self._survey = self._survey or _Survey(stamps, faults.faults(), n_bad_times)
 
     def _surveyed(self) -> _Survey:
         if self._survey is None:
@@ -160,6 +180,10 @@ class RosbagLog:
                 pass
         assert self._survey is not None
         return self._survey
+
+    @cached_property
+    def _tilt(self) -> float:
+        return laser_tilt(self._bag, self._frame)
 
     @cached_property
     def _odometry(self) -> BagOdometry:
@@ -196,8 +220,7 @@ class RosbagLog:
             f"{shown(self._topic)}: {reason}"
         )
 
-    def _scan(self, message: Message) -> LaserScan:
-        decoded = self._bag.decode(message)
+    def _scan(self, decoded: Any, message: Message) -> LaserScan:
         stamp = message.received / 10**9 if self._is_unstamped else None
         return scan_of(decoded, stamp=stamp, range_max=self._range_max)
 

@@ -61,6 +61,8 @@ class StreamLog:
         What the source is numbered in.
     notes : tuple of str
         What was left out or assumed, a sentence each.
+    mount : (3,) tuple of float
+        Pose of the laser on the robot that the odometry has applied.
 
     Raises
     ------
@@ -77,7 +79,9 @@ class StreamLog:
         read: ReadRecords,
         unit: str = "line",
         notes: tuple[str, ...] = (),
+        mount: PoseRow = (0.0, 0.0, 0.0),
     ) -> None:
+        self._mount = np.array(mount)
         self._name, self._format, self._notes = name, kind, notes
         self._read, self._unit = read, unit
         faults = FaultCounter(unit)
@@ -109,6 +113,18 @@ class StreamLog:
         poses = self._poses.copy()
         poses[:, 2] = se2.wrap(poses[:, 2])
         return Trajectory(stamps=self._stamps, poses=poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the robot; that of the laser where the source does not tell its mount."""
+        laser = self.odometry
+        if laser is None:
+            return None
+        poses = se2.compose(laser.poses, se2.inverse(self._mount))
+        return Trajectory(stamps=laser.stamps, poses=poses)
+
+    def hangs_upside_down(self) -> bool:
+        """Return False: no such source says so."""
+        return False
 
     @property
     def faults(self) -> tuple[Fault, ...]:

@@ -31,6 +31,8 @@ class Tally:
     ----------
     stamps : array of float
         Seconds, one a scan.
+    n_timed : int
+        Scans that tell the time from a beam to the next.
     layouts : Counter of Layout
         Scans by arrangement of the beams.
     range_min, range_max : float
@@ -52,6 +54,7 @@ class Tally:
     """
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
+    n_timed: int = 0
     layouts: Counter[Layout] = field(default_factory=Counter)
     range_min: float = math.inf
     range_max: float = 0.0
@@ -72,6 +75,7 @@ class Tally:
     def add(self, scan: LaserScan) -> None:
         """Count one scan."""
         self.stamps.append(scan.stamp)
+        self.n_timed += scan.time_increment > 0.0
         self._add_layout(scan)
         self.range_min = min(self.range_min, scan.range_min)
         self.range_max = max(self.range_max, scan.range_max)
