@@ -36,7 +36,7 @@ def rich_log(*, n: int = 12, uneven: bool = False, digits: type = np.float32) ->
                 **({"angles": angles} if is_uneven else even),
                 range_min=float(digits(0.02 * (i % 3))),
                 range_max=np.inf if i == 5 else float(digits(8.1)),
-                stamp=1_700_000_000.123456 + 0.1 * i - (0.35 if i % 5 == 4 else 0.0),
+                stamp=round(1_700_000_000.123456 + 0.1 * i - (0.35 if i % 5 == 4 else 0.0), 6),
                 intensities=rng.uniform(0, 255, n_beams).astype(digits) if i % 4 == 1 else None,
                 time_increment=float(digits(1e-4)),
                 scan_time=float(digits(0.1)),

@@ -241,7 +241,7 @@ class BagWriter:
                 f"cannot write the stamp {stamp} s to a {self._kind.value}: its seconds must lie in {low} to {high - 1}"
             )
         # by the decimal digits of the stamp: those of 1700000000.123456 are meant, not the float64's further ones
-        return int(round(Decimal(repr(stamp)) * _SECOND))
+        return round(Decimal(repr(stamp)) * _SECOND)
 
     def _new(self, msgtype: str, **fields: Any) -> Any:
         return self._store.types[msgtype](**fields)
