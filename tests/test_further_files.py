@@ -64,7 +64,8 @@ def test_kitti_rows_are_the_matrices(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("default")  # of evo's own packages
-def test_evo_reads_tum_and_kitti_alike(tmp_path: Path) -> None:
+def test_evo_reads_tum_and_kitti_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))  # where evo makes a folder of its own on import
     file_interface = pytest.importorskip(
         "evo.tools.file_interface", reason="evo is not installed: pip install evo"
     )
