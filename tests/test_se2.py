@@ -42,6 +42,25 @@ def test_identity_changes_nothing(a):
     assert_same(se2.compose(se2.identity(), a), a)
 
 
+@given(poses)
+def test_log_undoes_exp(a):
+    assert_same(se2.exp(se2.log(a)), a)
+
+
+@given(metres, metres, st.floats(-3.1, 3.1), st.integers(2, 8))
+def test_exp_is_many_small_steps(x, y, theta, n):
+    velocity = np.array([x, y, theta])
+    pose = se2.identity()
+    for _ in range(n):
+        pose = se2.compose(pose, se2.exp(velocity / n))
+    assert_same(se2.exp(velocity), pose)
+
+
+def test_a_quarter_turn_at_constant_speed_is_an_arc():
+    np.testing.assert_allclose(se2.exp([math.pi / 2, 0.0, math.pi / 2]), [1.0, 1.0, math.pi / 2])
+    np.testing.assert_array_equal(se2.exp([0.3, -0.2, 0.0]), [0.3, -0.2, 0.0])
+
+
 @given(poses, poses)
 def test_between_is_what_compose_needs(a, b):
     assert_same(se2.compose(a, se2.between(a, b)), b)

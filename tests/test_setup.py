@@ -12,7 +12,7 @@ from curvescan import se2
 from curvescan.cli.main import run
 from curvescan.io import LaserSetup, Log, read_csv, read_log, set_up
 from curvescan.odometry import run_odometry
-from curvescan.scan import mirrored
+from curvescan.scan import mirrored, swept_backwards
 from tests.bags import SECOND, odometry, scan, transform, write_bag
 from tests.carmen_files import flaser, odom, write
 from tests.consensus_scenes import pillar_scan
@@ -204,10 +204,35 @@ def test_mirrored_twice_is_the_scan():
         np.testing.assert_allclose(mirrored(one).points, flat, atol=1e-12)
 
 
+def test_beams_turned_round_are_where_they_were(tmp_path):
+    path = write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0]))
+    plain, turned_round = next(iter(read_log(path))), next(iter(read_log(path, backwards=True)))
+    np.testing.assert_allclose(turned_round.points, plain.points[::-1], atol=1e-12)
+    np.testing.assert_array_equal(turned_round.ranges, [3.0, 2.0, 1.0])
+    told = cs.LaserScan([1.0, 2.0, 3.0], angles=[0.1, 0.2, 0.5], intensities=[7.0, 8.0, 9.0])
+    back = swept_backwards(told)
+    np.testing.assert_array_equal(back.angles, [0.5, 0.2, 0.1])
+    np.testing.assert_array_equal(back.intensities, [9.0, 8.0, 7.0])
+    np.testing.assert_array_equal(swept_backwards(back).points, told.points)
+    # first in the log's order, last as swept
+    first = next(iter(read_log(path, backwards=True, ignore_beams=(1, 0))))
+    assert first.valid.tolist() == [True, True, False]
+
+
 @pytest.mark.slow
 def test_commands_take_a_set_up(tmp_path, capsys):
     bag = robot_bag(tmp_path / "bag", "mcap", 0.0, flip=True, told=False)
-    flags = ["--upside-down", "--ignore-beams", "3", "4", "--laser-pose", "0.1", "0", "90"]
+    flags = [
+        "--upside-down",
+        "--backwards",
+        "--ignore-beams",
+        "3",
+        "4",
+        "--laser-pose",
+        "0.1",
+        "0",
+        "90",
+    ]
     assert run(["info", str(bag), *flags]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "the laser hangs upside down" in printed

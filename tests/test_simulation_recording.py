@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, OdometryNoise, build_world, simulate
+from curvescan.simulation.raycast import cast_rays
 
 N = 12
 CLEAN = replace(SENSORS["sick-lms200"], sigma_range=0.0, dropout=0.0)
@@ -164,3 +166,31 @@ def test_numba_is_not_loaded_before_a_ray_is_cast():
         "sys.exit('numba' in sys.modules or 'matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_each_beam_of_a_slow_sweep_is_cast_from_its_own_place():
+    slow = replace(CLEAN, time_increment=CLEAN.period / CLEAN.n_beams)
+    world = build_world("office", 3)
+    log = simulate(world, sensor=slow, n_scans=40, seed=3)
+    at_once = simulate(world, sensor=CLEAN, n_scans=40, seed=3)
+    np.testing.assert_array_equal(log.truth.poses, at_once.truth.poses)
+    scan, poses = log[20], log.truth.poses
+    assert (scan.time_increment, scan.scan_time) == (slow.time_increment, slow.period)
+    np.testing.assert_array_equal(scan.ranges[0], at_once[20].ranges[0])
+    assert np.abs(log.ranges - at_once.ranges)[np.isfinite(log.ranges)].max() > 0.05
+    motion = se2.log(se2.between(poses[20], poses[21]))
+    for beam in (1, 100, 250, 360):
+        pose = se2.compose(poses[20], se2.exp(motion * beam / CLEAN.n_beams))
+        alone, _ = cast_rays(
+            world, pose, angle_min=scan.angles[beam], angle_increment=1.0, n_beams=1, range_max=8.0
+        )
+        assert log.exact_ranges[20, beam] == pytest.approx(alone[0], abs=1e-9)
+
+
+def test_a_slow_sweep_of_one_pose_stands_still():
+    slow = replace(CLEAN, time_increment=1e-4)
+    one = [[3.0, 3.0, 0.5]]
+    swept = simulate("office", sensor=slow, poses=one, seed=2, n_people=2)
+    still = simulate("office", sensor=CLEAN, poses=one, seed=2, n_people=2)
+    np.testing.assert_allclose(swept.exact_ranges, still.exact_ranges, atol=1e-9)
+    np.testing.assert_array_equal(swept.is_person, still.is_person)

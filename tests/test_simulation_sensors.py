@@ -78,6 +78,8 @@ def test_the_argument_is_not_changed():
         ({"sigma_range": np.nan}, "sigma_range must be >= 0"),
         ({"dropout": 1.5}, r"dropout must lie in \[0, 1\]"),
         ({"period": 0.0}, "period must be > 0"),
+        ({"time_increment": -1e-6}, "time_increment must be >= 0"),
+        ({"time_increment": 1.0}, "n_beams of it at most a period"),
     ],
 )
 def test_bad_sensors_are_refused(bad, message):

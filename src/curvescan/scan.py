@@ -199,19 +199,41 @@ def mirrored(scan: LaserScan) -> LaserScan:
     LaserScan
         Each direction negated; all else unchanged.
     """
+    return replace(scan, **_told(scan, -1.0, 1))
+
+
+def swept_backwards(scan: LaserScan) -> LaserScan:
+    """Return a scan with its beams in the reverse order, each where it was.
+
+    It is what a sensor swept whose driver turns the order of the readings round (some of RPLIDAR's do), so that the
+    times of the beams hold.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        Any scan.
+
+    Returns
+    -------
+    LaserScan
+        Beam i is beam n - 1 - i of `scan`; stamp and times unchanged.
+    """
+    return replace(
+        scan,
+        ranges=scan.ranges[::-1],
+        intensities=None if scan.intensities is None else scan.intensities[::-1],
+        **_told(scan, 1.0, -1),
+    )
+
+
+def _told(scan: LaserScan, sign: float, way: int) -> dict[str, Any]:
+    """Return the directions of a scan times a sign, in their order or the reverse, as arguments of LaserScan."""
     grid = _even_beams(len(scan), scan.angle_min, scan.angle_increment)
-    directions: dict[str, Any] = {
-        "angle_min": None,
-        "angle_increment": None,
-        "angles": -scan.angles,
-    }
-    if np.array_equal(grid.angles, scan.angles):
-        directions = {
-            "angle_min": -scan.angle_min,
-            "angle_increment": -scan.angle_increment,
-            "angles": None,
-        }
-    return replace(scan, **directions)
+    if not np.array_equal(grid.angles, scan.angles):
+        return {"angle_min": None, "angle_increment": None, "angles": sign * scan.angles[::way]}
+    first = scan.angle_min if way > 0 or not len(scan) else float(scan.angles[-1])
+    step = sign * way * scan.angle_increment
+    return {"angle_min": sign * first, "angle_increment": step, "angles": None}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -101,6 +101,53 @@ def between(pose_w_a: ArrayLike, pose_w_b: ArrayLike) -> Pose:
     return compose(inverse(pose_w_a), pose_w_b)
 
 
+def exp(velocity: ArrayLike) -> Pose:
+    """Return where a frame that moves at a constant velocity, as seen by itself, is after one second.
+
+    The path is an arc of a circle: the exponential map of SE(2).
+
+    Parameters
+    ----------
+    velocity : (..., 3) array_like
+        [vx, vy, omega] in the moving frame, m/s, m/s, rad/s; or any velocity times its time.
+
+    Returns
+    -------
+    (..., 3) float64
+        Pose in the frame at the start, theta in (-pi, pi].
+    """
+    v = _as_pose(velocity, "velocity")
+    half = 0.5 * v[..., 2]
+    along, across = np.sinc(v[..., 2] / np.pi), np.sin(half) * np.sinc(half / np.pi)
+    x = along * v[..., 0] - across * v[..., 1]
+    y = across * v[..., 0] + along * v[..., 1]
+    return np.stack([x, y, wrap(v[..., 2])], axis=-1)
+
+
+def log(pose_a_b: ArrayLike) -> Floats:
+    """Return the constant velocity, as seen by the moving frame, that leads from a to b in one second.
+
+    The inverse of :func:`exp`, by the shorter way round.
+
+    Parameters
+    ----------
+    pose_a_b : (..., 3) array_like
+        [x, y, theta].
+
+    Returns
+    -------
+    (..., 3) float64
+        [vx, vy, omega], m/s, m/s, rad/s; omega in (-pi, pi].
+    """
+    pose = _as_pose(pose_a_b, "pose_a_b")
+    theta = wrap(pose[..., 2])
+    half = 0.5 * theta
+    along = np.cos(half) / np.sinc(half / np.pi)
+    vx = along * pose[..., 0] + half * pose[..., 1]
+    vy = along * pose[..., 1] - half * pose[..., 0]
+    return np.stack([vx, vy, theta], axis=-1)
+
+
 def transform(pose_a_b: ArrayLike, points_b: ArrayLike) -> Points:
     """Return points of frame b expressed in frame a: R(theta) p + t.
 

@@ -87,6 +87,8 @@ class Laser:
     """The laser stands upright, though the log says that it hangs upside down: do not mirror its scans."""
     clockwise: Flag = False
     """The laser turns against what the log says: mirror its scans."""
+    backwards: Flag = False
+    """The log has the beams in the reverse of the order in which they were swept (some RPLIDARs): turn them round."""
 
     def __post_init__(self) -> None:
         if self.upside_down and self.upright:
@@ -110,4 +112,5 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
         laser_pose=pose and (pose[0], pose[1], math.radians(pose[2])),
         upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
         clockwise=laser.clockwise,
+        backwards=laser.backwards,
     )

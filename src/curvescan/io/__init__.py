@@ -58,6 +58,7 @@ def read_log(
     laser_pose: tuple[float, float, float] | None = None,
     upside_down: bool | None = None,
     clockwise: bool = False,
+    backwards: bool = False,
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
@@ -81,6 +82,9 @@ def read_log(
         Whether the laser hangs upside down, so that its scans are mirrored; None to believe the log.
     clockwise : bool
         Whether the laser turns against what the log says, so that its scans are mirrored.
+    backwards : bool
+        Whether the log has the beams in the reverse of the order in which they were swept, so that they are turned
+        round: for some drivers of RPLIDARs, whose sweeps cannot be deskewed otherwise.
 
     Returns
     -------
@@ -102,6 +106,7 @@ def read_log(
         laser_pose=laser_pose,
         upside_down=upside_down,
         clockwise=clockwise,
+        backwards=backwards,
     )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(

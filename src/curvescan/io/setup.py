@@ -15,7 +15,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Fault, Log
-from curvescan.scan import LaserScan, mirrored
+from curvescan.scan import LaserScan, mirrored, swept_backwards
 from curvescan.types import Trajectory
 
 
@@ -26,7 +26,7 @@ class LaserSetup:
     Parameters
     ----------
     ignore_beams : (int, int)
-        How many beams at the beginning and at the end of each sweep, in its own order, give no reading: they see
+        How many beams at the beginning and at the end of each scan, in the log's order, give no reading: they see
         the robot, or nothing that can be trusted.
     laser_pose : (3,) float or None
         Pose x, y, theta of the laser on the robot, metres, metres, radians: it carries the wheel odometry to the
@@ -35,6 +35,9 @@ class LaserSetup:
         Whether the laser hangs upside down, so that its scans are mirrored. None: what the log says.
     clockwise : bool
         Whether the laser turns against what its log says, so that its scans are mirrored.
+    backwards : bool
+        Whether the log has the beams of a sweep in the reverse of the order in which they were swept, as some drivers
+        of RPLIDARs do: they are turned round, so that the times of the beams hold.
 
     Raises
     ------
@@ -46,6 +49,7 @@ class LaserSetup:
     laser_pose: tuple[float, float, float] | None = None
     upside_down: bool | None = None
     clockwise: bool = False
+    backwards: bool = False
 
     def __post_init__(self) -> None:
         beams = self.ignore_beams
@@ -87,7 +91,9 @@ def set_up(log: Log, setup: LaserSetup) -> Log:
     if hangs is None:
         hangs = isinstance(log, MountedLog) and log.hangs_upside_down()
     is_mirrored = hangs != setup.clockwise
-    if not (is_mirrored or any(setup.ignore_beams) or setup.laser_pose is not None):
+    if not (
+        is_mirrored or any(setup.ignore_beams) or setup.laser_pose is not None or setup.backwards
+    ):
         return log
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
 
@@ -139,6 +145,8 @@ class _LogSetUp:
                     else "hangs upside down"
                 )
             )
+        if self._setup.backwards:
+            notes.append("the beams of each scan are turned round: they were swept in that order")
         if any(self._setup.ignore_beams):
             first, last = self._setup.ignore_beams
             notes.append(
@@ -165,4 +173,5 @@ class _LogSetUp:
             ranges[:first] = np.nan
             ranges[max(len(ranges) - last, 0) :] = np.nan
             scan = replace(scan, ranges=ranges)
-        return mirrored(scan) if self._is_mirrored else scan
+        scan = mirrored(scan) if self._is_mirrored else scan
+        return swept_backwards(scan) if self._setup.backwards else scan

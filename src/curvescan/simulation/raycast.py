@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from curvescan._jit import kernel
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.world import World, full_circles
-from curvescan.types import Floats, Ints
+from curvescan.types import Floats, Ints, Points, Pose
 
 _SLIT = 1e-9
 
@@ -73,9 +73,52 @@ def cast_rays(
     primitive_idx, first, last = _beam_intervals(start - heading, span, angle_increment, n_beams)
     angles = heading + angle_increment * np.arange(n_beams)
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
-    return _cast(
-        segments, curves, np.array([x, y]), directions, primitive_idx, first, last, range_max
+    origins = np.tile([[x, y]], (n_beams, 1))
+    return _cast(segments, curves, origins, directions, primitive_idx, first, last, range_max)
+
+
+def cast_sweep(
+    world: World,
+    poses: Pose,
+    angles: Floats,
+    *,
+    range_max: float = np.inf,
+    people: ArrayLike | None = None,
+) -> tuple[Floats, Ints]:
+    """Return the exact range of each beam of a sweep taken on the move, and what it hits.
+
+    Every beam is tested against everything within reach.
+
+    Parameters
+    ----------
+    world : World
+        What stands still.
+    poses : (n, 3) float64
+        Pose of the sensor at the time of each beam, world frame; metres, metres, radians.
+    angles : (n,) float64
+        Direction of each beam in the sensor frame, radians.
+    range_max, people
+        As for :func:`cast_rays`; people stand still during the sweep.
+
+    Returns
+    -------
+    ranges, hit_idx
+        As of :func:`cast_rays`.
+    """
+    segments, curves = world.segments, world.curves
+    if people is not None and np.size(people):
+        curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
+    x, y = (float(value) for value in poses[len(poses) // 2, :2])
+    reach = range_max + float(np.max(np.hypot(poses[:, 0] - x, poses[:, 1] - y)))
+    _, span = np.hstack(
+        [_segment_bearings(segments, x, y, reach), _curve_bearings(curves, x, y, reach)]
     )
+    near = np.flatnonzero(span >= 0.0)
+    bearings = poses[:, 2] + angles
+    directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    first, last = np.zeros(near.size, dtype=np.int64), np.full(near.size, len(poses) - 1)
+    origins = np.ascontiguousarray(poses[:, :2])
+    return _cast(segments, curves, origins, directions, near, first, last, range_max)
 
 
 def _segment_bearings(segments: Floats, x: float, y: float, range_max: float) -> Floats:
@@ -129,7 +172,7 @@ def _beam_intervals(
 def _cast(
     segments: Floats,
     curves: Floats,
-    origin: Floats,
+    origins: Points,
     directions: Floats,
     primitive_idx: Ints,
     first: Ints,
@@ -143,13 +186,13 @@ def _cast(
         i = primitive_idx[k]
         is_segment = i < n_segments
         row = segments[i] if is_segment else curves[i - n_segments]
-        ax = row[0] - origin[0]
-        ay = row[1] - origin[1]
         if is_segment:
             ex = row[2] - row[0]
             ey = row[3] - row[1]
             slit = _SLIT / max(np.hypot(ex, ey), _SLIT)
         for j in range(first[k], last[k] + 1):
+            ax = row[0] - origins[j, 0]
+            ay = row[1] - origins[j, 1]
             dx = directions[j, 0]
             dy = directions[j, 1]
             offset = ax * dy - ay * dx  # of the primitive's anchor from the beam, to its right

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.simulation.catalogue import build_world
@@ -40,7 +41,8 @@ class Simulation:
     sensor : Sensor
         What measured.
     truth : Trajectory
-        True pose of the sensor at each scan, world frame.
+        True pose of the sensor at each scan, at the time of its first beam, world frame. Between two scans it moves
+        at a constant velocity, along an arc.
     odometry : Trajectory or None
         Noisy wheel odometry, frame of the first scan.
     ranges : (n_scans, n_beams) float64
@@ -143,7 +145,8 @@ def simulate(
     )
     stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
     circles = walk(world, truth, n_people, people or People(), sensor.period, child(seed, PEOPLE))
-    ranges, exact, is_person = observe(world, truth, sensor, circles, seed)
+    velocities = _velocities(truth, sensor.period) if sensor.time_increment else None
+    ranges, exact, is_person = observe(world, truth, sensor, circles, seed, velocities=velocities)
     odometry = None
     if odometry_noise is not None:
         rng = np.random.default_rng(child(seed, ODOMETRY))
@@ -162,26 +165,45 @@ def simulate(
 
 
 def observe(
-    world: World, poses: Pose, sensor: Sensor, people: Floats, seed: int | np.random.SeedSequence
+    world: World,
+    poses: Pose,
+    sensor: Sensor,
+    people: Floats,
+    seed: int | np.random.SeedSequence,
+    *,
+    velocities: Floats | None = None,
 ) -> tuple[Floats, Floats, Bools]:
     """Return measured ranges, exact ranges and person masks, each (n, n_beams), at (n, 3) poses.
 
-    `people` is (n, c, 3): circles at each pose.
+    `people` is (n, c, 3): circles at each pose. `velocities`, (n, 3) in the sensor's frame, m/s and rad/s, are those of
+    the sensor during each sweep; None: it stands still.
     """
-    from curvescan.simulation.raycast import cast_rays  # Numba loads when something is cast
+    # Numba loads when something is cast
+    from curvescan.simulation.raycast import cast_rays, cast_sweep
 
     shape = (len(poses), sensor.n_beams)
     ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
+    beams: Floats = np.arange(sensor.n_beams, dtype=np.float64)
     for i, pose in enumerate(poses):
-        exact[i], hit_idx = cast_rays(
-            world,
-            pose,
-            angle_min=sensor.angle_min,
-            angle_increment=sensor.angle_increment,
-            n_beams=sensor.n_beams,
-            range_max=sight(sensor),
-            people=people[i],
-        )
+        if velocities is None:
+            exact[i], hit_idx = cast_rays(
+                world,
+                pose,
+                angle_min=sensor.angle_min,
+                angle_increment=sensor.angle_increment,
+                n_beams=sensor.n_beams,
+                range_max=sight(sensor),
+                people=people[i],
+            )
+        else:
+            times = sensor.time_increment * beams[:, np.newaxis]
+            exact[i], hit_idx = cast_sweep(
+                world,
+                se2.compose(pose, se2.exp(times * velocities[i])),
+                np.asarray(sensor.angle_min + sensor.angle_increment * beams),
+                range_max=sight(sensor),
+                people=people[i],
+            )
         ranges[i] = measure(exact[i], sensor, np.random.default_rng(child(seed, NOISE, i)))
         is_person[i] = (hit_idx >= world.n_primitives) & np.isfinite(ranges[i])
     for array in (ranges, exact, is_person):
@@ -198,7 +220,15 @@ def as_scan(ranges: Floats, sensor: Sensor, stamp: float) -> LaserScan:
         range_min=sensor.range_min,
         range_max=sensor.range_max,
         stamp=stamp,
+        time_increment=sensor.time_increment,
+        scan_time=sensor.period,
     )
+
+
+def _velocities(poses: Pose, period: float) -> Floats:
+    """Return (n, 3) the velocity of the sensor after each pose, in its own frame; after the last as before it."""
+    steps = se2.log(se2.between(poses[:-1], poses[1:])) / period
+    return np.vstack([steps, steps[-1:] if len(steps) else np.zeros((1, 3))])
 
 
 def _given(poses: ArrayLike, n_scans: int | None) -> Pose:

@@ -15,7 +15,7 @@ from curvescan.types import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A laser scanner. Its sweep is simulated as instantaneous: no motion distortion.
+    """A laser scanner. Its sweep is instantaneous, or takes `time_increment` a beam and is distorted by motion.
 
     Parameters
     ----------
@@ -35,6 +35,8 @@ class Sensor:
         Probability that a return is lost (dark or shiny surface), in [0, 1].
     period : float
         Time from a sweep to the next, seconds, > 0.
+    time_increment : float
+        Time from a beam to the next, seconds, >= 0; all beams of a sweep must fit into `period`.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Sensor:
     sigma_range: float
     dropout: float
     period: float
+    time_increment: float = 0.0
 
     def __post_init__(self) -> None:
         rules = {
@@ -58,6 +61,9 @@ class Sensor:
             "sigma_range must be >= 0": self.sigma_range >= 0.0,
             "dropout must lie in [0, 1]": 0.0 <= self.dropout <= 1.0,
             "period must be > 0": self.period > 0.0,
+            "time_increment must be >= 0, and n_beams of it at most a period": 0.0
+            <= self.n_beams * self.time_increment
+            <= self.period * (1.0 + 1e-9),
         }
         for rule, holds in rules.items():
             if not holds:

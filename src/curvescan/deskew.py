@@ -1,0 +1,213 @@
+"""Deskew: a sweep taken on the move as it would have been seen from one place, at the middle of the sweep.
+
+Each beam is cast from where the sensor is at its own time. With the sensor's velocity known each reading is moved to
+where the sensor sees it at the middle of the sweep: there an error of the velocity displaces the first half of the
+readings one way and the second half the other way, so that most of it cancels in a match, and no reading is moved by
+more than half a sweep. The beams keep their order and their number: labels and masks by beam fit both scans.
+
+What comes to lie behind something nearer is no reading of the deskewed scan: from there it cannot be seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan._jit import kernel
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Floats, Pose
+
+_FASTEST = 0.5
+"""Turn of the sensor from a beam to the next, in angles between beams, from which on it is no velocity of a robot."""
+
+WORTH_AGAIN = 0.005
+"""Shift of the readings, metres, by :func:`sweep_shift`, from which on a sweep is worth deskewing and matching again
+with the velocity that the first match found: a third of a common laser's noise, and three times what the noise of the
+velocity itself makes when it does not change."""
+
+_SHORTEST, _LONGEST = 0.5, 3.0
+"""Steps of the clock that are believed, in usual steps: jitter, and one or two scans lost on the way."""
+
+
+def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
+    """Return a scan as it would have been seen from one place, at the middle of its sweep.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        A sweep, its first beam at its stamp.
+    velocity : (3,) array_like
+        [vx, vy, omega] of the sensor in its own frame during the sweep, m/s, m/s, rad/s.
+
+    Returns
+    -------
+    LaserScan
+        Of as many beams in the same order, not evenly spaced, all at one time: its stamp is that of the middle of the
+        sweep and its time_increment 0. A beam without a reading has none here, nor has one that is hidden by a nearer
+        one, or seen a second time after a full turn. The scan itself where beam times are not known, or the velocity
+        is so large (half the angle between beams, from one to the next) that it cannot be a sensor's.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `velocity` is not three finite numbers.
+    """
+    twist = np.asarray(velocity, dtype=np.float64)
+    if twist.shape != (3,) or not np.isfinite(twist).all():
+        raise InvalidArgumentError(
+            f"velocity must be three finite numbers vx, vy, omega (m/s, m/s, rad/s), got {velocity!r}"
+        )
+    n, step = len(scan), abs(scan.angle_increment)
+    if n < 2 or scan.time_increment == 0.0:
+        return scan
+    least = step if scan.has_uniform_angles else float(np.min(np.abs(np.diff(scan.angles))))
+    if abs(twist[2]) * scan.time_increment >= _FASTEST * least:
+        return scan
+    times = scan.time_increment * np.arange(n) - middle_of_sweep(scan)
+    # the directions of the beams, turned: where far readings come to lie, and beams without a reading
+    turned = scan.angles + times * twist[2]
+    points = _transform_each(se2.exp(times[:, np.newaxis] * twist), scan.points)
+    ranges = np.hypot(points[:, 0], points[:, 1])
+    bearings = turned + se2.wrap(np.arctan2(points[:, 1], points[:, 0]) - turned)
+    way = 1.0 if scan.angle_increment > 0.0 else -1.0
+    seen = _seen(way * bearings, ranges, scan.valid, 1e-3 * step)
+    angles = way * _between_seen(way * bearings, way * turned, seen)
+    angles, is_again = _once_around(angles, step)
+    told: dict[str, Any] = {"angle_min": None, "angle_increment": None, "angles": angles}
+    return replace(
+        scan,
+        ranges=np.where(seen & ~is_again, ranges, np.where(scan.valid, np.nan, scan.ranges)),
+        stamp=scan.stamp + middle_of_sweep(scan),
+        time_increment=0.0,
+        **told,
+    )
+
+
+def middle_of_sweep(scan: LaserScan) -> float:
+    """Return the time from the first beam of a scan to the middle of its sweep, seconds; 0 where it is not known."""
+    return 0.5 * scan.time_increment * max(len(scan) - 1, 0)
+
+
+def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
+    """Return how far the readings at the ends of a sweep are moved by a velocity, or by an error of one, in metres.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        Its beam times, and its median range: a turn moves what is far the farthest.
+    velocity : (3,) array_like
+        [vx, vy, omega], m/s, m/s, rad/s.
+    """
+    vx, vy, omega = (float(value) for value in np.asarray(velocity, dtype=np.float64))
+    far = float(np.median(scan.ranges[scan.valid])) if scan.valid.any() else 0.0
+    return middle_of_sweep(scan) * (math.hypot(vx, vy) + abs(omega) * far)
+
+
+def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
+    """Return the velocity of a sensor that goes on as it did.
+
+    Parameters
+    ----------
+    motion : (3,) array_like
+        Pose of the sensor at one scan in that at the scan before.
+    seconds : float
+        Time between them, of :func:`step_seconds`; 0 where it is not known.
+
+    Returns
+    -------
+    (3,) float64
+        [vx, vy, omega] in the sensor's frame, m/s, m/s, rad/s; zeros where the time is not known.
+    """
+    return se2.log(motion) / seconds if seconds > 0.0 else np.zeros(3)
+
+
+def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:
+    """Return the time of the last step of a clock that may stand still, go back or leap.
+
+    Parameters
+    ----------
+    stamps : sequence of float
+        Of the last few scans, the latest last, seconds: about ten tell what is usual.
+    scan_time : float
+        What the scan says of the time between two, seconds; 0: nothing.
+
+    Returns
+    -------
+    float
+        The last step where it is from a half to three times the usual one, else the usual one, which is scan_time or
+        the median of the steps forward; 0 where there is neither.
+    """
+    steps = np.diff(np.asarray(stamps, dtype=np.float64))
+    forward = steps[steps > 0.0]
+    usual = scan_time if scan_time > 0.0 else float(np.median(forward)) if forward.size else 0.0
+    last = float(steps[-1]) if steps.size else 0.0
+    return last if _SHORTEST * usual <= last <= _LONGEST * usual else usual
+
+
+def _transform_each(poses: Pose, points: Floats) -> Floats:
+    """Return (n, 2) points, each brought from a frame of its own into the frame that the (n, 3) poses are given in."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, 0] + cos * points[:, 0] - sin * points[:, 1]
+    y = poses[:, 1] + sin * points[:, 0] + cos * points[:, 1]
+    return np.stack([x, y], axis=-1)
+
+
+@kernel
+def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
+    """Return (n,) the readings in sight: those left when of two that are out of order the farther goes.
+
+    `bearings` should rise by at least `least` from a reading to the next.
+    """
+    n = bearings.size
+    stack = np.empty(n, dtype=np.int64)
+    top = 0
+    for i in range(n):
+        if not valid[i]:
+            continue
+        is_hidden = False
+        while top > 0 and bearings[i] - bearings[stack[top - 1]] < least:
+            if ranges[stack[top - 1]] <= ranges[i]:
+                is_hidden = True
+                break
+            top -= 1
+        if not is_hidden:
+            stack[top] = i
+            top += 1
+    seen = np.zeros(n, dtype=np.bool_)
+    for k in range(top):
+        seen[stack[k]] = True
+    return seen
+
+
+def _between_seen(bearings: Floats, turned: Floats, seen: Bools) -> Floats:
+    """Return (n,) rising angles: the bearings where seen, between them evenly spread, beyond them as turned."""
+    at = np.flatnonzero(seen)
+    if not at.size:
+        return turned
+    beams = np.arange(turned.size)
+    angles: Floats = np.interp(beams, at, bearings[at])
+    first, last = at[0], at[-1]
+    angles[:first] = bearings[first] + turned[:first] - turned[first]
+    angles[last + 1 :] = bearings[last] + turned[last + 1 :] - turned[last]
+    return angles
+
+
+def _once_around(angles: Floats, step: float) -> tuple[Floats, Bools]:
+    """Return angles of a sweep that goes round no more than once and a step, and the beams that went farther."""
+    way = 1.0 if angles[-1] > angles[0] else -1.0
+    around = way * (angles - angles[0])
+    is_again = around > 2.0 * math.pi + 0.5 * step
+    n_again = int(np.count_nonzero(is_again))
+    if n_again:
+        first = angles.size - n_again
+        end = 2.0 * math.pi + step
+        around = around.copy()
+        around[first:] = np.linspace(around[first - 1], end, n_again + 1)[1:]
+    return angles[0] + way * around, is_again

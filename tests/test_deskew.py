@@ -1,0 +1,306 @@
+"""Deskew: sweeps taken on the move, seen from one place; the clock behind it; an odometry that turns fast."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.deskew import (
+    WORTH_AGAIN,
+    deskew,
+    middle_of_sweep,
+    predicted_velocity,
+    step_seconds,
+    sweep_shift,
+)
+from curvescan.simulation import SENSORS, World, simulate
+from curvescan.simulation.raycast import cast_rays
+from tests.scenes import ROOM
+
+SPIN = replace(SENSORS["spinning-360"], sigma_range=0.0, dropout=0.0)
+SWEPT = replace(SPIN, time_increment=SPIN.period / SPIN.n_beams)
+ROOM_AND_PILLAR = World(
+    name="room with a pillar",
+    walls=np.array(
+        [
+            [ROOM[0], ROOM[1], ROOM[2], ROOM[1]],
+            [ROOM[2], ROOM[1], ROOM[2], ROOM[3]],
+            [ROOM[2], ROOM[3], ROOM[0], ROOM[3]],
+            [ROOM[0], ROOM[3], ROOM[0], ROOM[1]],
+        ]
+    ),
+    boxes=np.array([[1.0, 0.4, 0.3, 0.3, 0.2]]),
+)
+
+
+def swept(velocity, *, start=(0.1, 0.2, 0.3), world=ROOM_AND_PILLAR, sensor=SWEPT):
+    """One sweep of a sensor that moves at a velocity, and where it is at the sweep's middle."""
+    poses = se2.compose(start, se2.exp(sensor.period * np.outer([0.0, 1.0], velocity)))
+    scan = simulate(world, sensor=sensor, poses=poses, odometry_noise=None)[0]
+    return scan, se2.compose(start, se2.exp(middle_of_sweep(scan) * np.asarray(velocity)))
+
+
+VELOCITIES = [
+    (0.0, 0.0, math.pi / 2),
+    (0.0, 0.0, -math.pi / 2),
+    (1.0, 0.0, 0.0),
+    (0.7, -0.5, 1.2),
+    (-0.6, 0.3, -2.5),
+]
+
+
+@pytest.mark.parametrize("velocity", VELOCITIES)
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("fov", ["circle", "half"])
+def test_readings_come_to_lie_where_the_sensor_sees_them_at_the_middle(velocity, way, fov):
+    sensor = SWEPT
+    if fov == "half":
+        sensor = replace(SWEPT, n_beams=181, angle_min=-way * math.pi / 2)
+    sensor = replace(sensor, angle_increment=way * SWEPT.angle_increment)
+    scan, middle = swept(velocity, sensor=sensor)
+    moved = deskew(scan, velocity)
+    assert len(moved) == len(scan)
+    assert (way * np.diff(moved.angles) > 0).all()
+    assert moved.stamp == pytest.approx(scan.stamp + middle_of_sweep(scan))
+    assert moved.time_increment == 0.0
+    assert not (moved.valid & ~scan.valid).any()
+    # what the sensor would measure there, in the direction of each reading that is left
+    seen = np.flatnonzero(moved.valid)
+    assert seen.size > 0.9 * len(scan)
+    truth = [
+        cast_rays(
+            ROOM_AND_PILLAR,
+            middle,
+            angle_min=moved.angles[i],
+            angle_increment=1.0,
+            n_beams=1,
+        )[0][0]
+        for i in seen
+    ]
+    off = np.abs(moved.ranges[seen] - truth)
+    # two readings on the edge of the pillar may be seen or just not
+    assert np.count_nonzero(off > 1e-9) <= 2
+    # and as they were they lie centimetres off
+    assert np.linalg.norm(scan.points - moved.points, axis=1)[seen].max() > 0.02
+
+
+def test_a_sensor_at_rest_sees_the_same():
+    scan, _ = swept((0.0, 0.0, 0.0))
+    moved = deskew(scan, np.zeros(3))
+    np.testing.assert_allclose(moved.points, scan.points, atol=1e-12)
+    assert moved.has_uniform_angles
+    assert moved.is_full_circle
+
+
+def test_there_and_back_is_no_motion():
+    scan, _ = swept((0.5, 0.2, 1.0), sensor=replace(SWEPT, n_beams=181))
+    moved = deskew(scan, (0.5, 0.2, 1.0))
+    back = deskew(replace(moved, time_increment=scan.time_increment), (-0.5, -0.2, -1.0))
+    both = back.valid
+    assert np.count_nonzero(both) > 160
+    # an arc forth and the same arc back: but for the beams of which a neighbour was hidden
+    np.testing.assert_allclose(back.points[both], scan.points[both], atol=1e-9)
+
+
+def test_without_times_of_beams_or_motion_of_a_robot_the_scan_is_itself():
+    still = simulate("office", sensor=SPIN, n_scans=1)[0]
+    assert deskew(still, (1.0, 0.0, 1.0)) is still
+    scan, _ = swept((0.0, 0.0, 0.0))
+    assert deskew(scan, (0.0, 0.0, 40.0)) is scan  # the sensor itself turns at 63 rad/s
+    for n in (0, 1):
+        few = cs.LaserScan(np.ones(n), angle_min=0.0, angle_increment=0.1, time_increment=0.1)
+        assert deskew(few, (1.0, 0.0, 0.1)) is few
+
+
+@pytest.mark.parametrize("velocity", [(1.0, 2.0), (0.0, math.nan, 0.0), (0.0, 0.0, math.inf)])
+def test_a_velocity_is_three_finite_numbers(velocity):
+    scan, _ = swept((0.0, 0.0, 0.0))
+    with pytest.raises(cs.InvalidArgumentError, match="velocity must be three finite numbers"):
+        deskew(scan, velocity)
+
+
+def test_what_is_no_reading_stays_none_and_says_the_same():
+    scan, _ = swept((0.4, 0.0, 1.0))
+    ranges = scan.ranges.copy()
+    ranges[[3, 50, 51, 52, 359]] = [math.inf, math.nan, 0.0, 81.91, -math.inf]
+    moved = deskew(replace(scan, ranges=ranges), (0.4, 0.0, 1.0))
+    np.testing.assert_array_equal(moved.ranges[[3, 50, 51, 52, 359]], ranges[[3, 50, 51, 52, 359]])
+    blank = deskew(replace(scan, ranges=np.full(360, math.nan)), (0.4, 0.0, 1.0))
+    assert not blank.valid.any()
+
+
+def test_what_is_hidden_by_something_nearer_is_left_out():
+    # a pole half a metre to the side, passed at 2 m/s a thirtieth of a second before the middle: 6 cm, 7 beams
+    ranges = np.full(181, 4.0)
+    ranges[20:31] = 0.5
+    scan = cs.LaserScan(
+        ranges, angle_min=-math.pi / 2, angle_increment=math.pi / 180, time_increment=5e-4
+    )
+    moved = deskew(scan, (2.0, 0.0, 0.0))
+    assert moved.valid[20:31].all()
+    assert 5 <= np.count_nonzero(~moved.valid) <= 9
+    assert (np.diff(moved.angles) > 0).all()
+
+
+def test_uneven_beams_are_deskewed_too():
+    velocity = (0.7, -0.5, 1.2)
+    scan, _ = swept(velocity)
+    keep = np.arange(360)
+    told = cs.LaserScan(
+        scan.ranges,
+        angles=scan.angles + np.where(keep % 2, 2e-4, -2e-4),
+        range_max=12.0,
+        time_increment=scan.time_increment,
+    )
+    assert not told.has_uniform_angles
+    a, b = deskew(scan, velocity), deskew(told, velocity)
+    np.testing.assert_array_equal(a.valid, b.valid)
+    np.testing.assert_allclose(a.points[a.valid], b.points[a.valid], atol=0.002)
+
+
+def test_a_turn_with_the_sweep_sees_the_seam_once():
+    scan, _ = swept((0.0, 0.0, math.pi / 2))  # 369 degrees
+    moved = deskew(scan, (0.0, 0.0, math.pi / 2))
+    assert moved.is_full_circle
+    assert np.ptp(moved.angles[moved.valid]) <= 2 * math.pi + 0.01
+    assert np.count_nonzero(~moved.valid) == pytest.approx(9, abs=1)
+    against = deskew(swept((0.0, 0.0, -math.pi / 2))[0], (0.0, 0.0, -math.pi / 2))
+    assert not against.is_full_circle
+    assert against.valid.all()
+
+
+# ---- the clock
+
+
+def test_velocity_and_motion_are_each_others_inverse():
+    rng = np.random.default_rng(0)
+    motions = rng.uniform(-1, 1, (50, 3)) * [0.5, 0.5, math.pi]
+    for motion in motions:
+        velocity = predicted_velocity(motion, 0.1)
+        np.testing.assert_allclose(se2.exp(0.1 * velocity), motion, atol=1e-12)
+    np.testing.assert_allclose(predicted_velocity((0.1, 0.0, 0.0), 0.2), [0.5, 0, 0])
+    np.testing.assert_array_equal(predicted_velocity((0.1, 0.0, 0.0), 0.0), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("stamps", "scan_time", "expected"),
+    [
+        ([0.0, 0.1, 0.2, 0.31], 0.0, 0.11),
+        ([0.0, 0.1, 0.2, 0.4], 0.0, 0.2),  # a scan was lost
+        ([0.0, 0.1, 0.2, 0.2], 0.0, 0.1),  # the clock stands still
+        ([0.0, 0.1, 0.2, 0.05], 0.0, 0.1),  # goes back
+        ([0.0, 0.1, 0.2, 60.0], 0.0, 0.1),  # leaps
+        ([0.0, 0.1, 0.2, 0.201], 0.0, 0.1),  # hurries
+        ([0.0, 0.0, 0.0], 0.125, 0.125),
+        ([5.0, 4.0, 3.0], 0.0, 0.0),
+        ([0.0, 0.0], 0.0, 0.0),
+        ([1.0], 0.0, 0.0),
+        ([1.0], 0.1, 0.1),
+        ([], 0.0, 0.0),
+    ],
+)
+def test_a_step_of_the_clock_is_believed_when_it_is_usual(stamps, scan_time, expected):
+    assert step_seconds(stamps, scan_time) == pytest.approx(expected)
+
+
+def test_the_shift_is_that_of_the_readings_at_the_ends():
+    scan, _ = swept((0.0, 0.0, 0.0))
+    half = middle_of_sweep(scan)
+    assert sweep_shift(scan, (3.0, 4.0, 0.0)) == pytest.approx(5.0 * half)
+    far = np.median(scan.ranges)
+    assert sweep_shift(scan, (0.0, 0.0, -2.0)) == pytest.approx(2.0 * far * half)
+    assert sweep_shift(replace(scan, ranges=np.full(360, np.nan)), (0.0, 0.0, 1.0)) == 0.0
+
+
+# ---- an odometry that deskews
+
+
+def chain(scans, *, is_deskewed=True):
+    """Poses of a chain of matches; each sweep is deskewed with the last motion, again where the match found another."""
+    poses, motion = [np.zeros(3)], np.zeros(3)
+    stamps = deque(maxlen=12)
+    reference = reference_scan = None
+    for scan in scans:
+        stamps.append(scan.stamp)
+        seconds = step_seconds(tuple(stamps), scan.scan_time)
+        velocity = predicted_velocity(motion, seconds)
+        current = cs.prepare(deskew(scan, velocity) if is_deskewed else scan)
+        if reference is not None:
+            result = cs.match(reference, current, guess=motion)
+            assert result.ok
+            found = predicted_velocity(result.pose, seconds)
+            if is_deskewed and sweep_shift(scan, found - velocity) > WORTH_AGAIN:
+                if reference_scan is not None:  # the first: nothing was known of its velocity
+                    reference = cs.prepare(deskew(reference_scan, found))
+                current = cs.prepare(deskew(scan, found))
+                result = cs.match(reference, current, guess=result.pose)
+            motion = result.pose
+            poses.append(se2.compose(poses[-1], motion))
+        reference_scan = scan if reference is None else None
+        reference = current
+    return np.array(poses)
+
+
+def errors(found, truth):
+    """Of each step: metres and radians."""
+    off = se2.between(se2.between(truth[:-1], truth[1:]), se2.between(found[:-1], found[1:]))
+    return np.column_stack([np.hypot(off[:, 0], off[:, 1]), off[:, 2]])
+
+
+def spins(rate_deg, n=61):
+    """Sweeps of a spin in an office, the same from a sensor whose sweep takes no time, and the truth of both."""
+    sensor = SENSORS["spinning-360"]
+    slow = replace(sensor, time_increment=sensor.period / sensor.n_beams)
+    for seed in range(5):
+        start = simulate("office", sensor=sensor, n_scans=1, seed=seed).truth.poses[0]
+        turns = math.radians(rate_deg) * sensor.period * np.arange(n)
+        poses = np.column_stack([np.tile(start[:2], (n, 1)), se2.wrap(start[2] + turns)])
+        scans = simulate("office", sensor=slow, poses=poses, seed=seed, odometry_noise=None)
+        half = middle_of_sweep(scans[0])
+        middles = se2.compose(poses, [0.0, 0.0, math.radians(rate_deg) * half])
+        still = simulate("office", sensor=sensor, poses=middles, seed=seed, odometry_noise=None)
+        yield scans, still, middles
+
+
+@pytest.mark.slow
+def test_a_fast_spin_is_as_accurate_as_one_seen_without_sweeping():
+    steps = {"swept": [], "still": [], "skewed": []}
+    drift = {name: [] for name in steps}
+    # 9 degrees a scan are 9 beams exactly, at which matches are best without a sweep: rates around it, either way
+    for rate_deg in (87.3, -88.4, 91.6, -90.0):
+        for scans, still, truth in spins(rate_deg):
+            found = {
+                "swept": chain(scans),
+                "still": chain(still),
+                "skewed": chain(scans, is_deskewed=False),
+            }
+            for name, poses in found.items():
+                one = errors(poses, truth)
+                steps[name].append(one)
+                drift[name].append(np.sum(one[:, 1]))
+    rpe = {
+        name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()
+    }
+    total = {name: np.sqrt(np.mean(np.square(all_))) for name, all_ in drift.items()}
+    assert rpe["swept"][0] < 1.1 * rpe["still"][0]
+    assert rpe["swept"][1] < 1.1 * rpe["still"][1]
+    assert total["swept"] < 1.1 * total["still"]
+    # and it matters: two in a hundred of the turn are lost otherwise
+    assert total["skewed"] > 10 * total["swept"]
+
+
+@pytest.mark.parametrize("fault", ["same", "back", "leap"])
+def test_faults_of_the_clock_do_not_wreck_it(fault):
+    scans, _, truth = next(spins(87.3, n=20))
+    stamps = np.array([scan.stamp for scan in scans])
+    stamps[12:] += {"same": stamps[11] - stamps[12], "back": -5.0, "leap": 3600.0}[fault]
+    faulty = [replace(scan, stamp=s) for scan, s in zip(scans, stamps, strict=True)]
+    off = errors(chain(faulty), truth)
+    assert off[:, 0].max() < 0.015
+    assert np.abs(off[:, 1]).max() < 0.006
