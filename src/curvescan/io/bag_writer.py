@@ -41,15 +41,18 @@ _PLUGINS = {BagKind.SQLITE: StoragePlugin.SQLITE3, BagKind.MCAP: StoragePlugin.M
 class _Writer(Protocol):
     """What the writers of rosbags have in common."""
 
-    def open(self) -> None: ...
+    def __enter__(self) -> object: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> object: ...
 
     def add_connection(self, topic: str, msgtype: str, *, typestore: Any) -> Connection: ...
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None: ...
-
-    def close(self) -> None: ...
-
-    def abort(self) -> None: ...
 
 
 @contextmanager
@@ -110,7 +113,7 @@ class BagWriter:
         )
 
     def __enter__(self) -> Self:
-        self._writer.open()
+        self._writer.__enter__()
         return self
 
     def __exit__(
@@ -119,10 +122,7 @@ class BagWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if error is None:
-            self._writer.close()
-        else:
-            self._writer.abort()
+        self._writer.__exit__(kind, error, traceback)
 
     def add_scan(self, scan: LaserScan) -> bool:
         """Write a scan to /scan, and return whether all its numbers are kept as they are.
