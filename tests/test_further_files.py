@@ -273,3 +273,22 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert len((out / "trajectory.kitti").read_text().splitlines()) == 4
     assert len(read_g2o(out / "graph.g2o")[1]) == 3
     assert len(read_log(out / "run.mcap")) == 4
+
+
+def test_a_file_that_cannot_be_made_costs_no_results(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scan = room_scan((0.0, 0.0, 0.0))
+    beams = {"angle_min": scan.angle_min, "angle_increment": scan.angle_increment}
+    # milliseconds taken for seconds: no message can hold them
+    log = log_from_arrays([(1.7e12 + k, scan.ranges) for k in range(2)], **beams)
+    write_log(tmp_path / "log.csv", log)
+    out = tmp_path / "out"
+    assert run(["odometry", str(tmp_path / "log.csv"), "--out", str(out), "--also", "mcap"]) == 1
+    assert "cannot write the stamp 1700000000000.0 s" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == [
+        "map.png",
+        "run.json",
+        "trajectory.csv",
+        "trajectory.tum",
+    ]

@@ -301,10 +301,22 @@ def test_file_that_unpacks_to_very_much_takes_little_memory(tmp_path: Path) -> N
 
 words = [b"FLASER ", b"4 ", b"1.5 ", b"nan ", b"\n", b"\r\n", b"PARAM ", b"\x00", b"\xff", b"# "]
 sound = [flaser().encode() + b"\n", configured().encode() + b"\n"]
+table = [
+    b"stamp,angle_min,angle_increment,x,ranges\n",
+    b"1,0,0.1,,5,6\n",
+    b"angles,0,1,3\n",
+    b"intensities,7,8\n",
+    b"1,,,,2,3\n",
+    b",",
+    b"-",
+    b"1",
+]
+tables = st.lists(st.sampled_from(table), max_size=20).map(lambda rows: table[0] + b"".join(rows))
 fragments = st.sampled_from([*words, *sound, GZIP_MAGIC])
 contents = st.one_of(
     st.binary(max_size=300),
     st.lists(fragments, max_size=40).map(b"".join),
+    tables,
     st.binary(max_size=60).map(lambda junk: GZIP_MAGIC + junk),
     st.tuples(st.lists(fragments, max_size=20).map(b"".join), st.integers(0, 40)).map(
         lambda pair: gzip.compress(pair[0])[: -pair[1] or None]

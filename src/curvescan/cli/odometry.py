@@ -66,7 +66,7 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
     from curvescan.io import output_folder
-    from curvescan.io.further import FURTHER_FILES
+    from curvescan.io.further import RunData, write_further
     from curvescan.odometry import Odometry, OdometryStep, run_odometry
     from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
@@ -83,17 +83,13 @@ def odometry(
 
             run = run_odometry(source, chain, on_step=on_step)
         with ERR.status("drawing the map"):
-            save_run(
-                folder,
-                run,
-                source,
-                odometry=chain,
-                command=sys.argv,
-                source=log,
-                also=also,
-                edges=graph.edges,
-            )
+            save_run(folder, run, source, odometry=chain, command=sys.argv, source=log)
     OUT.print(summarise(run, len(source)))
-    files = ["trajectory.tum", "trajectory.csv", *(FURTHER_FILES[name].filename for name in also)]
-    OUT.print(f"wrote {out}/{', '.join(files)}, map.png, run.json", markup=False)
+    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
+    if also:
+        # on their own: what goes wrong here must not cost the results of the run
+        data = RunData(trajectory=run.trajectory, edges=graph.edges, scans=source)
+        with output_folder(out) as folder:
+            files = write_further(folder, also, data)
+        OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0

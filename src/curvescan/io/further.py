@@ -77,8 +77,8 @@ FURTHER_FILES: dict[str, FurtherFile] = {
 """Name of each further file."""
 
 
-def write_further(folder: Path, names: Iterable[str], data: RunData) -> None:
-    """Write further files of a run into an existing folder.
+def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
+    """Write further files of a run into an existing folder, and return their names.
 
     Parameters
     ----------
@@ -96,9 +96,13 @@ def write_further(folder: Path, names: Iterable[str], data: RunData) -> None:
     OutputError
         When a file cannot be written.
     """
+    rows = []
     for name in names:
         if name not in FURTHER_FILES:
             raise InvalidArgumentError(
                 f"a further file must be one of {', '.join(FURTHER_FILES)}, got {name!r}"
             )
-        FURTHER_FILES[name].write(folder, data)
+        rows.append(FURTHER_FILES[name])
+    for row in rows:
+        row.write(folder, data)
+    return tuple(row.filename for row in rows)

@@ -14,11 +14,10 @@ import numpy as np
 
 from curvescan import __version__, se2
 from curvescan.io.bag_files import storage_files
-from curvescan.io.further import RunData, write_further
 from curvescan.io.log import Log
 from curvescan.io.trajectory import write_csv, write_tum
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
-from curvescan.types import Pose, PoseEdge
+from curvescan.types import Pose
 from curvescan.view.map import draw_map, occupied_cells, standing_and_moved_cells
 
 
@@ -31,8 +30,6 @@ def save_run(
     command: Sequence[str] = (),
     source: Path | None = None,
     truth: Pose | None = None,
-    also: Sequence[str] = (),
-    edges: Sequence[PoseEdge] = (),
 ) -> None:
     """Write trajectory.tum, trajectory.csv, map.png and run.json of a run into an existing folder.
 
@@ -52,14 +49,9 @@ def save_run(
         The file or folder of the log, for its size and digest.
     truth : (n, 3) float64 or None
         True poses, drawn with the map.
-    also : sequence of str
-        Further files, names of :data:`curvescan.io.further.FURTHER_FILES`.
-    edges : sequence of PoseEdge
-        The matches behind the poses, for a pose graph among them.
     """
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    write_further(folder, also, RunData(trajectory=run.trajectory, edges=edges, scans=log))
     _save_map(folder / "map.png", run, log, truth)
     record = describe_run(run, log, odometry, command, source)
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
