@@ -19,8 +19,9 @@ from curvescan.evaluation.errors import trajectory_errors
 from curvescan.evaluation.experiments import count_parameters, run_experiments
 from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
-from curvescan.evaluation.real_logs import judge_log
+from curvescan.evaluation.real_logs import assign_relations, chain, judge_log
 from curvescan.evaluation.speed import measure_speed
+from curvescan.io import Relations
 from curvescan.odometry import run_odometry
 from curvescan.simulation import SENSORS, simulate
 from curvescan.view.experiments import as_record, save_experiments
@@ -181,3 +182,58 @@ def test_lost_steps_are_found_and_put_right():
     assert lost.motion > 0.0
     exact = replace(run, trajectory=cs.Trajectory(stamps=log.truth.stamps, poses=log.truth.poses))
     assert find_lost_steps(log.truth.poses, exact).end_without < 1e-9
+
+
+def test_chained_matches_repeat_a_motion_that_is_not_known():
+    nan = [math.nan] * 3
+    motion = np.array([nan, [1.0, 0.0, math.pi / 2], nan, [2.0, 0.0, 0.0]])
+    expected = [[0, 0, 0], [0, 0, 0], [1, 0, math.pi / 2], [1, 1, math.pi], [-1, 1, math.pi]]
+    np.testing.assert_allclose(chain(motion), expected, atol=1e-12)
+
+
+def relations_of(log, pairs, shift=0.0):
+    """True relations of a simulated log."""
+    i, j = np.array(pairs).T
+    return Relations(
+        first_stamps=log.truth.stamps[i] + shift,
+        second_stamps=log.truth.stamps[j] + shift,
+        poses=cs.se2.between(log.truth.poses[i], log.truth.poses[j]),
+    )
+
+
+@pytest.mark.slow
+def test_methods_on_a_log_are_measured_against_its_relations(tmp_path):
+    log, other = simulate("office", n_scans=12, seed=2), simulate("room", n_scans=4, seed=1)
+    relations = relations_of(log, [(0, 6), (9, 3), (0, 11)])
+    results = run_experiments(
+        methods=["curvescan", "cfsma"], logs=[log, other], relations=[relations], only_logs=True
+    )
+    assert results.drives == ()
+    assert [judged.method for judged in results.logs] == ["curvescan", "cfsma"] * 2
+    ours = results.logs[0]
+    assert ours.relations is not None
+    assert len(ours.relations) == 3
+    # 180 beams of 10 mm noise over 11 matches
+    assert ours.relations.translation.max() < 0.1
+    assert ours.median_difference[0] < 0.1
+    assert results.logs[2].relations is None
+    save_experiments(tmp_path, results)
+    record = json.loads((tmp_path / "results.json").read_text())
+    assert record["logs"][0]["relations"]["all"]["translation_m"]["n"] == 3
+    assert record["logs"][3]["relations"] is None
+    report = (tmp_path / "report.md").read_text()
+    assert "Errors of relations" in report
+    assert "Experiment" not in report
+
+
+def test_relations_must_belong_to_one_log_each():
+    log = simulate("room", n_scans=4, seed=1)
+    own = relations_of(log, [(0, 2)])
+    assert assign_relations([log], []) == [None]
+    assert assign_relations([log], [own]) == [own]
+    with pytest.raises(cs.InvalidArgumentError, match="1 relations from 5000"):
+        assign_relations([log], [relations_of(log, [(0, 2)], shift=5000.0)])
+    with pytest.raises(cs.InvalidArgumentError, match="two files of relations belong to"):
+        assign_relations([log], [own, own])
+    with pytest.raises(cs.InvalidArgumentError, match="give logs"):
+        run_experiments(only_logs=True)

@@ -67,7 +67,7 @@ def test_kitti_rows_are_the_matrices(tmp_path: Path) -> None:
 def test_evo_reads_tum_and_kitti_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))  # where evo makes a folder of its own on import
     file_interface = pytest.importorskip(
-        "evo.tools.file_interface", reason="evo is not installed: pip install evo"
+        "evo.tools.file_interface", reason="evo is not installed: pip install curvescan[evo]"
     )
     path = trajectory()
     write_tum(tmp_path / "a.tum", path)

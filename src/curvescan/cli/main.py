@@ -17,6 +17,7 @@ from curvescan.cli.bench import bench
 from curvescan.cli.calibrate import calibrate
 from curvescan.cli.convert import convert
 from curvescan.cli.demo import demo
+from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
@@ -30,6 +31,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "convert": convert,
     "odometry": odometry,
     "match": match,
+    "evaluate": evaluate,
     "experiments": experiments,
     "calibrate": calibrate,
     "bench": bench,

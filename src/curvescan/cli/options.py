@@ -22,6 +22,7 @@ from curvescan.rivals.config import (
 
 if TYPE_CHECKING:
     from curvescan.io import Log
+    from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
 """The log to read."""
@@ -114,3 +115,18 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
         clockwise=laser.clockwise,
         backwards=laser.backwards,
     )
+
+
+LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
+"""Pose of the laser on the robot: metres, metres, degrees."""
+
+
+def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
+    """Return a pose given in metres and degrees as the library has it."""
+    import numpy as np
+
+    from curvescan.errors import require
+
+    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
+    x, y, yaw_deg = laser_pose
+    return np.array([x, y, math.radians(yaw_deg)])

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 
+from numpy.typing import ArrayLike
+
+from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.drives import (
     DYNAMIC,
     RETURN_HOME,
@@ -19,8 +22,9 @@ from curvescan.evaluation.random_transform import (
     RandomTransformRuns,
     run_random_transforms,
 )
-from curvescan.evaluation.real_logs import LogJudgement, judge_log
+from curvescan.evaluation.real_logs import LogJudgement, assign_relations, judge_log
 from curvescan.io.log import Log
+from curvescan.io.relations import Relations
 from curvescan.matching import MATCHERS, find_matcher
 from curvescan.simulation import Simulation
 
@@ -55,9 +59,9 @@ class Experiments:
     is_quick : bool
         Whether they were cut short: a tenth of the runs, a quarter of the scans.
     random_transforms : dict of (what moved, share of people) to RandomTransformRuns
-        Experiment 1.
+        Experiment 1; empty where only logs were asked for.
     drives : tuple of DriveComparison
-        Experiments 2, 3 and 4.
+        Experiments 2, 3 and 4; empty likewise.
     n_parameters : dict of str to int
         Table VI: parameters of each method, counted from its configuration.
     logs : tuple of LogJudgement
@@ -76,6 +80,9 @@ def run_experiments(
     *,
     methods: Sequence[str] = tuple(MATCHERS),
     logs: Sequence[Log] = (),
+    relations: Sequence[Relations] = (),
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    only_logs: bool = False,
     is_quick: bool = False,
     seed: int = 0,
     progress: Progress = in_silence,
@@ -88,13 +95,27 @@ def run_experiments(
         Names of matchers.
     logs : sequence of Log
         Real logs.
+    relations : sequence of Relations
+        Of the robots of these logs; their stamps tell which log each belongs to.
+    laser_pose : (3,) array_like
+        Pose of the sensor on the robot, for the relations.
+    only_logs : bool
+        Leave out what is simulated.
     is_quick : bool
         A tenth of the runs and a quarter of the scans, to see that all works.
     seed : int
         The same seed gives the same numbers to the last digit, times aside.
     progress : callable
         Tells how far it is; silent by default.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When relations belong to none of the logs, or there is nothing to run.
     """
+    if only_logs and not logs:
+        raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
+    owned = assign_relations(logs, relations)
     n_runs, share = (100, 0.25) if is_quick else (1000, 1.0)
     random_transforms = {
         (moves, people_share): run_random_transforms(
@@ -104,10 +125,10 @@ def run_experiments(
             seed=seed,
             on_run=progress(f"experiment 1, {100 * people_share:.0f} % people", n_runs),
         )
-        for moves, people_share in VARIANTS
+        for moves, people_share in (() if only_logs else VARIANTS)
     }
     drives = []
-    for experiment in DRIVES:
+    for experiment in () if only_logs else DRIVES:
         log = experiment.simulate(seed=seed, share=share)
         advance = progress(
             f"experiment {experiment.number}, {experiment.title}", len(log) * len(methods)
@@ -118,8 +139,14 @@ def run_experiments(
             )
         )
     judged = [
-        judge_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
-        for log in logs
+        judge_log(
+            log,
+            method,
+            relations=some,
+            laser_pose=laser_pose,
+            on_step=progress(f"{log.name}, {method}", len(log) - 1),
+        )
+        for log, some in zip(logs, owned, strict=True)
         for method in methods
     ]
     return Experiments(

@@ -1,24 +1,30 @@
 """How a matcher does on a recorded log: each scan matched with the one before, no guess, laser alone.
 
 A log has no truth. Wheel odometry is good from one scan to the next, and so are the poses of a log that a SLAM system
-has corrected: a match that differs from them by more than their errors can explain is wrong.
+has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations, checked
+by hand (see ``relations.py``), the matches are chained to a trajectory and measured against them.
 """
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.evaluation.association import find_stamps
+from curvescan.evaluation.relations import RelationErrors, relation_errors
 from curvescan.io.log import Log
+from curvescan.io.relations import Relations
 from curvescan.matching import match, prepare
 from curvescan.matching.result import Outcome
-from curvescan.types import Bools, Floats
+from curvescan.types import Bools, Floats, Pose, Trajectory
 
 RIGHT = (0.25, np.radians(3.0))
 """A match is right within this of the log's own poses: metres, radians."""
@@ -45,6 +51,8 @@ class LogJudgement:
         Distance and angle between what was found and the log's own poses; None where it has none.
     seconds : (n_steps,) float64
         Time to prepare a scan and to match it.
+    relations : RelationErrors or None
+        Errors of the chained matches; None without relations of this log.
     """
 
     log: str
@@ -54,6 +62,7 @@ class LogJudgement:
     motion: Floats
     difference: Floats | None
     seconds: Floats
+    relations: RelationErrors | None = None
 
     @property
     def n_failed(self) -> int:
@@ -71,6 +80,16 @@ class LogJudgement:
         return self._share(lambda d: (d[:, 0] > WRONG[0]) | (d[:, 1] > WRONG[1]))
 
     @property
+    def median_difference(self) -> tuple[float, float]:
+        """Median distance (metres) and angle (radians) from the log's own motion, of what matched; NaN without any."""
+        if self.difference is None:
+            return float("nan"), float("nan")
+        known = self.difference[~np.isnan(self.difference[:, 0])]
+        if len(known) == 0:
+            return float("nan"), float("nan")
+        return float(np.median(known[:, 0])), float(np.median(known[:, 1]))
+
+    @property
     def largest_motion(self) -> tuple[float, float]:
         """99th percentile of the motion found, metres and radians: of a sensor that stands, its error."""
         known = self.motion[~np.isnan(self.motion[:, 0])]
@@ -85,7 +104,14 @@ class LogJudgement:
         return float(np.mean(holds(self.difference)))
 
 
-def judge_log(log: Log, method: str, *, on_step: Callable[[], None] | None = None) -> LogJudgement:
+def judge_log(
+    log: Log,
+    method: str,
+    *,
+    relations: Relations | None = None,
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    on_step: Callable[[], None] | None = None,
+) -> LogJudgement:
     """Return how a method does on consecutive scans of a log, with its default parameters.
 
     Parameters
@@ -94,20 +120,27 @@ def judge_log(log: Log, method: str, *, on_step: Callable[[], None] | None = Non
         At least two scans.
     method : str
         Name of a matcher.
+    relations : Relations or None
+        Of this log's robot.
+    laser_pose : (3,) array_like
+        Pose of the sensor on the robot, for the relations.
     on_step : callable or None
         Called after each match.
     """
     motion: list[Floats] = []
     seconds: list[float] = []
+    stamps: list[float] = []
     failures: Counter[Outcome] = Counter()
     prepared = (
-        (time.perf_counter(), prepare(scan, method=method), time.perf_counter()) for scan in log
+        (time.perf_counter(), prepare(scan, method=method), time.perf_counter(), scan.stamp)
+        for scan in log
     )
-    for (_, reference, _), (begun, current, ready) in pairwise(prepared):
+    for (_, reference, _, stamp), (begun, current, ready, next_stamp) in pairwise(prepared):
         started = time.perf_counter()
         result = match(reference, current, method=method)
         seconds.append(time.perf_counter() - started + ready - begun)
         motion.append(result.pose)
+        stamps.extend([next_stamp] if stamps else [stamp, next_stamp])
         if not result.ok:
             failures[result.outcome] += 1
         if on_step:
@@ -118,6 +151,10 @@ def judge_log(log: Log, method: str, *, on_step: Callable[[], None] | None = Non
         poses = log.odometry.poses
         off = se2.between(se2.between(poses[:-1], poses[1:]), found)
         difference = np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])])
+    errors = None
+    if relations is not None:
+        trajectory = Trajectory(stamps=np.array(stamps), poses=chain(found))
+        errors = relation_errors(trajectory, relations, laser_pose)
     return LogJudgement(
         log=log.name,
         method=method,
@@ -126,4 +163,51 @@ def judge_log(log: Log, method: str, *, on_step: Callable[[], None] | None = Non
         motion=found,
         difference=difference,
         seconds=np.array(seconds),
+        relations=errors,
     )
+
+
+def chain(motion: Pose) -> Pose:
+    """Return the poses that motions lead to, from the origin; a motion that is not known repeats the one before.
+
+    Parameters
+    ----------
+    motion : (n, 3) float64
+        Each from one pose to the next; NaN where a match failed.
+
+    Returns
+    -------
+    (n + 1, 3) float64
+        Without NaN: a failed match costs what the repeated motion is wrong by, not the rest of the trajectory.
+    """
+    poses, last = [se2.identity()], se2.identity()
+    for step in motion:
+        last = last if np.isnan(step[0]) else step
+        poses.append(se2.compose(poses[-1], last))
+    return np.array(poses)
+
+
+def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> list[Relations | None]:
+    """Return for each log the relations between its scans, told by their stamps; None without.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When relations belong to none of the logs, or two files of them to one.
+    """
+    stamps = [np.array([scan.stamp for scan in log]) for log in logs] if relations else []
+    owned: list[Relations | None] = [None] * len(logs)
+    for some in relations:
+        found = [np.count_nonzero(find_stamps(own, some.first_stamps) >= 0) for own in stamps]
+        if not any(found):
+            raise InvalidArgumentError(
+                f"{len(some):,} relations from {some.first_stamps.min():.6f} s on join no scans of "
+                f"{', '.join(log.name for log in logs) or 'any log: give the log too'}"
+            )
+        owner = int(np.argmax(found))
+        if owned[owner] is not None:
+            raise InvalidArgumentError(
+                f"two files of relations belong to {logs[owner].name}: give one a log"
+            )
+        owned[owner] = some
+    return owned

@@ -19,6 +19,8 @@ from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
 from curvescan.io.memory import MemoryLog, log_from_arrays
+from curvescan.io.poses import PoseFile, read_poses
+from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
 from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
@@ -32,6 +34,8 @@ __all__ = [
     "Log",
     "LogReport",
     "MemoryLog",
+    "PoseFile",
+    "Relations",
     "findings_of",
     "inspect_log",
     "log_from_arrays",
@@ -40,6 +44,8 @@ __all__ = [
     "read_config",
     "read_csv",
     "read_log",
+    "read_poses",
+    "read_relations",
     "read_tum",
     "set_up",
     "write_config",

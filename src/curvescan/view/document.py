@@ -26,10 +26,23 @@ def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
     parts : sequence of Part
         In their order.
     """
-    (folder / "report.md").write_text("\n".join(_markdown(part) for part in parts), "utf-8")
+    write_markdown(folder / "report.md", parts)
     body = "".join(_html(folder, part) for part in parts)
     page = _PAGE.format(title=escape(title), body=body)
     (folder / "report.html").write_text(page, "utf-8")
+
+
+def write_markdown(path: Path, parts: Sequence[Part]) -> None:
+    """Write a report as Markdown alone.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its figures are beside it.
+    parts : sequence of Part
+        In their order.
+    """
+    path.write_text("\n".join(_markdown(part) for part in parts), "utf-8")
 
 
 def _markdown(part: Part) -> str:

@@ -100,6 +100,7 @@ def log_table(judged: Sequence[LogJudgement]) -> ResultTable:
             for outcome, count in one.failures.items()
         )
         distance, angle = one.largest_motion
+        off, turned_off = one.median_difference
         rows.append(
             (
                 one.log,
@@ -107,6 +108,7 @@ def log_table(judged: Sequence[LogJudgement]) -> ResultTable:
                 f"{one.n_steps:,}",
                 percent(one.right_share),
                 percent(one.wrong_share),
+                "-" if np.isnan(off) else f"{1e3 * off:.1f} mm, {np.degrees(turned_off):.2f} deg",
                 percent(one.n_failed / one.n_steps),
                 reasons or "-",
                 f"{1e3 * distance:.1f} mm, {np.degrees(angle):.2f} deg",
@@ -121,9 +123,47 @@ def log_table(judged: Sequence[LogJudgement]) -> ResultTable:
             "steps",
             "within 0.25 m, 3 deg",
             "beyond 0.3 m or 10 deg",
+            "difference, median",
             "failed",
             "why",
             "motion, 99th percentile",
+            "time a scan",
+        ),
+        rows=rows,
+    )
+
+
+def log_relation_table(judged: Sequence[LogJudgement]) -> ResultTable:
+    """Return the errors of methods against relations, of the logs that have some."""
+    rows = []
+    for one in judged:
+        if one.relations is None:
+            continue
+        near, far, everything = (one.relations.spreads(w) for w in ("near", "far", "all"))
+        rows.append(
+            (
+                one.log,
+                one.method,
+                f"{near[0].n:,}, {far[0].n:,}",
+                f"{1e3 * near[0].mean:.1f} ± {1e3 * near[0].std:.1f} mm",
+                f"{np.degrees(near[1].mean):.3f} ± {np.degrees(near[1].std):.3f} deg",
+                f"{everything[0].mean:.3f} ± {everything[0].std:.3f} m",
+                f"{np.degrees(everything[1].mean):.2f} ± {np.degrees(everything[1].std):.2f} deg",
+                f"{one.n_failed:,} of {one.n_steps:,}",
+                f"{1e3 * np.median(one.seconds):.3f} ms",
+            )
+        )
+    return ResultTable(
+        title="Errors of relations, each scan matched with the one before; a failed match repeats the motion before it",
+        columns=(
+            "log",
+            "method",
+            "near, far relations",
+            "near: translation",
+            "near: rotation",
+            "all: translation",
+            "all: rotation",
+            "failed",
             "time a scan",
         ),
         rows=rows,

@@ -12,13 +12,19 @@ from curvescan import __version__
 from curvescan.evaluation.drives import DriveResult
 from curvescan.evaluation.experiments import DriveComparison, Experiments
 from curvescan.view.document import Part, save_document
+from curvescan.view.evaluation import relation_record
 from curvescan.view.experiment_figures import (
     draw_drive_map,
     draw_errors,
     draw_maps,
     draw_trajectories,
 )
-from curvescan.view.experiment_tables import drive_table, log_table, random_transform_table
+from curvescan.view.experiment_tables import (
+    drive_table,
+    log_relation_table,
+    log_table,
+    random_transform_table,
+)
 from curvescan.view.table import ResultTable
 
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}
@@ -27,7 +33,8 @@ PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}
 
 def save_experiments(folder: Path, results: Experiments) -> None:
     """Write report.html (self-contained), report.md, results.json and the figures into an existing folder."""
-    save_document(folder, "curvescan: the paper's experiments", list(_parts(folder, results)))
+    title = "curvescan: " + ("the paper's experiments" if results.drives else "real logs")
+    save_document(folder, title, list(_parts(folder, results)))
     record = json.dumps(as_record(results), indent=2)
     (folder / "results.json").write_text(record + "\n", "utf-8")
 
@@ -70,7 +77,13 @@ def as_record(results: Experiments) -> dict[str, object]:
                 "right": None if np.isnan(judged.right_share) else judged.right_share,
                 "wrong": None if np.isnan(judged.wrong_share) else judged.wrong_share,
                 "motion_p99": judged.largest_motion,
+                "median_difference": None
+                if judged.difference is None
+                else judged.median_difference,
                 "milliseconds": float(1e3 * np.median(judged.seconds)),
+                "relations": None
+                if judged.relations is None
+                else relation_record(judged.relations),
             }
             for judged in results.logs
         ],
@@ -96,6 +109,25 @@ def _drive_record(result: DriveResult) -> dict[str, object]:
 
 
 def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
+    if results.drives:
+        yield from _paper_parts(folder, results)
+    if results.logs:
+        yield from _log_parts(results)
+    yield "## Table VI: parameters"
+    yield ResultTable(
+        title="Parameters of each method, counted from its configuration",
+        columns=("method", "parameters", "to be tuned, by the paper"),
+        rows=[
+            (method, str(n), PAPER_PARAMETERS.get(method, "-"))
+            for method, n in results.n_parameters.items()
+        ],
+    )
+    if results.drives:
+        yield "## What the paper concludes, and what we find"
+        yield from _verdicts(results)
+
+
+def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
     yield "# The paper's experiments"
     yield (
         "P. Núñez, R. Vázquez-Martín, A. Bandera, F. Sandoval, Robotica 27 (2009) 469-479, section 5, rerun on simulated "
@@ -111,20 +143,17 @@ def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
     )
     for drive in results.drives:
         yield from _drive_parts(folder, drive)
-    yield "## Table VI: parameters"
-    yield ResultTable(
-        title="Parameters of each method, counted from its configuration",
-        columns=("method", "parameters", "to be tuned, by the paper"),
-        rows=[
-            (method, str(n), PAPER_PARAMETERS.get(method, "-"))
-            for method, n in results.n_parameters.items()
-        ],
+
+
+def _log_parts(results: Experiments) -> Iterator[Part]:
+    yield (
+        "## Real logs"
+        if results.drives
+        else f"# Every method on real logs (curvescan {__version__})"
     )
-    if results.logs:
-        yield "## Real logs"
-        yield log_table(results.logs)
-    yield "## What the paper concludes, and what we find"
-    yield from _verdicts(results)
+    yield log_table(results.logs)
+    if any(judged.relations is not None for judged in results.logs):
+        yield log_relation_table(results.logs)
 
 
 def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:

@@ -1,0 +1,122 @@
+"""Errors of a trajectory against reference poses: truth, or what a SLAM system made of the same log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.evaluation.association import Association, associate
+from curvescan.evaluation.errors import (
+    RelativeErrors,
+    TrajectoryErrors,
+    align,
+    ate,
+    rpe,
+    trajectory_errors,
+)
+from curvescan.evaluation.relations import span_of
+from curvescan.io.poses import PoseFile
+from curvescan.types import Floats, Pose, Trajectory
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReferenceErrors:
+    """Errors of the poses that have a reference, in the order of the trajectory.
+
+    Attributes
+    ----------
+    n_poses, n_reference : int
+        Known poses of the trajectory and of the reference.
+    association : Association
+        Which belongs to which.
+    stamps : (n,) float64
+        Of the trajectory, seconds.
+    poses : (n, 3) float64
+        The trajectory, moved onto the reference by the best alignment.
+    from_first : (n, 3) float64
+        The trajectory, moved so that the first poses are equal.
+    reference : (n, 3) float64
+        Reference poses of the sensor.
+    ate_best, ate_first : (n,) float64
+        Absolute trajectory error after the two alignments, metres.
+    rpe_frame, rpe_metre : RelativeErrors
+        Relative pose errors from one pair to the next, and over each metre of the reference's path.
+    totals : TrajectoryErrors
+        Error at the end, path, turns, drift.
+    """
+
+    n_poses: int
+    n_reference: int
+    association: Association
+    stamps: Floats
+    poses: Pose
+    from_first: Pose
+    reference: Pose
+    ate_best: Floats
+    ate_first: Floats
+    rpe_frame: RelativeErrors
+    rpe_metre: RelativeErrors
+    totals: TrajectoryErrors
+
+
+def reference_errors(
+    trajectory: Trajectory,
+    reference: PoseFile,
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    tolerance: float = 0.01,
+) -> ReferenceErrors:
+    """Return the errors of a sensor's trajectory against reference poses.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Poses of the sensor.
+    reference : PoseFile
+        Poses of the sensor, or of its robot.
+    laser_pose : (3,) array_like
+        Pose of the sensor on the robot, which carries reference poses to the sensor; of no effect where the reference is
+        known to be of the sensor.
+    tolerance : float
+        Largest difference of two stamps that belong together, seconds.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When fewer than two poses have a reference.
+    """
+    own, other = _known(trajectory), _known(reference.trajectory)
+    pairs = associate(own.stamps, other.stamps, tolerance=tolerance)
+    if len(pairs) < 2:
+        raise InvalidArgumentError(
+            f"errors need two poses with a reference within {tolerance:g} s, got {len(pairs)}: the trajectory's stamps "
+            f"run {span_of(own.stamps)}, the reference's {span_of(other.stamps)}"
+        )
+    poses, goal = own.poses[pairs.first], other.poses[pairs.second]
+    if not reference.is_of_sensor:
+        goal = se2.compose(goal, laser_pose)
+    return ReferenceErrors(
+        n_poses=len(own),
+        n_reference=len(other),
+        association=pairs,
+        stamps=own.stamps[pairs.first],
+        poses=align(poses, goal, "best"),
+        from_first=align(poses, goal, "first"),
+        reference=goal,
+        ate_best=ate(poses, goal, "best"),
+        ate_first=ate(poses, goal, "first"),
+        rpe_frame=rpe(poses, goal),
+        rpe_metre=rpe(poses, goal, delta=1.0, unit="metres"),
+        totals=trajectory_errors(poses, goal),
+    )
+
+
+def _known(trajectory: Trajectory) -> Trajectory:
+    known = ~np.isnan(trajectory.poses).any(axis=1)
+    if not known.any():
+        raise InvalidArgumentError("a trajectory needs a pose that is known, got NaN alone")
+    return Trajectory(stamps=trajectory.stamps[known], poses=trajectory.poses[known])

@@ -1,0 +1,136 @@
+"""Errors of a trajectory against relations: the measure of the Freiburg SLAM benchmark.
+
+R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009): the error of relation
+(i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are told apart.
+Near relations, between scans a few seconds apart, measure the matching; far ones, between visits of one place, measure what
+has added up in between, which a trajectory without loop closing cannot avoid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.evaluation.association import find_stamps
+from curvescan.evaluation.errors import Spread, travelled
+from curvescan.io.relations import Relations, read_relations
+from curvescan.types import Bools, Floats, Ints, Trajectory
+
+__all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_errors"]
+
+Which: TypeAlias = Literal["near", "far", "all"]
+"""Which relations: between scans less than some seconds apart, the others, or all."""
+
+NEAR = 5.0
+"""Relations of scans less than this apart are near, seconds."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RelationErrors:
+    """Errors of the relations whose scans are in the trajectory, in the order of the relations.
+
+    Attributes
+    ----------
+    n_given : int
+        Relations in the file, those included whose scans are not in the trajectory.
+    is_near : (n,) bool
+        Whether the two scans are less than `near` apart.
+    near : float
+        Seconds.
+    translation : (n,) float64
+        Metres.
+    rotation : (n,) float64
+        Absolute error in angle, radians.
+    scan : (n,) int64
+        Index of the later scan in the trajectory.
+    place : (n,) float64
+        Length of the trajectory up to it, metres.
+    between : (n,) float64
+        Length of the trajectory between the two scans, metres.
+    """
+
+    n_given: int
+    is_near: Bools
+    near: float
+    translation: Floats
+    rotation: Floats
+    scan: Ints
+    place: Floats
+    between: Floats
+
+    def __len__(self) -> int:
+        return len(self.translation)
+
+    @property
+    def n_missing(self) -> int:
+        """Number of relations whose scans are not in the trajectory."""
+        return self.n_given - len(self)
+
+    def spreads(self, which: Which) -> tuple[Spread, Spread]:
+        """Return the figures of the translation (metres) and of the rotation (radians)."""
+        chosen = {"near": self.is_near, "far": ~self.is_near, "all": np.full(len(self), True)}[
+            which
+        ]
+        return Spread.of(self.translation[chosen]), Spread.of(self.rotation[chosen])
+
+
+def relation_errors(
+    trajectory: Trajectory,
+    relations: Relations,
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    near: float = NEAR,
+) -> RelationErrors:
+    """Return the errors of a sensor's trajectory against relations of its robot.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Poses of the sensor.
+    relations : Relations
+        Between poses of the robot; a scan is found by its stamp (see :func:`find_stamps`).
+    laser_pose : (3,) array_like
+        Pose of the sensor on the robot.
+    near : float
+        Relations of scans less than this apart are near, seconds.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When no relation has both its scans in the trajectory.
+    """
+    robot = se2.compose(trajectory.poses, se2.inverse(laser_pose))
+    is_known = ~np.isnan(robot[:, 2])
+    first = find_stamps(trajectory.stamps, relations.first_stamps)
+    second = find_stamps(trajectory.stamps, relations.second_stamps)
+    found = np.flatnonzero((first >= 0) & (second >= 0))
+    found = found[is_known[first[found]] & is_known[second[found]]]
+    if found.size == 0:
+        raise InvalidArgumentError(
+            f"none of the {len(relations):,} relations joins two stamps of the trajectory, "
+            f"{span_of(trajectory.stamps)}; those of the relations are "
+            f"{span_of(np.concatenate([relations.first_stamps, relations.second_stamps]))}"
+        )
+    i, j = first[found], second[found]
+    off = se2.between(relations.poses[found], se2.between(robot[i], robot[j]))
+    length = travelled(robot)
+    return RelationErrors(
+        n_given=len(relations),
+        is_near=relations.gaps[found] < near,
+        near=near,
+        translation=np.hypot(off[:, 0], off[:, 1]),
+        rotation=np.abs(off[:, 2]),
+        scan=np.maximum(i, j),
+        place=length[np.maximum(i, j)],
+        between=np.abs(length[j] - length[i]),
+    )
+
+
+def span_of(stamps: Floats) -> str:
+    """Return the span of stamps in words."""
+    return f"from {stamps.min():.6f} to {stamps.max():.6f} s"
