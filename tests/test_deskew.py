@@ -8,11 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import curvescan as cs
 from curvescan import se2
 from curvescan.deskew import (
     WORTH_AGAIN,
+    _seen,
     deskew,
     middle_of_sweep,
     predicted_velocity,
@@ -146,6 +149,25 @@ def test_what_is_hidden_by_something_nearer_is_left_out():
     assert moved.valid[20:31].all()
     assert 5 <= np.count_nonzero(~moved.valid) <= 9
     assert (np.diff(moved.angles) > 0).all()
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 3), st.floats(0.1, 9), st.booleans()), min_size=1, max_size=25)
+)
+def test_of_readings_out_of_order_the_nearer_is_seen(rows):
+    bearings, ranges, valid = (np.array(column) for column in zip(*rows, strict=True))
+    seen = _seen(bearings, ranges, valid, 0.01)
+    assert not (seen & ~valid).any()
+    left = np.flatnonzero(seen)
+    assert (np.diff(bearings[left]) >= 0.01).all()
+    for i in np.flatnonzero(valid & ~seen):
+        # something no farther stands before it, on the wrong side
+        before = valid[:i] & (bearings[:i] > bearings[i] - 0.01) & (ranges[:i] <= ranges[i])
+        after = valid[i + 1 :] & (bearings[i + 1 :] < bearings[i] + 0.01)
+        assert before.any() or (after & (ranges[i + 1 :] < ranges[i])).any()
+    in_order = np.argsort(bearings)
+    apart = np.diff(bearings[in_order], prepend=-1.0) > 0.02
+    assert _seen(bearings[in_order], ranges, apart, 0.01).tolist() == apart.tolist()
 
 
 def test_uneven_beams_are_deskewed_too():

@@ -22,7 +22,7 @@ from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Pose
+from curvescan.types import Bools, Floats
 
 _FASTEST = 0.5
 """Turn of the sensor from a beam to the next, in angles between beams, from which on it is no velocity of a robot."""
@@ -70,12 +70,9 @@ def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     least = step if scan.has_uniform_angles else float(np.min(np.abs(np.diff(scan.angles))))
     if abs(twist[2]) * scan.time_increment >= _FASTEST * least:
         return scan
-    times = scan.time_increment * np.arange(n) - middle_of_sweep(scan)
-    # the directions of the beams, turned: where far readings come to lie, and beams without a reading
-    turned = scan.angles + times * twist[2]
-    points = _transform_each(se2.exp(times[:, np.newaxis] * twist), scan.points)
-    ranges = np.hypot(points[:, 0], points[:, 1])
-    bearings = turned + se2.wrap(np.arctan2(points[:, 1], points[:, 0]) - turned)
+    turned, bearings, ranges = _from_the_middle(
+        scan.angles, scan.ranges, scan.valid, scan.time_increment, twist
+    )
     way = 1.0 if scan.angle_increment > 0.0 else -1.0
     seen = _seen(way * bearings, ranges, scan.valid, 1e-3 * step)
     angles = way * _between_seen(way * bearings, way * turned, seen)
@@ -151,12 +148,34 @@ def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     return last if _SHORTEST * usual <= last <= _LONGEST * usual else usual
 
 
-def _transform_each(poses: Pose, points: Floats) -> Floats:
-    """Return (n, 2) points, each brought from a frame of its own into the frame that the (n, 3) poses are given in."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x = poses[:, 0] + cos * points[:, 0] - sin * points[:, 1]
-    y = poses[:, 1] + sin * points[:, 0] + cos * points[:, 1]
-    return np.stack([x, y], axis=-1)
+@kernel
+def _from_the_middle(
+    angles: Floats, ranges: Floats, valid: Bools, time_increment: float, twist: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return where the beams point to, and bearing and range of the readings, from the middle of the sweep.
+
+    `turned`, (n,), are the beams' directions: where far readings come to lie, and beams without a reading. The path
+    is that of :func:`curvescan.se2.exp`. Bearings are not wrapped, and NaN without a reading, as the ranges are.
+    """
+    n = angles.size
+    turned, bearings, distances = np.empty(n), np.full(n, np.nan), np.full(n, np.nan)
+    for i in range(n):
+        time = (i - 0.5 * (n - 1)) * time_increment
+        turn = twist[2] * time
+        turned[i] = angles[i] + turn
+        if not valid[i]:
+            continue
+        half = 0.5 * turn
+        # sin(half) / half, to rounding
+        chord = math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+        along, across = chord * math.cos(half) * time, chord * math.sin(half) * time
+        x = along * twist[0] - across * twist[1]
+        y = across * twist[0] + along * twist[1]
+        c, s = math.cos(turned[i]), math.sin(turned[i])
+        ahead, aside = ranges[i] + c * x + s * y, c * y - s * x
+        bearings[i] = turned[i] + math.atan2(aside, ahead)
+        distances[i] = math.sqrt(ahead * ahead + aside * aside)
+    return turned, bearings, distances
 
 
 @kernel
@@ -171,15 +190,13 @@ def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools
     for i in range(n):
         if not valid[i]:
             continue
-        is_hidden = False
-        while top > 0 and bearings[i] - bearings[stack[top - 1]] < least:
-            if ranges[stack[top - 1]] <= ranges[i]:
-                is_hidden = True
-                break
-            top -= 1
+        left, is_hidden = top, False
+        while left > 0 and not is_hidden and bearings[i] - bearings[stack[left - 1]] < least:
+            is_hidden = ranges[stack[left - 1]] <= ranges[i]
+            left -= 1
         if not is_hidden:
-            stack[top] = i
-            top += 1
+            stack[left] = i
+            top = left + 1
     seen = np.zeros(n, dtype=np.bool_)
     for k in range(top):
         seen[stack[k]] = True
