@@ -236,6 +236,7 @@ def test_file_is_replaced_when_the_block_ends(tmp_path: Path) -> None:
     path = tmp_path / "sub" / "a.txt"
     for old, new in ((None, "1"), ("1", "2")):
         with output_file(path) as file:
+            assert file.parent.parent == path.parent  # a hidden folder, where the file will be
             file.write_text(new)
             assert (path.read_text() if path.exists() else None) == old
         assert tree(tmp_path) == {"sub": None, "sub/a.txt": new}

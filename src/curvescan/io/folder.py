@@ -81,15 +81,30 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the file cannot be written there.
     """
+    made: list[Path] = []
+    temporary: Path | None = None
     try:
-        target = Path(os.path.realpath(path))
-        if target.exists() and not target.is_file():
-            kind = "folder" if target.is_dir() else "device or a pipe"
-            raise OutputError(f"{target} is a {kind}: a result needs a file, choose another name")
-    except (OSError, ValueError) as error:
-        raise _cannot_write(path, error) from error
-    with output_folder(target.parent) as folder:
-        yield folder / target.name
+        try:
+            target = Path(os.path.realpath(path))
+            _check_is_free(target.parent)
+            if target.exists() and not target.is_file():
+                kind = "folder" if target.is_dir() else "device or a pipe"
+                raise OutputError(
+                    f"{target} is a {kind}: a result needs a file, choose another name"
+                )
+            made = _make_parents(target)
+            temporary = _new_hidden_folder(target.parent)
+        except (OSError, ValueError) as error:
+            raise _cannot_write(path, error) from error
+        yield temporary / target.name
+        try:
+            (temporary / target.name).replace(target)
+        except OSError as error:
+            raise _cannot_write(path, error) from error
+    except BaseException:
+        _remove(temporary, made)
+        raise
+    _remove(temporary, [])
 
 
 def _check_is_free(target: Path) -> None:
