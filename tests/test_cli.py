@@ -248,8 +248,8 @@ def test_the_methods_of_the_command_line_are_those_of_the_library():
 def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):
     add = Odometry.add
 
-    def interrupted_at_five(self, scan):
-        step = add(self, scan)
+    def interrupted_at_five(self, scan, wheels=None):
+        step = add(self, scan, wheels)
         if step.index == 5:
             signal.raise_signal(signal.SIGINT)
         return step

@@ -10,7 +10,7 @@ from curvescan import InvalidArgumentError, LogFileError
 from curvescan.cfsma.config import CfSmaConfig, CurvatureConfig, LandmarksConfig
 from curvescan.io import read_config, write_config
 from curvescan.matching import MATCHERS, find_matcher
-from curvescan.odometry import OdometryConfig
+from curvescan.odometry import MotionConfig, OdometryConfig
 
 DEFAULTS = {"cfsma": CfSmaConfig(), "odometry": OdometryConfig()}
 
@@ -22,9 +22,14 @@ def test_a_configuration_comes_back_to_the_bit(tmp_path_factory, tolerance, n):
         curvature=CurvatureConfig(arc_tolerance=tolerance),
         landmarks=LandmarksConfig(n_neighbours=n),
     )
-    write_config(path, {"cfsma": config, "odometry": OdometryConfig(max_predictions=n)})
+    write_config(
+        path, {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))}
+    )
     found = read_config(path, DEFAULTS)
-    assert found == {"cfsma": config, "odometry": OdometryConfig(max_predictions=n)}
+    assert found == {
+        "cfsma": config,
+        "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n)),
+    }
 
 
 @pytest.mark.parametrize("method", sorted(MATCHERS))

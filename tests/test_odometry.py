@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.odometry import OdometryConfig, StepOutcome, run_odometry
+from curvescan.odometry import (
+    KeysConfig,
+    MotionConfig,
+    OdometryConfig,
+    StepOutcome,
+    run_odometry,
+)
 from tests.scenes import room_scan
 
 STEP = np.array([0.05, 0.02, 0.04])
@@ -31,7 +37,7 @@ def blank(stamp=0.0):
 
 def test_poses_are_the_chain_of_the_matches():
     scans, _ = drive(6)
-    odometry = cs.Odometry()
+    odometry = cs.Odometry(config=OdometryConfig.scan_to_scan())
     steps = [odometry.add(scan) for scan in scans]
     assert [s.index for s in steps] == list(range(6))
     assert steps[0].outcome is StepOutcome.STARTED
@@ -53,7 +59,7 @@ def test_poses_are_the_chain_of_the_matches():
 
 def test_a_failed_match_repeats_the_last_motion_and_says_so():
     scans, _ = drive(4)
-    odometry = cs.Odometry()
+    odometry = cs.Odometry(config=OdometryConfig.scan_to_scan())
     steps = [odometry.add(scan) for scan in [*scans[:3], blank(), scans[3]]]
     predicted, after = steps[3], steps[4]
     assert predicted.outcome is StepOutcome.PREDICTED
@@ -90,7 +96,7 @@ def test_the_failed_scan_becomes_the_next_reference():
 
 def test_a_motion_is_not_repeated_for_ever():
     scans, _ = drive(3)
-    odometry = cs.Odometry(config=OdometryConfig(max_predictions=2))
+    odometry = cs.Odometry(config=OdometryConfig(motion=MotionConfig(max_repeats=2)))
     for scan in scans:
         odometry.add(scan)
     steps = [odometry.add(blank()) for _ in range(4)]
@@ -162,10 +168,18 @@ def test_wrong_arguments_are_named():
         cs.Odometry(method="slam")
     with pytest.raises(cs.InvalidArgumentError, match="scan must be a LaserScan"):
         cs.Odometry().add(np.ones(3))
-    with pytest.raises(cs.InvalidArgumentError, match="prediction_sigma_m must be > 0, got 0"):
-        OdometryConfig(prediction_sigma_m=0)
-    with pytest.raises(cs.InvalidArgumentError, match="max_predictions must be >= 0, got -1"):
-        OdometryConfig(max_predictions=-1)
+    with pytest.raises(cs.InvalidArgumentError, match="wheels must be three numbers"):
+        cs.Odometry().add(blank(), wheels=[0.0, 1.0])
+    with pytest.raises(cs.InvalidArgumentError, match="lost_m must be > 0, got 0"):
+        MotionConfig(lost_m=0)
+    with pytest.raises(cs.InvalidArgumentError, match="must not be less than least_sigma_m"):
+        MotionConfig(sigma_m=0.01)
+    with pytest.raises(cs.InvalidArgumentError, match="max_repeats must be >= 0, got -1"):
+        MotionConfig(max_repeats=-1)
+    with pytest.raises(cs.InvalidArgumentError, match=r"kept must lie in \(0, 1\], got 0"):
+        KeysConfig(kept=0)
+    with pytest.raises(cs.InvalidArgumentError, match="max_keys must be at least 1, got 0"):
+        KeysConfig(max_keys=0)
 
 
 def test_the_first_scan_has_no_match_that_could_fail():
@@ -174,3 +188,124 @@ def test_the_first_scan_has_no_match_that_could_fail():
     assert run.is_failed.tolist() == [False, False, False, True]
     assert run.is_matched.tolist() == [False, True, True, False]
     assert run_odometry([]).is_failed.size == 0
+
+
+def in_the_office(seed, n, n_people=0, **kwargs):
+    log = cs.simulate("office", n_scans=n, n_people=n_people, seed=seed, **kwargs)
+    return list(log), log.truth.poses
+
+
+def test_standing_still_does_not_drift():
+    _, somewhere = in_the_office(4, 1)
+    scans, _ = in_the_office(4, 150, n_people=4, poses=np.tile(somewhere, (150, 1)))
+    run = run_odometry(scans)
+    # the error is that of single matches, and does not grow: 5 mm and 0.1 deg hold at the end as at the beginning
+    assert np.hypot(*run.trajectory.poses[:, :2].T).max() < 0.005
+    assert np.abs(run.trajectory.poses[:, 2]).max() < math.radians(0.1)
+    assert run.outcomes.count(StepOutcome.MATCHED) >= 148
+    np.testing.assert_array_less(np.trace(run.trajectory.covariances[-1]), 1e-4)
+
+
+def test_slow_driving_does_not_pile_up_noise():
+    """Half a millimetre a scan for 10 cm: the chain from scan to scan walks about, a key scan does not."""
+    ends = {"keys": [], "last": []}
+    for seed in range(5):
+        _, (start,) = in_the_office(seed, 1)
+        way = cs.se2.compose(start, np.outer(np.arange(200), [0.0005, 0.0, 0.0]))
+        scans, truth = in_the_office(seed, 200, n_people=2, poses=way)
+        for name, config in (("keys", OdometryConfig()), ("last", OdometryConfig.scan_to_scan())):
+            run = run_odometry(scans, cs.Odometry(config=config))
+            off = run.trajectory.poses - cs.se2.between(truth[0], truth)
+            ends[name].append(np.hypot(*off[-50:, :2].T).mean())
+    assert np.median(ends["keys"]) < 0.5 * np.median(ends["last"])
+
+
+def test_a_place_seen_before_is_known():
+    """There and back again, backwards: the drift is put right by the key scans of the way there."""
+    _, there = in_the_office(3, 200)
+    scans, truth = in_the_office(3, 400, n_people=2, poses=np.concatenate([there, there[::-1]]))
+    run = run_odometry(scans)
+    assert run.outcomes.count(StepOutcome.REVISITED) >= 3
+    error = run.trajectory.poses - cs.se2.between(truth[0], truth)
+    distance = np.hypot(*error[:, :2].T)
+    assert distance[-10:].max() < 0.01
+    assert distance[-10:].max() < distance[190:210].mean()
+    sigma = np.sqrt(run.trajectory.covariances[:, 0, 0])
+    assert sigma[-1] < 0.5 * sigma[200]
+
+
+def test_a_covered_sensor_finds_itself_again():
+    scans, truth = in_the_office(2, 90)
+    run = run_odometry([*scans[:40], *[blank()] * 8, *scans[48:]])
+    assert set(run.outcomes[40:48]) <= {StepOutcome.PREDICTED, StepOutcome.HELD}
+    after = run.outcomes[48]
+    assert after in (StepOutcome.MATCHED, StepOutcome.RECOVERED, StepOutcome.REVISITED)
+    error = cs.se2.between(cs.se2.between(truth[0], truth[-1]), run.trajectory.poses[-1])
+    assert np.hypot(*error[:2]) < 0.03
+    # what was not known meanwhile was said to be
+    sigma = np.sqrt(run.trajectory.covariances[:, 0, 0])
+    assert sigma[47] > 10 * sigma[39]
+    assert sigma[60] < 3 * sigma[39]
+
+
+def test_along_a_bare_corridor_the_wheels_decide_and_across_it_the_laser():
+    log = cs.simulate("bare-corridor", n_scans=60, seed=5)
+    truth = cs.se2.between(log.truth.poses[0], log.truth.poses)
+    alone = run_odometry(log).trajectory
+    wheels = log.odometry.poses.copy()
+    wheels[:, 1] += 0.004 * np.arange(60)  # wheels that skid sideways
+    helped = run_odometry(log, wheels=wheels).trajectory
+    error = helped.poses - truth
+    assert np.abs(error[:, 1]).max() < 0.02  # the walls tell
+    assert np.abs(error[:, 0]).max() < 0.3  # 10 % of 7 m at most
+    assert np.abs(alone.poses[-1, 0] - truth[-1, 0]) > 1.0  # nothing tells
+    # and either says how sure it is
+    assert alone.covariances[-1, 0, 0] > 1.0
+    assert helped.covariances[-1, 0, 0] < 0.3**2
+    assert np.abs(error[-1, 0]) < 3.0 * np.sqrt(helped.covariances[-1, 0, 0])
+
+
+def test_wheels_that_know_only_the_turn_are_taken_for_that():
+    """A gyro: it tells a fast turn that the last motion does not."""
+    scans, _ = drive(6)
+    turned = cs.se2.compose(np.array([0.2, 0.1, 0.16]), np.array([0.0, 0.0, 1.2]))
+    scans.append(room_scan(turned, sigma=0.003, seed=99))
+    gyro = np.array([[np.nan, np.nan, 0.04 * k] for k in range(6)] + [[np.nan, np.nan, 1.36]])
+    run = run_odometry(scans, wheels=gyro)
+    assert run.outcomes[-1] in (StepOutcome.MATCHED, StepOutcome.CHAINED)
+    np.testing.assert_allclose(run.trajectory.poses[-1], turned, atol=0.02)
+
+
+@pytest.mark.slow
+def test_covariances_are_consistent_over_a_hundred_runs():
+    """NEES of the last pose: its mean over 100 runs is chi-square of 300 degrees of freedom, over 100."""
+    squared = []
+    for seed in range(100):
+        log = cs.simulate("office", n_scans=50, seed=7000 + seed)
+        run = run_odometry(log)
+        assert StepOutcome.PREDICTED not in run.outcomes
+        truth = cs.se2.between(log.truth.poses[0], log.truth.poses[-1])
+        error = run.trajectory.poses[-1] - truth
+        squared.append(error @ np.linalg.solve(run.trajectory.covariances[-1], error))
+    assert 2.54 < np.mean(squared) < 3.50  # 95 % bounds of a mean of 100
+
+
+def test_memory_does_not_grow_with_the_drive():
+    scans, _ = in_the_office(6, 40)
+    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=5, distance=0.05)))
+    for _ in range(3):
+        for scan in [*scans, *scans[::-1]]:
+            odometry.add(scan)
+            assert len(odometry.keys) <= 5
+
+
+def test_guesses_do_not_push_out_what_is_known():
+    scans, _ = in_the_office(2, 40)
+    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=12)))
+    for scan in scans:
+        odometry.add(scan)
+    known = {key.index for key in odometry.keys}
+    for seed in range(12):  # carried through places that have nothing to do with each other
+        elsewhere = cs.simulate("clutter", n_scans=1, seed=seed)
+        odometry.add(next(iter(elsewhere)))
+    assert len(known & {key.index for key in odometry.keys}) >= len(known) - 1

@@ -79,7 +79,7 @@ def load_kernels(method: str) -> None:
         started = time.perf_counter()
         import numpy as np
 
-        from curvescan import LaserScan, match
+        from curvescan import LaserScan, Odometry, match
         from curvescan._jit import n_compiled
 
         # a square room seen all around and a bare wall: what a matcher does with corners, and without
@@ -90,6 +90,9 @@ def load_kernels(method: str) -> None:
         ):
             scan = LaserScan(ranges, angle_min=0.0, angle_increment=np.pi / 90.0)
             match(scan, scan, method=method)
+            odometry = Odometry(method)
+            for _ in range(2):
+                odometry.add(scan)
         seconds = time.perf_counter() - started
     if n_compiled():
         ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")

@@ -5,7 +5,15 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cli.options import ConfigFile, Configs, Method, MethodConfigs
+from curvescan.cli.options import (
+    Chain,
+    ChainConfig,
+    ChainConfigs,
+    ConfigFile,
+    Configs,
+    Method,
+    MethodConfigs,
+)
 
 
 def demo(
@@ -17,8 +25,10 @@ def demo(
     people: int = 0,
     seed: int = 0,
     method: Method = "curvescan",
+    chain: Chain = "auto",
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
+    chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Drive a simulated robot through a building, match its scans, and compare with the truth.
 
@@ -40,31 +50,36 @@ def demo(
         Another seed, another building and another drive.
     method
         The matcher.
+    chain
+        What a scan is matched with: `keys`, key scans; `last`, the scan before it; `auto`, key scans for the default matcher.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
+    chain_config
+        Parameters of the odometry, where key scans are used.
     """
     import numpy as np
 
     from curvescan import simulate
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar, table
     from curvescan.cli.summary import summarise
+    from curvescan.cli.tracker import make_odometry
     from curvescan.evaluation.errors import trajectory_errors
     from curvescan.io import output_folder
-    from curvescan.odometry import Odometry, run_odometry
+    from curvescan.odometry import run_odometry
     from curvescan.view.run import save_run
 
-    chain = Odometry(method, matcher_config=configs.of(method))
+    tracker = make_odometry(method, chain, configs, chain_config)
     with output_folder(out) as folder:
-        load_kernels(chain.method)
+        load_kernels(method)
         with ERR.status("simulating"):
             log = simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
         with progress_bar("odometry", len(log)) as advance:
-            run = run_odometry(log, chain, on_step=advance)
+            run = run_odometry(log, tracker, on_step=advance)
         truth = log.truth.poses[: len(run.outcomes)]
         with ERR.status("drawing the map"):
-            save_run(folder, run, log, odometry=chain, command=sys.argv, truth=truth)
+            save_run(folder, run, log, odometry=tracker, command=sys.argv, truth=truth)
     OUT.print(summarise(run, len(log)))
     if len(truth) < 2:
         return 0

@@ -6,7 +6,7 @@ import functools
 import inspect
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -22,7 +22,7 @@ from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
-from curvescan.cli.options import MethodConfigs
+from curvescan.cli.options import ChainConfigs, MethodConfigs
 from curvescan.errors import CurvescanError
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -36,6 +36,9 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "calibrate": calibrate,
     "bench": bench,
 }
+
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
+"""Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, INTERRUPTED = 0, 1, 2, 130
 
@@ -85,16 +88,23 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
         return COMMANDS
     from curvescan.io.config import read_config
 
-    names = [field.name for field in fields(MethodConfigs)]
-    defaults = {name: getattr(MethodConfigs(), name) for name in names}
-    configs = MethodConfigs(**read_config(path, defaults))
+    defaults = {
+        field.name: getattr(group(), field.name)
+        for group in CONFIG_ARGUMENTS.values()
+        for field in fields(group)
+    }
+    read = read_config(path, defaults)
+    configs = {
+        argument: group(**{field.name: read[field.name] for field in fields(group)})
+        for argument, group in CONFIG_ARGUMENTS.items()
+    }
     return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
 
 
-def _with_configs(command: Callable[..., int], configs: MethodConfigs) -> Callable[..., int]:
-    """Return the command with other defaults for the parameters of the methods, if it has any."""
+def _with_configs(command: Callable[..., int], configs: Mapping[str, object]) -> Callable[..., int]:
+    """Return the command with other defaults for those of the arguments `configs` names that it has."""
     signature = inspect.signature(command)
-    if "configs" not in signature.parameters:
+    if not configs.keys() & signature.parameters.keys():
         return command
 
     @functools.wraps(command)
@@ -102,7 +112,7 @@ def _with_configs(command: Callable[..., int], configs: MethodConfigs) -> Callab
         return command(*args, **kwargs)
 
     parameters = [
-        p.replace(default=configs) if p.name == "configs" else p
+        p.replace(default=configs[p.name]) if p.name in configs else p
         for p in signature.parameters.values()
     ]
     changed.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

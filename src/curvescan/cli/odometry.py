@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from curvescan.cli.options import (
+    Chain,
+    ChainConfig,
+    ChainConfigs,
     ConfigFile,
     Configs,
     Laser,
@@ -18,6 +21,10 @@ from curvescan.cli.options import (
     open_log,
 )
 
+if TYPE_CHECKING:
+    from curvescan.io.log import Log
+    from curvescan.types import Pose
+
 FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
 """Names of the table of further files, written out so that --help loads none of their writers."""
 
@@ -28,14 +35,17 @@ def odometry(
     *,
     out: Path,
     method: Method = "curvescan",
+    odometry_prior: bool = False,
+    chain: Chain = "auto",
     range_max: float | None = None,
     topic: Topic = None,
     also: tuple[FurtherName, ...] = (),
     laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
+    chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Match each scan of a log with the one before, and write the trajectory and the map.
+    """Follow the sensor of a log by matching its scans, and write the trajectory and the map.
 
     Writes trajectory.tum, trajectory.csv (with covariances), map.png and run.json. Ctrl-C ends the run and writes
     what there is so far, marked as partial.
@@ -49,6 +59,12 @@ def odometry(
         Folder for the results; made if it is missing.
     method
         The matcher.
+    odometry_prior
+        Expect of each scan what the log's own odometry says, instead of the last motion. The matches decide where they
+        can; along a corridor the odometry does.
+    chain
+        What a scan is matched with: `keys`, a key scan until it is left behind, and earlier ones where the place is known;
+        `last`, the scan before it; `auto`, key scans for the default matcher and the last scan for the others.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
@@ -62,17 +78,21 @@ def odometry(
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
+    chain_config
+        Parameters of the odometry, where key scans are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
+    from curvescan.cli.tracker import make_odometry
     from curvescan.io import output_folder
     from curvescan.io.further import RunData, write_further
-    from curvescan.odometry import Odometry, OdometryStep, run_odometry
+    from curvescan.odometry import OdometryStep, run_odometry
     from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    chain, graph = Odometry(method, matcher_config=configs.of(method)), PoseGraph()
+    wheels = _wheels_of(source) if odometry_prior else None
+    tracker, graph = make_odometry(method, chain, configs, chain_config), PoseGraph()
     with output_folder(out) as folder:
         load_kernels(method)
         with progress_bar("odometry", len(source)) as advance:
@@ -81,9 +101,9 @@ def odometry(
                 graph.add(step)
                 advance()
 
-            run = run_odometry(source, chain, on_step=on_step)
+            run = run_odometry(source, tracker, wheels=wheels, on_step=on_step)
         with ERR.status("drawing the map"):
-            save_run(folder, run, source, odometry=chain, command=sys.argv, source=log)
+            save_run(folder, run, source, odometry=tracker, command=sys.argv, source=log)
     OUT.print(summarise(run, len(source)))
     OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
     if also:
@@ -93,3 +113,13 @@ def odometry(
             files = write_further(folder, also, data)
         OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0
+
+
+def _wheels_of(log: Log) -> Pose:
+    from curvescan.errors import InvalidArgumentError
+
+    if log.odometry is None:
+        raise InvalidArgumentError(
+            f"{log.name} holds no odometry that --odometry-prior could take: leave the flag out"
+        )
+    return log.odometry.poses

@@ -12,6 +12,7 @@ import tyro
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.errors import InvalidArgumentError
+from curvescan.odometry.config import OdometryConfig
 from curvescan.rivals.config import (
     CoxConfig,
     HistogramConfig,
@@ -58,11 +59,25 @@ class MethodConfigs:
         return getattr(self, method)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ChainConfigs:
+    """Parameters of the odometry."""
+
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """Key scans, what is expected of the next scan, and how far each is believed."""
+
+
+Chain: TypeAlias = Literal["auto", "keys", "last"]
+"""What a scan is matched with: key scans, the last scan, or what suits the method."""
+
 ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 """A TOML file of parameters, as `curvescan calibrate` writes it; main() reads it, and flags change what it says."""
 
 Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""
+
+ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
+"""Parameters of the odometry, as flags --odometry.PARAMETER."""
 
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from rich.table import Table
 
 from curvescan.cli.console import table
 from curvescan.odometry import OdometryRun, StepOutcome
+
+_ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 
 
 def summarise(run: OdometryRun, n_scans: int) -> Table:
@@ -15,16 +19,24 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
     title = f"{run.method}: {n:,} scans" + (f" of {n_scans:,} (partial)" if run.is_partial else "")
     result = table(title, "", "count", "share")
     n_steps = max(n - 1, 1)
-    for kind in (StepOutcome.MATCHED, StepOutcome.PREDICTED, StepOutcome.HELD):
-        count = run.outcomes.count(kind)
-        result.add_row(kind.value, f"{count:,}", f"{100 * count / n_steps:.1f} %")
+    counts = Counter(run.outcomes)
+    for kind in StepOutcome:
+        if kind is not StepOutcome.STARTED and (counts[kind] or kind in _ALWAYS):
+            result.add_row(kind.value, f"{counts[kind]:,}", f"{100 * counts[kind] / n_steps:.1f} %")
     for outcome, count in run.failures.items():
         result.add_row(f"  {outcome.value}", f"{count:,}", f"{100 * count / n_steps:.1f} %")
     x, y, theta = run.trajectory.poses[-1]
     result.add_section()
     result.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")
-    median, p99 = np.percentile(1e3 * run.seconds, [50, 99])
+    median, p99, worst = np.percentile(1e3 * run.seconds, [50, 99, 100])
     result.add_row(
-        f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile", "", ""
+        f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile, {worst:.1f} ms worst",
+        "",
+        "",
     )
+    share = 100.0 * median / (1e3 * run.scan_period)
+    if np.isfinite(share):
+        result.add_row(
+            f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", ""
+        )
     return result

@@ -13,7 +13,7 @@ from curvescan import se2
 from curvescan.evaluation.errors import TrajectoryErrors, trajectory_errors
 from curvescan.evaluation.random_transform import SUCCESS
 from curvescan.matching.moved import moved_along
-from curvescan.odometry import Odometry, OdometryRun, OdometryStep, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
 from curvescan.simulation import Drive, Simulation, simulate
 from curvescan.types import Floats, Pose
 
@@ -195,7 +195,7 @@ def _run_one(
         if on_step:
             on_step(step)
 
-    run = run_odometry(log, Odometry(method), on_step=collect)
+    run = run_odometry(log, Odometry(method, config=OdometryConfig.scan_to_scan()), on_step=collect)
     return DriveResult(
         run=run,
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
@@ -234,7 +234,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
 
 def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
     """Return how well the moving readings of a drive are told under the poses of a run."""
-    found = np.array(list(moved_along(log, run.trajectory.poses, run.is_matched)))
+    found = np.array(list(moved_along(log, run.trajectory.poses, run.is_joined)))
     return MovedScore(
         n_right=int(np.count_nonzero(found & log.is_person)),
         n_said=int(np.count_nonzero(found)),

@@ -64,7 +64,7 @@ def moved_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]
     return moved
 
 
-def moved_along(scans: Iterable[LaserScan], poses: Pose, is_matched: Bools) -> Iterator[Bools]:
+def moved_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
     """Yield the moved readings of each scan of a drive, told from the scans before it.
 
     Parameters
@@ -73,12 +73,12 @@ def moved_along(scans: Iterable[LaserScan], poses: Pose, is_matched: Bools) -> I
         The drive; held are the last few scans only.
     poses : (n, 3) float64
         Pose of the sensor at each scan, in one frame.
-    is_matched : (n,) bool
-        Whether each pose comes from a match with the scan before; scans beyond one that does not are not asked.
+    is_joined : (n,) bool
+        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked.
     """
     history: deque[tuple[LaserScan, Pose]] = deque(maxlen=max(LAGS))
-    for scan, pose, matched in zip(scans, poses, is_matched, strict=False):
-        if not matched:
+    for scan, pose, joined in zip(scans, poses, is_joined, strict=False):
+        if not joined:
             history.clear()
         earlier = [
             (history[-lag][0], se2.between(history[-lag][1], pose))

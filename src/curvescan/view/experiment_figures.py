@@ -79,7 +79,7 @@ def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
     """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
     run = drive.results[method].run
     poses = run.trajectory.poses
-    standing, moved = standing_and_moved_cells(drive.log, poses, run.is_matched)
+    standing, moved = standing_and_moved_cells(drive.log, poses, run.is_joined)
     wheel_poses = wheel_cells = None
     if drive.log.odometry is not None and drive.experiment.n_people == 0:
         wheels = drive.log.odometry.poses

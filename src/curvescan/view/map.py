@@ -55,7 +55,7 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
 
 
 def standing_and_moved_cells(
-    scans: Iterable[LaserScan], poses: Pose, is_matched: Bools, cell: float = 0.05
+    scans: Iterable[LaserScan], poses: Pose, is_joined: Bools, cell: float = 0.05
 ) -> tuple[Points, Points]:
     """Return the occupied cells of what stands, and of what moved while the sensor passed (figure 9).
 
@@ -63,8 +63,8 @@ def standing_and_moved_cells(
     ----------
     scans, poses, cell
         As for :func:`occupied_cells`; no pose may be NaN.
-    is_matched : (n,) bool
-        Whether each pose comes from a match with the scan before.
+    is_joined : (n,) bool
+        Whether each pose is a motion away from the one before.
 
     Returns
     -------
@@ -73,9 +73,7 @@ def standing_and_moved_cells(
     """
     standing, moving = _Cells(cell), _Cells(cell)
     kept, watched = tee(scans)
-    for scan, pose, moved in zip(
-        kept, poses, moved_along(watched, poses, is_matched), strict=False
-    ):
+    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
         points = se2.transform(pose, scan.points)
         standing.add(points[scan.valid & ~moved])
         moving.add(points[moved])

@@ -121,7 +121,7 @@ def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None) -> Non
     if log.odometry is not None:
         wheel_poses = _from_first(log.odometry.poses[: len(poses)])
         wheel_cells = occupied_cells(log, wheel_poses)
-    standing, moved = standing_and_moved_cells(log, poses, run.is_matched)
+    standing, moved = standing_and_moved_cells(log, poses, run.is_joined)
     title = f"{log.name}: {len(poses):,} scans, {run.method}"
     if run.is_partial:
         title += f" (partial: interrupted, {len(log):,} scans in all)"

@@ -1,0 +1,39 @@
+"""A stream of scans in, a trajectory out. Names are loaded on first use, so that --help loads no kernel."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from curvescan.odometry.config import KeysConfig, MotionConfig, OdometryConfig
+    from curvescan.odometry.odometry import Odometry, OdometryStep, StepOutcome
+    from curvescan.odometry.run import OdometryRun, run_odometry
+
+_HOMES = {
+    "KeysConfig": "config",
+    "MotionConfig": "config",
+    "Odometry": "odometry",
+    "OdometryConfig": "config",
+    "OdometryRun": "run",
+    "OdometryStep": "odometry",
+    "StepOutcome": "odometry",
+    "run_odometry": "run",
+}
+
+__all__ = [
+    "KeysConfig",
+    "MotionConfig",
+    "Odometry",
+    "OdometryConfig",
+    "OdometryRun",
+    "OdometryStep",
+    "StepOutcome",
+    "run_odometry",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'curvescan.odometry' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"curvescan.odometry.{_HOMES[name]}"), name)

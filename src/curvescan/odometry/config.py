@@ -1,0 +1,140 @@
+"""What can be set about the odometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from curvescan.errors import require
+from curvescan.matching import DEFAULT_METHOD
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeysConfig:
+    """Key scans: how long one is kept, and how earlier ones are come back to."""
+
+    distance: float = 0.8
+    """A new key scan is due this far from the one in use, metres; 0 makes each scan one."""
+    turn: float = 0.5
+    """A new key scan is due when the sensor has turned by this much, radians; 0 makes each scan one."""
+    min_score: float = 0.4
+    """A new key scan is due when the match with the one in use has a lower score, in [0, 1]."""
+    max_keys: int = 1000
+    """Key scans held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
+    least_score: float = 0.25
+    """A match where none was expected is not believed below this score, in [0, 1]."""
+    kept: float = 0.4
+    """Share of the variance of a match that stays when the scan becomes a key scan: the rest cancels along the chain,
+    for a key scan's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
+    max_searches: int = 20
+    """After a failure, scans for which earlier key scans are asked at once, and not only when one is left behind."""
+    max_tries: int = 4
+    """Earlier key scans tried for a scan, at most."""
+    drift: float = 2.0
+    """Standard deviations of the chain are taken to be this many times too small when it is asked whether two places
+    are the same: matches that follow each other err together."""
+    drift_floor_m: float = 0.03
+    """Error of the chain that is added for the same question, metres."""
+    drift_floor_rad: float = 0.01
+    """Error of the chain that is added for the same question, radians."""
+    max_reach: float = 2.5
+    """An earlier key scan is tried if it may lie this near, metres."""
+    sure_score: float = 0.45
+    """Least score of a match with an earlier key scan, in [0, 1]."""
+    same_place: float = 16.0
+    """Two estimates may be of one place up to this squared Mahalanobis distance: 99.9 % of those that are."""
+    certain_m: float = 0.1
+    """Where the chain knows the place of an earlier key scan better than this, metres, one match is enough; else two
+    earlier key scans must agree."""
+    certain_rad: float = 0.05
+    """The same for its direction, radians."""
+
+    def __post_init__(self) -> None:
+        for name in ("distance", "turn", "drift_floor_m", "drift_floor_rad", "max_reach"):
+            require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
+        for name in ("min_score", "least_score", "sure_score"):
+            score = getattr(self, name)
+            require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
+        require(self.max_keys >= 1, "max_keys must be at least 1", self.max_keys)
+        for name in ("max_searches", "max_tries"):
+            require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))
+        require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
+        require(self.drift >= 1.0, "drift must be at least 1", self.drift)
+        for name in ("same_place", "certain_m", "certain_rad"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionConfig:
+    """Motion: what is expected of the next scan before it is matched, and how well that is known."""
+
+    sigma_m: float = 0.1
+    """How much the motion is taken to change from a step to the next before any has been seen, metres and axis."""
+    sigma_rad: float = 0.1
+    """The same of its turn, radians."""
+    least_sigma_m: float = 0.02
+    """What is seen of such changes replaces the two above, but never goes below this, metres."""
+    least_sigma_rad: float = 0.02
+    """The same of its turn, radians."""
+    memory: float = 20.0
+    """Changes are averaged over about this many steps."""
+    is_fused: bool = True
+    """The expected motion takes part in each pose, weighed by the covariances; else the matches alone decide."""
+    lost_m: float = 0.5
+    """The same after a failed match, when earlier key scans are asked where the sensor is, metres."""
+    lost_rad: float = 1.0
+    """The same after a failed match, when earlier key scans are asked where the sensor is, radians."""
+    max_repeats: int = 5
+    """Failures in a row after which the last motion is no longer repeated and the pose is held."""
+    wheel_share: float = 0.1
+    """Wheel odometry errs by this share of the distance driven."""
+    wheel_turn_share: float = 0.25
+    """Wheel odometry errs by this share of the angle turned: mostly for want of a common clock with the laser."""
+    wheel_drift: float = 0.1
+    """Wheel odometry turns by this much by itself, radians for each metre driven."""
+    wheel_floor_m: float = 0.003
+    """Wheel odometry errs by this much at the least, metres a step."""
+    wheel_floor_rad: float = 0.003
+    """Wheel odometry errs by this much at the least, radians a step."""
+    surprise: float = 20.0
+    """A match this far from what was expected is not believed alone: squared Mahalanobis distance."""
+
+    def __post_init__(self) -> None:
+        for name in ("least_sigma_m", "least_sigma_rad", "lost_m", "lost_rad", "surprise"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("wheel_floor_m", "wheel_floor_rad"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("wheel_share", "wheel_turn_share", "wheel_drift"):
+            require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
+        require(
+            self.sigma_m >= self.least_sigma_m and self.sigma_rad >= self.least_sigma_rad,
+            "sigma_m and sigma_rad must not be less than least_sigma_m and least_sigma_rad",
+            (self.sigma_m, self.sigma_rad),
+        )
+        require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
+        require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryConfig:
+    """The whole of it."""
+
+    keys: KeysConfig = field(default_factory=KeysConfig)
+    """Key scans: how long one is kept, and how earlier ones are come back to."""
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    """Motion: what is expected of the next scan before it is matched."""
+
+    @classmethod
+    def scan_to_scan(cls) -> OdometryConfig:
+        """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
+        return cls(
+            keys=KeysConfig(distance=0.0, turn=0.0, max_keys=1, max_tries=0, kept=1.0),
+            motion=MotionConfig(is_fused=False),
+        )
+
+    @classmethod
+    def of_method(cls, method: str) -> OdometryConfig:
+        """Return the configuration that suits a matcher: scan to scan for all but the default one.
+
+        Key scans and returns to earlier ones need a matcher that finds its way from far and says how sure it is.
+        """
+        return cls() if method == DEFAULT_METHOD else cls.scan_to_scan()

@@ -1,0 +1,277 @@
+"""Odometry: a stream of scans in, a trajectory out.
+
+The only place that holds state. Its one verb is ``add(scan)``. Each scan is matched with a key scan, so that a sensor
+at rest does not drift; a new key scan is made when the one in use is left behind, unless the place is known from before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.matching import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
+from curvescan.matching.registry import find_matcher
+from curvescan.odometry.attempts import Attempt, as_found, judge
+from curvescan.odometry.config import OdometryConfig
+from curvescan.odometry.keys import Fix, Keys
+from curvescan.odometry.known_places import find_known_place
+from curvescan.odometry.motion import Motion
+from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert, nowhere_else
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Pose
+
+
+class StepOutcome(Enum):
+    """How a scan got its pose; the value is a sentence for people."""
+
+    STARTED = "First scan: its sensor frame is the frame of the trajectory."
+    MATCHED = "Matched with the key scan in use."
+    CHAINED = "Matched with the scan before it, which became the key scan."
+    REVISITED = "Matched with an earlier key scan as well: the place is known."
+    RECOVERED = (
+        "Lost by the key scan in use and by the scan before it, found by an earlier key scan."
+    )
+    PREDICTED = "No match: the expected motion was taken."
+    HELD = "Matches keep failing: the sensor is taken to stand still."
+
+
+MATCHES = (
+    StepOutcome.MATCHED,
+    StepOutcome.CHAINED,
+    StepOutcome.REVISITED,
+    StepOutcome.RECOVERED,
+)
+"""Outcomes that stand on a match."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OdometryStep:
+    """Where the sensor was at one scan.
+
+    Attributes
+    ----------
+    index : int
+        Number of the scan, from 0.
+    stamp : float
+        Its stamp, seconds.
+    pose : (3,) float64
+        [x, y, theta] of the sensor in the frame of the first scan: metres, metres, radians.
+    covariance : (3, 3) float64
+        Covariance of the pose, x, y, theta; zero at the first scan.
+    outcome : StepOutcome
+        How the pose came about.
+    match : MatchResult or None
+        The match behind it, also where it failed; None at the first scan.
+    reference : int or None
+        Number of the scan that `match` was tried with; None at the first scan.
+    """
+
+    index: int
+    stamp: float
+    pose: Pose
+    covariance: Cov
+    outcome: StepOutcome
+    match: MatchResult | None
+    reference: int | None
+
+
+class Odometry:
+    """Where the sensor is, scan by scan.
+
+    A scan is matched with the key scan in use, near where the motion leads one to expect it. If that fails or leaves
+    doubt, the scan before it is tried, then earlier key scans without a guess; and where nothing matches, the expected
+    motion is taken, and said to be. When the key scan in use is left behind, earlier ones are asked whether the place is
+    known, and if it is not, the scan becomes the next one.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    matcher_config : object or None
+        The matcher's configuration; None for its defaults.
+    config : OdometryConfig or None
+        None for what suits the method: see :meth:`OdometryConfig.of_method`.
+
+    Attributes
+    ----------
+    keys : Keys
+        The key scans in memory, each with its number in the stream and its pose.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When the method is unknown or the config is another method's.
+    """
+
+    def __init__(
+        self,
+        method: str = DEFAULT_METHOD,
+        *,
+        matcher_config: object | None = None,
+        config: OdometryConfig | None = None,
+    ) -> None:
+        self.method = method
+        self.matcher_config = matcher_config
+        self.config = config or OdometryConfig.of_method(method)
+        self.matcher = find_matcher(method, matcher_config)
+        self._n_scans = 0
+        self._motion = Motion(self.config.motion)
+        self.keys = Keys(self.config.keys.max_keys, self.config.keys.kept)
+        self._fix: Fix | None = None
+        self._last: PreparedScan | None = None  # the last scan, if it can be a reference
+        self._n_searches = 0  # scans for which a known place is still looked for, after a failure
+
+    def add(self, scan: LaserScan, wheels: ArrayLike | None = None) -> OdometryStep:
+        """Return where the sensor was at this scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan; the order of the calls is the order.
+        wheels : (3,) array_like or None
+            Pose of the sensor at this scan by its wheels, or another odometry, in a frame of their own: metres, metres,
+            radians. NaN where it does not tell: (nan, nan, theta) from a gyro. Only its changes are used.
+
+        Returns
+        -------
+        OdometryStep
+            Pose and covariance in the frame of the first scan, and how they came about.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When `scan` is not a LaserScan or `wheels` not a pose.
+        """
+        current = prepare(scan, method=self.method, config=self.matcher_config)
+        motion = self._motion.expect(scan.stamp, None if wheels is None else _as_wheels(wheels))
+        if self._fix is None:
+            is_guess = not self.matcher.can_be_reference(current.features)
+            key = self.keys.add(current, self._n_scans, None, is_guess=is_guess)
+            self._fix, found = Fix(key=key, seen=nowhere_else()), _Found(StepOutcome.STARTED)
+        else:
+            self._fix, found = self._locate(current, self._fix, motion)
+        world = self._fix.world
+        step = OdometryStep(
+            index=self._n_scans,
+            stamp=scan.stamp,
+            pose=world.pose,
+            covariance=world.cov,
+            outcome=found.outcome,
+            match=found.match,
+            reference=found.reference,
+        )
+        self._last = current if current.matcher.can_be_reference(current.features) else None
+        self._n_scans += 1
+        return step
+
+    def _locate(
+        self, current: PreparedScan, last: Fix, motion: UncertainPose
+    ) -> tuple[Fix, _Found]:
+        """Return where a scan is: by the key scan in use, else by the scan before it, else as well as it can be told."""
+        min_score = self.config.keys.min_score
+        key, outcome = last.key, StepOutcome.MATCHED
+        attempt = self._attempt(key.scan, current, last.moved(motion).seen)
+        origin = last.seen
+        before = self._last
+        if not (before is None or before is key.scan or attempt.is_sure(min_score)):
+            second = self._attempt(before, current, motion)
+            if second.is_surer_than(attempt, min_score):
+                attempt, origin, outcome = second, nowhere_else(), StepOutcome.CHAINED
+                key = self.keys.add(before, self._n_scans - 1, last)
+        if not attempt.is_believed(self.config.keys.least_score):
+            return self._do_without(current, last, motion, attempt.result)
+        key.used = self._n_scans
+        moved = chain(invert(origin), as_found(attempt.result))
+        self._motion.tell(
+            fuse(motion, moved)[0],
+            is_plausible=attempt.is_plausible,
+            is_clear=attempt.result.weak_direction is None,
+        )
+        fix = Fix(key=key, seen=attempt.seen, is_measured=attempt.result.weak_direction is None)
+        found = _Found(outcome, attempt.result, key.index)
+        if self._n_searches > 0 or self._is_leaving(fix, attempt.result.score):
+            return self._find_key(current, fix, found, attempt.result.score)
+        return fix, found
+
+    def _attempt(
+        self, reference: PreparedScan, current: PreparedScan, expected: UncertainPose
+    ) -> Attempt:
+        result = self.matcher.match(reference.features, current.features, expected.pose)
+        return judge(result, expected, self.config.motion)
+
+    def _is_leaving(self, fix: Fix, score: float, share: float = 1.0) -> bool:
+        """Return whether a scan is so far from the key scan, or shares so little with it, that another is due."""
+        keys, (x, y, theta) = self.config.keys, fix.seen.pose.tolist()
+        is_far = math.hypot(x, y) >= share * keys.distance or abs(theta) >= share * keys.turn
+        return is_far or score < keys.min_score
+
+    def _find_key(
+        self, current: PreparedScan, fix: Fix, found: _Found, score: float
+    ) -> tuple[Fix, _Found]:
+        """Return the fix by an earlier key scan if one is known here; else the scan becomes a key scan if one is due."""
+        turn = math.pi if self._n_searches > 0 else 1.5 * self.config.keys.turn
+        self._n_searches = max(self._n_searches - 1, 0)
+        is_due = self._is_leaving(fix, score)
+        known = find_known_place(current, fix, self.keys, self.config.keys, turn=turn)
+        if known is not None:
+            fix, result = known
+            fix.key.used = self._n_scans
+            found, self._n_searches = _Found(StepOutcome.REVISITED, result, fix.key.index), 0
+            is_due = self._is_leaving(fix, result.score, 0.7)
+        if is_due:
+            fix = Fix(key=self.keys.add(current, self._n_scans, fix), seen=nowhere_else())
+        return fix, found
+
+    def _do_without(
+        self, current: PreparedScan, last: Fix, motion: UncertainPose, failed: MatchResult
+    ) -> tuple[Fix, _Found]:
+        """Return where a scan is that neither the key scan nor the scan before it shows."""
+        lost = last.moved(self._motion.vaguely(motion))
+        known = find_known_place(current, lost, self.keys, self.config.keys, turn=math.pi)
+        if known is not None:
+            fix, result = known
+            fix.key.used = self._n_scans
+            self._motion.tell(nowhere_else(), is_plausible=False, is_clear=False)
+            return fix, _Found(StepOutcome.RECOVERED, result, fix.key.index)
+        self._n_searches = self.config.keys.max_searches
+        if failed.ok:  # a match that was not believed: something did happen
+            motion = self._motion.vaguely(motion)
+        motion, is_held = self._motion.without_match(motion)
+        fix = last.moved(motion)
+        if self.matcher.can_be_reference(current.features):
+            # a robot is never stuck on an old reference; but guesses must not push out what is known
+            if last.key.is_guess and last.key.used == last.key.index:
+                self.keys.forget(last.key)
+            key = self.keys.add(current, self._n_scans, fix, is_guess=True)
+            fix = Fix(key=key, seen=nowhere_else())
+        outcome = StepOutcome.HELD if is_held else StepOutcome.PREDICTED
+        return fix, _Found(outcome, failed, last.key.index)
+
+
+class _Found(NamedTuple):
+    """How a scan was found: what OdometryStep tells beside the pose."""
+
+    outcome: StepOutcome
+    match: MatchResult | None = None
+    reference: int | None = None
+
+
+def _as_wheels(wheels: ArrayLike) -> Pose:
+    try:
+        pose = np.asarray(wheels, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(
+            f"wheels must be three numbers [x, y, theta]: {error}"
+        ) from error
+    if pose.shape != (3,) or np.isinf(pose).any():
+        raise InvalidArgumentError(
+            "wheels must be three numbers [x, y, theta], finite or NaN where the wheels do not tell, "
+            f"got {wheels!r}"
+        )
+    return pose

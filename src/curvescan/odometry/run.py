@@ -1,0 +1,141 @@
+"""The odometry of a whole log."""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.matching import Outcome
+from curvescan.odometry.odometry import MATCHES, Odometry, OdometryStep, StepOutcome
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Floats, Ints, Pose, Trajectory
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OdometryRun:
+    """The odometry of a whole log.
+
+    Attributes
+    ----------
+    method : str
+        Name of the matcher.
+    trajectory : Trajectory
+        Stamp, pose and covariance at each scan, in the frame of the first.
+    outcomes : tuple of StepOutcome
+        How each pose came about.
+    failures : dict of Outcome to int
+        Failed matches by reason, most frequent first.
+    n_matched : (n,) int64
+        Matched pairs of readings behind each pose; 0 where there was no match.
+    seconds : (n,) float64
+        Time that ``Odometry.add`` took for each scan.
+    is_partial : bool
+        Whether the run was interrupted before the end of the log.
+    """
+
+    method: str
+    trajectory: Trajectory
+    outcomes: tuple[StepOutcome, ...]
+    failures: dict[Outcome, int]
+    n_matched: Ints
+    seconds: Floats
+    is_partial: bool
+
+    @property
+    def is_matched(self) -> Bools:
+        """(n,) whether each pose comes from a match; False at the first, which has none."""
+        return np.array([o in MATCHES for o in self.outcomes], dtype=np.bool_)
+
+    @property
+    def is_joined(self) -> Bools:
+        """(n,) whether each pose is a motion away from the one before; False at the first and where it leapt.
+
+        A pose leaps where an earlier key scan puts the drift since then right.
+        """
+        joined = (StepOutcome.MATCHED, StepOutcome.CHAINED)
+        return np.array([o in joined for o in self.outcomes], dtype=np.bool_)
+
+    @property
+    def scan_period(self) -> float:
+        """Median time between scans by their stamps, seconds; NaN with fewer than two, or where stamps don't tell."""
+        steps = np.diff(self.trajectory.stamps)
+        steps = steps[np.isfinite(steps) & (steps > 0.0)]
+        return float(np.median(steps)) if steps.size else math.nan
+
+    @property
+    def is_failed(self) -> Bools:
+        """(n,) whether the match of each scan failed; False at the first, which has none."""
+        failed = ~self.is_matched
+        failed[:1] = False
+        return failed
+
+
+def run_odometry(
+    scans: Iterable[LaserScan],
+    odometry: Odometry | None = None,
+    *,
+    wheels: Pose | None = None,
+    on_step: Callable[[OdometryStep], None] | None = None,
+) -> OdometryRun:
+    """Return the odometry of a sequence of scans.
+
+    Ctrl-C (KeyboardInterrupt) ends the run and gives what there is so far, marked as partial.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        A log, or any iterable; one scan is held at a time.
+    odometry : Odometry or None
+        A fresh one; None for the defaults.
+    wheels : (n, 3) float64 or None
+        Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Odometry.add`.
+    on_step : callable or None
+        Called after each scan, for a progress bar say.
+
+    Returns
+    -------
+    OdometryRun
+        Of length 0 when there are no scans.
+    """
+    odometry = odometry or Odometry()
+    stamps, poses, covariances, seconds = (array("d") for _ in range(4))
+    outcomes: list[StepOutcome] = []
+    n_matched = array("q")
+    failures: Counter[Outcome] = Counter()
+    is_partial = False
+    try:
+        for k, scan in enumerate(scans):
+            started = time.perf_counter()
+            step = odometry.add(scan, None if wheels is None else wheels[k])
+            seconds.append(time.perf_counter() - started)
+            stamps.append(step.stamp)
+            poses.extend(step.pose)
+            covariances.extend(step.covariance.ravel())
+            n_matched.append(step.match.n_matched if step.match else 0)
+            if step.match and not step.match.ok:
+                failures[step.match.outcome] += 1
+            outcomes.append(step.outcome)
+            if on_step:
+                on_step(step)
+    except KeyboardInterrupt:
+        is_partial = True
+    n = len(outcomes)  # a row that an interrupt left half-made is dropped
+    return OdometryRun(
+        method=odometry.method,
+        trajectory=Trajectory(
+            stamps=np.array(stamps[:n]),
+            poses=np.array(poses[: 3 * n]).reshape(n, 3),
+            covariances=np.array(covariances[: 9 * n]).reshape(n, 3, 3),
+        ),
+        outcomes=tuple(outcomes),
+        failures=dict(failures.most_common()),
+        n_matched=np.array(n_matched[:n], dtype=np.int64),
+        seconds=np.array(seconds[:n]),
+        is_partial=is_partial,
+    )
