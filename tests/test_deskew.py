@@ -22,6 +22,7 @@ from curvescan.deskew import (
     step_seconds,
     sweep_shift,
 )
+from curvescan.io import read_log
 from curvescan.simulation import SENSORS, World, simulate
 from curvescan.simulation.raycast import cast_rays
 from tests.scenes import ROOM
@@ -317,6 +318,7 @@ def test_a_fast_spin_is_as_accurate_as_one_seen_without_sweeping():
     assert total["skewed"] > 10 * total["swept"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["same", "back", "leap"])
 def test_faults_of_the_clock_do_not_wreck_it(fault):
     scans, _, truth = next(spins(87.3, n=20))
@@ -326,3 +328,28 @@ def test_faults_of_the_clock_do_not_wreck_it(fault):
     off = errors(chain(faulty), truth)
     assert off[:, 0].max() < 0.015
     assert np.abs(off[:, 1]).max() < 0.006
+
+
+@pytest.mark.slow
+def test_a_turtlebot_turns_more_as_its_wheels_say(real_data):
+    # its driver lists the beams in the reverse of the order in which they were swept
+    bag = real_data / "turtlebot4-rplidar" / "macfirst_floor_take_2"
+    scans = list(read_log(bag, backwards=True))
+    stamps = np.array([scan.stamp for scan in scans])
+    wheels = read_log(bag).odometry.poses[:, 2]
+    known = np.isfinite(wheels)
+    inside = (stamps[:-1] - 0.2 > stamps[known][0]) & (stamps[1:] + 0.2 < stamps[known][-1])
+
+    def misfit(poses):
+        turns = se2.wrap(np.diff(poses[:, 2]))
+        # the clocks of laser and wheels need not agree to a sweep
+        return min(
+            np.std(
+                turns[inside]
+                - np.diff(np.interp(stamps + late, stamps[known], np.unwrap(wheels[known])))[inside]
+            )
+            for late in np.arange(-0.2, 0.2, 0.01)
+        )
+
+    # measured: 4.6 mrad a step as they are, 3.1 deskewed
+    assert misfit(chain(scans)) < 0.75 * misfit(chain(scans, is_deskewed=False))

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan.beams import Beams, beams_at, even_beams
 from curvescan.errors import InvalidArgumentError
 from curvescan.types import Bools, Floats, Ints, Points
 
@@ -68,7 +69,7 @@ class LaserScan:
     angles: Floats = None  # type: ignore[assignment]
     time_increment: float = 0.0
     scan_time: float = 0.0
-    _beams: _Beams = field(init=False)
+    _beams: Beams = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", _read_only_row(self.ranges, "ranges"))
@@ -99,7 +100,7 @@ class LaserScan:
                 )
             object.__setattr__(self, "intensities", intensities)
 
-    def _beams_given(self) -> _Beams:
+    def _beams_given(self) -> Beams:
         n = len(self)
         is_gridded = self.angle_min is not None or self.angle_increment is not None
         if self.angles is None:
@@ -107,7 +108,7 @@ class LaserScan:
                 raise InvalidArgumentError(
                     "the directions of the beams are missing: give angle_min and angle_increment, or angles"
                 )
-            return _even_beams(
+            return even_beams(
                 n,
                 _as_float(self.angle_min, "angle_min"),
                 _as_float(self.angle_increment, "angle_increment"),
@@ -118,13 +119,13 @@ class LaserScan:
                 f"angles must have one value a beam ({n}), got {angles.size}"
             )
         if not is_gridded:
-            return _beams_at(angles)
+            return beams_at(angles)
         # dataclasses.replace hands all fields on: the same directions said twice are no contradiction
         if self.angle_min is not None and self.angle_increment is not None:
-            even = _even_beams(n, float(self.angle_min), float(self.angle_increment))
+            even = even_beams(n, float(self.angle_min), float(self.angle_increment))
             if np.array_equal(even.angles, angles):
                 return even
-            given = _beams_at(angles)
+            given = beams_at(angles)
             if (given.angle_min, given.angle_increment) == (self.angle_min, self.angle_increment):
                 return given
         raise InvalidArgumentError(
@@ -228,7 +229,7 @@ def swept_backwards(scan: LaserScan) -> LaserScan:
 
 def _told(scan: LaserScan, sign: float, way: int) -> dict[str, Any]:
     """Return the directions of a scan times a sign, in their order or the reverse, as arguments of LaserScan."""
-    grid = _even_beams(len(scan), scan.angle_min, scan.angle_increment)
+    grid = even_beams(len(scan), scan.angle_min, scan.angle_increment)
     if not np.array_equal(grid.angles, scan.angles):
         return {"angle_min": None, "angle_increment": None, "angles": sign * scan.angles[::way]}
     first = scan.angle_min if way > 0 or not len(scan) else float(scan.angles[-1])
@@ -302,95 +303,6 @@ def valid_readings(scan: LaserScan) -> Readings:
 
 
 _HUGE = float(np.finfo(np.float64).max)
-_EVEN = 0.01
-"""Share of a step by which beams may stray from evenly spaced ones and still be looked up as such."""
-
-_LONE_STEP = math.radians(1.0)
-"""Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Beams:
-    """Where the beams of a sweep point.
-
-    Attributes
-    ----------
-    angles : (n,) float64
-        Radians, rising or falling, not wrapped; read-only.
-    directions : (n, 2) float64
-        Their unit vectors; read-only.
-    angle_min, angle_increment : float
-        First angle; mean step of uniform beams, else median step; radians.
-    is_uniform : bool
-        Whether the angles are angle_min + i * angle_increment, but for a hundredth of a step.
-    """
-
-    angles: Floats
-    angle_min: float
-    angle_increment: float
-    is_uniform: bool
-
-    @cached_property
-    def directions(self) -> Points:
-        directions = np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
-        directions.setflags(write=False)
-        return directions
-
-
-@lru_cache(maxsize=32)
-def _even_beams(n: int, angle_min: float, angle_increment: float) -> _Beams:
-    # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
-    for name, value in (("angle_min", angle_min), ("angle_increment", angle_increment)):
-        if not math.isfinite(value):
-            raise InvalidArgumentError(f"{name} must be finite, got {value}")
-    if angle_increment == 0.0:
-        raise InvalidArgumentError(
-            "angle_increment must not be 0: give the angle from a beam to the next, "
-            "negative for a clockwise sensor"
-        )
-    angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
-    angles.setflags(write=False)
-    return _Beams(
-        angles=angles, angle_min=angle_min, angle_increment=angle_increment, is_uniform=True
-    )
-
-
-def _beams_at(angles: Floats) -> _Beams:
-    """Return beams at given angles, having checked the rules of LaserScan."""
-    if not np.isfinite(angles).all():
-        raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
-    if angles.size < 2:
-        first = float(angles[0]) if angles.size else 0.0
-        return _Beams(angles=angles, angle_min=first, angle_increment=_LONE_STEP, is_uniform=True)
-    steps = np.diff(angles)
-    if not _is_one_way(steps):
-        angles = np.unwrap(angles)
-        angles.setflags(write=False)
-        steps = np.diff(angles)
-    if not _is_one_way(steps):
-        raise InvalidArgumentError(
-            "angles must all rise or all fall from a beam to the next: sort the readings by angle and drop "
-            "those that repeat one"
-        )
-    median, span = float(np.median(steps)), float(angles[-1] - angles[0])
-    if abs(span) > 2.0 * math.pi + 2.5 * abs(median):
-        raise InvalidArgumentError(
-            f"angles must not go round more than once, got {math.degrees(abs(span)):.1f} deg: "
-            "give a LaserScan for each turn"
-        )
-    mean = span / steps.size
-    strays = angles - (angles[0] + mean * np.arange(angles.size))
-    is_uniform = bool(np.max(np.abs(strays)) <= _EVEN * abs(mean))
-    return _Beams(
-        angles=angles,
-        angle_min=float(angles[0]),
-        angle_increment=mean if is_uniform else median,
-        is_uniform=is_uniform,
-    )
-
-
-def _is_one_way(steps: Floats) -> bool:
-    return bool(np.all(steps > 0.0) or np.all(steps < 0.0))
 
 
 def _read_only_row(values: ArrayLike, name: str) -> Floats:

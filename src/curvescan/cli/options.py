@@ -82,6 +82,21 @@ ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
 
+LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
+"""Pose of the laser on the robot: metres, metres, degrees."""
+
+
+def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
+    """Return a pose given in metres and degrees as the library has it."""
+    import numpy as np
+
+    from curvescan.errors import require
+
+    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
+    x, y, yaw_deg = laser_pose
+    return np.array([x, y, math.radians(yaw_deg)])
+
+
 Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """Given or not."""
 
@@ -119,29 +134,17 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
     """Return the log that the flags of a command ask for."""
     from curvescan.io import read_log
 
-    pose = laser.laser_pose
+    pose = None
+    if laser.laser_pose is not None:
+        x, y, theta = in_radians(laser.laser_pose).tolist()
+        pose = (x, y, theta)
     return read_log(
         path,
         range_max=range_max,
         topic=topic,
         ignore_beams=laser.ignore_beams,
-        laser_pose=pose and (pose[0], pose[1], math.radians(pose[2])),
+        laser_pose=pose,
         upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
         clockwise=laser.clockwise,
         backwards=laser.backwards,
     )
-
-
-LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
-"""Pose of the laser on the robot: metres, metres, degrees."""
-
-
-def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
-    """Return a pose given in metres and degrees as the library has it."""
-    import numpy as np
-
-    from curvescan.errors import require
-
-    require(all(map(math.isfinite, laser_pose)), "a laser pose must be finite", laser_pose)
-    x, y, yaw_deg = laser_pose
-    return np.array([x, y, math.radians(yaw_deg)])

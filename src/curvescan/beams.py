@@ -1,0 +1,116 @@
+"""Where the beams of a sweep point: evenly spaced, or told one by one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.types import Floats, Points
+
+_EVEN = 0.01
+"""Share of a step by which beams may stray from evenly spaced ones and still be looked up as such."""
+
+_LONE_STEP = math.radians(1.0)
+"""Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beams:
+    """Where the beams of a sweep point.
+
+    Attributes
+    ----------
+    angles : (n,) float64
+        Radians, rising or falling, not wrapped; read-only.
+    directions : (n, 2) float64
+        Their unit vectors; read-only.
+    angle_min, angle_increment : float
+        First angle; mean step of uniform beams, else median step; radians.
+    is_uniform : bool
+        Whether the angles are angle_min + i * angle_increment, but for a hundredth of a step.
+    """
+
+    angles: Floats
+    angle_min: float
+    angle_increment: float
+    is_uniform: bool
+
+    @cached_property
+    def directions(self) -> Points:
+        """(n, 2) unit vector of each beam, read-only."""
+        directions = np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
+        directions.setflags(write=False)
+        return directions
+
+
+@lru_cache(maxsize=32)
+def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
+    """Return n beams evenly spaced, radians; the same object for the same numbers.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When an angle is not finite, or the increment 0.
+    """
+    # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
+    for name, value in (("angle_min", angle_min), ("angle_increment", angle_increment)):
+        if not math.isfinite(value):
+            raise InvalidArgumentError(f"{name} must be finite, got {value}")
+    if angle_increment == 0.0:
+        raise InvalidArgumentError(
+            "angle_increment must not be 0: give the angle from a beam to the next, "
+            "negative for a clockwise sensor"
+        )
+    angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
+    angles.setflags(write=False)
+    return Beams(
+        angles=angles, angle_min=angle_min, angle_increment=angle_increment, is_uniform=True
+    )
+
+
+def beams_at(angles: Floats) -> Beams:
+    """Return beams at given angles, (n,) float64, radians, having checked the rules of LaserScan.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When they are not finite, do not all rise or all fall, or go round more than once.
+    """
+    if not np.isfinite(angles).all():
+        raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
+    if angles.size < 2:
+        first = float(angles[0]) if angles.size else 0.0
+        return Beams(angles=angles, angle_min=first, angle_increment=_LONE_STEP, is_uniform=True)
+    steps = np.diff(angles)
+    if not _is_one_way(steps):
+        angles = np.unwrap(angles)
+        angles.setflags(write=False)
+        steps = np.diff(angles)
+    if not _is_one_way(steps):
+        raise InvalidArgumentError(
+            "angles must all rise or all fall from a beam to the next: sort the readings by angle and drop "
+            "those that repeat one"
+        )
+    median, span = float(np.median(steps)), float(angles[-1] - angles[0])
+    if abs(span) > 2.0 * math.pi + 2.5 * abs(median):
+        raise InvalidArgumentError(
+            f"angles must not go round more than once, got {math.degrees(abs(span)):.1f} deg: "
+            "give a LaserScan for each turn"
+        )
+    mean = span / steps.size
+    strays = angles - (angles[0] + mean * np.arange(angles.size))
+    is_uniform = bool(np.max(np.abs(strays)) <= _EVEN * abs(mean))
+    return Beams(
+        angles=angles,
+        angle_min=float(angles[0]),
+        angle_increment=mean if is_uniform else median,
+        is_uniform=is_uniform,
+    )
+
+
+def _is_one_way(steps: Floats) -> bool:
+    return bool(np.all(steps > 0.0) or np.all(steps < 0.0))
