@@ -165,9 +165,9 @@ def test_a_graph_of_a_run_joins_all_scans(tmp_path: Path) -> None:
     vertices, edges, _ = read_g2o(tmp_path / "a")
     assert [j for _, j, _, _ in edges] == [1, 2, 3, 4, 5]
     for i, j, pose, _ in edges:
-        # poses come from a chain of these very matches
+        # poses follow these very matches, and a little the motion that was expected
         found = se2.between(np.array(vertices[i]), np.array(vertices[j]))
-        np.testing.assert_allclose(found, pose, atol=1e-9)
+        np.testing.assert_allclose(found, pose, atol=2e-3)
 
 
 # ---- MCAP
