@@ -103,6 +103,20 @@ def transform(
     return topic, "tf2_msgs/msg/TFMessage", stamp, {"transforms": [item]}
 
 
+def imu(stamp: int, rate: float, *, topic: str = "/imu") -> Entry:
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    content = {
+        "header": header(stamp, "imu"),
+        "orientation": quaternion(0.0),
+        "angular_velocity": zero | {"z": rate},
+        "linear_acceleration": zero,
+        "orientation_covariance": np.zeros(9),
+        "angular_velocity_covariance": np.zeros(9),
+        "linear_acceleration_covariance": np.zeros(9),
+    }
+    return topic, "sensor_msgs/msg/Imu", stamp, content
+
+
 def chatter(stamp: int = SECOND, topic: str = "/chatter") -> Entry:
     return topic, "std_msgs/msg/String", stamp, {"data": "hello"}
 

@@ -116,6 +116,31 @@ def test_info_tells_what_is_in_a_log(log, capsys):
     assert "180.00 deg from -90.00 deg in steps of 0.5 deg" in printed
 
 
+def test_info_as_json(log, tmp_path, capsys):
+    assert run(["info", str(log), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["usable"] is True
+    assert printed["report"]["n_scans"] == 8
+    assert "no_beam_times" in [finding["kind"] for finding in printed["findings"]]
+    # what is not usable says so in both forms
+    short = tmp_path / "short.log"
+    short.write_text(log.read_text().splitlines()[0] + "\n")
+    assert run(["info", str(short)]) == 1
+    assert "not usable: motion takes two scans" in capsys.readouterr().out
+    assert run(["info", str(short), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["usable"] is False
+
+
+def test_odometry_takes_the_cells_of_the_map(log, tmp_path, capsys):
+    out = tmp_path / "o"
+    assert run(["odometry", str(log), "--out", str(out), "--map.resolution", "0.2"]) == 0
+    assert "map.pgm with map.yaml" in capsys.readouterr().out
+    assert "resolution: 0.2\n" in (out / "map.yaml").read_text()
+    with pytest.raises(SystemExit) as exit_info:
+        run(["odometry", str(log), "--out", str(out), "--map.resolution", "0"])
+    assert exit_info.value.code == 2
+
+
 def test_brackets_in_a_file_are_brackets(log, tmp_path, capsys):
     strange = tmp_path / "[bold]x[y].log"
     strange.write_text("[/red] 1 2 3\n" + log.read_text())

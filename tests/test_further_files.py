@@ -286,9 +286,6 @@ def test_a_file_that_cannot_be_made_costs_no_results(
     out = tmp_path / "out"
     assert run(["odometry", str(tmp_path / "log.csv"), "--out", str(out), "--also", "mcap"]) == 1
     assert "cannot write the stamp 1700000000000.0 s" in capsys.readouterr().err
-    assert sorted(path.name for path in out.iterdir()) == [
-        "map.png",
-        "run.json",
-        "trajectory.csv",
-        "trajectory.tum",
-    ]
+    names = {path.name for path in out.iterdir()}
+    assert {"map.png", "run.json", "trajectory.csv", "trajectory.tum"} <= names
+    assert "run.mcap" not in names

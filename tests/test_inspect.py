@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import tracemalloc
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan.io import Fault, Log, LogReport, findings_of, inspect_log, read_log
+from curvescan.io import (
+    Fault,
+    Log,
+    LogReport,
+    findings_of,
+    inspect_log,
+    read_log,
+    report_as_plain,
+)
 from curvescan.io.inspect import summarise_time
 from curvescan.io.tally import Tally
 from curvescan.scan import LaserScan
@@ -54,6 +64,7 @@ def scan(
         range_min=0.1,
         range_max=range_max,
         stamp=stamp,
+        time_increment=1e-6,
     )
 
 
@@ -87,7 +98,7 @@ def test_beams_and_limits() -> None:
     assert report.angle_step_deg == pytest.approx(math.degrees(0.01))
     assert (report.range_min, report.range_max) == (0.1, 30.0)
     assert sentences(report, "scans") == [
-        "the number of beams changes: 5 (1 scan), 101 (2 scans); each scan is taken with its own"
+        "the number of beams changes: 5 (1 scan), 101 (2 scans): each scan is taken with its own"
     ]
 
 
@@ -135,6 +146,44 @@ def test_leap_is_long_by_itself_and_beside_the_others(
 ) -> None:
     steps = np.array([usual, usual, longest, usual])
     assert summarise_time(np.cumsum(steps)).n_leaps == n_leaps
+
+
+def test_sweeps_that_are_missing_are_counted() -> None:
+    steps = np.full(60, 0.1)
+    steps[[10, 30]] = 0.2, 0.4
+    stamps = np.cumsum(steps)
+    report = inspect_log(at(*stamps))
+    assert report.time.n_missing == 1 + 3
+    assert sentences(report, "time") == [
+        "about 4 of 64 sweeps are missing: a step usually takes 0.1 s, the longest 0.4 s: "
+        "the robot moved further between the scans beside them"
+    ]
+    # a clock as uneven as that of a robot that records when it likes tells nothing
+    uneven = np.cumsum(np.random.default_rng(4).uniform(0.05, 0.3, 60))
+    assert summarise_time(uneven).n_missing == 0
+
+
+def test_jitter_leaves_leaps_out() -> None:
+    steps = np.array([0.1, 0.12, 0.08, 30.0, 0.1])
+    time = summarise_time(np.append(0.0, np.cumsum(steps)))
+    assert time.jitter == pytest.approx(np.std(steps[steps < 1.0]))
+
+
+def test_times_of_the_beams() -> None:
+    def log(time_increment: float) -> FakeLog:
+        log = at(0.0, 0.1, 0.2)
+        log.scans = [replace(s, time_increment=time_increment) for s in log.scans]
+        return log
+
+    assert sentences(inspect_log(log(0.0)), "time") == [
+        "the beams have no times of their own (time_increment): a sweep is taken for a moment, and the motion "
+        "during it cannot be undone"
+    ]
+    sound = inspect_log(log(0.04))
+    assert sound.sweep_seconds == pytest.approx(0.08)
+    assert not sentences(sound, "time")
+    (sentence,) = sentences(inspect_log(log(0.2)), "time")
+    assert sentence.startswith("by the times of its beams a sweep takes 0.4 s, and the next one")
 
 
 def test_equal_stamps_are_one_finding() -> None:
@@ -261,6 +310,58 @@ def test_largest_values_are_counted_exactly(rows: list[list[int]]) -> None:
     assert tally.top == {value: counts[value] for value in sorted(counts)[-16:]}
 
 
+# ---- findings, mount, JSON
+
+
+def test_a_finding_says_what_follows_and_what_to_try() -> None:
+    ranges = noisy_room(100, seed=1)
+    ranges[:, 30:40] = 9.5
+    (found,) = (f for f in findings_of(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.option)
+    assert (found.topic, found.kind, found.option) == (
+        "readings",
+        "undeclared_code",
+        "--range-max 9.4",
+    )
+    assert found.sentence == f"{found.what}: {found.consequence}; try {found.option}"
+
+
+def test_mount_is_told_from_both_odometries() -> None:
+    class Mounted(FakeLog):
+        def robot_odometry(self) -> Trajectory | None:
+            poses = np.array([[np.nan] * 3, [1.0, 2.0, math.pi / 2]])
+            return Trajectory(stamps=np.arange(2.0), poses=poses)
+
+        def hangs_upside_down(self) -> bool:
+            return True
+
+    laser = np.array([[0.0, 0.0, 0.0], [1.0, 2.5, 0.0]])
+    log = Mounted(
+        [scan([1.0, 2.0]), scan([2.0, 1.0], 1.0)],
+        odometry=Trajectory(stamps=np.arange(2.0), poses=laser),
+    )
+    report = inspect_log(log)
+    assert report.mount == pytest.approx((0.5, 0.0, -math.pi / 2), abs=1e-12)
+    assert report.is_upside_down
+    plain = inspect_log(FakeLog(log.scans, odometry=log.odometry))
+    assert (plain.mount, plain.is_upside_down) == (None, False)
+
+
+def test_a_report_is_strict_json_with_the_same_keys_for_every_log() -> None:
+    codes = scan([1.0, math.nan, math.inf, -math.inf, 81.91] * 10)
+    empty, full = (inspect_log(FakeLog(scans)) for scans in ([], [codes, codes]))
+    one, two = (
+        json.loads(json.dumps(report_as_plain(report), allow_nan=False)) for report in (empty, full)
+    )
+    assert one.keys() == two.keys() == {"usable", "findings", "report"}
+    assert one["report"].keys() == two["report"].keys() == {f.name for f in fields(LogReport)}
+    assert one["report"]["time"].keys() == two["report"]["time"].keys()
+    assert (one["usable"], two["usable"]) == (False, True)
+    assert one["report"]["fov_deg"] is None
+    assert {c["value"] for c in two["report"]["codes"]} == {"nan", "inf", "-inf", 81.91}
+    assert [f["kind"] for f in one["findings"]] == ["too_few_scans", "no_odometry"]
+    assert set(one["findings"][0]) == {"topic", "kind", "what", "consequence", "option"}
+
+
 # ---- odometry, faults, notes
 
 
@@ -385,7 +486,40 @@ def test_code_of_a_real_log_is_found_when_the_limit_is_lifted(
 
 def test_belgioioso_has_no_usable_time(real_data: Path) -> None:
     report = inspect_log(read_log(real_data / "keyframed-corrected/belgioioso-corrected.log.gz"))
-    assert sentences(report, "time") == [
+    assert sentences(report, "time")[0] == (
         "all stamps are equal: scans are taken in file order, rate and speeds are unknown"
-    ]
+    )
     assert report.is_usable
+
+
+def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
+    path = real_data / "mumble-rplidar-a1/kitchen_1"
+    report = inspect_log(read_log(path))
+    assert 0.25 < report.stale_share < 0.4
+    options = {f.kind: f.option for f in findings_of(report) if f.topic == "beams"}
+    assert options == {"stale_beams": "", "turns_against": "--clockwise", "gyro_in_degrees": ""}
+    repaired = inspect_log(read_log(path, clockwise=True))
+    assert repaired.sense is not None
+    assert repaired.sense.is_along
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "turtlebot4-rplidar/macfirst_floor_take_2",
+        "malaga-sena-loop/malaga-sena-loop.clf.gz",
+        "leg-tracker-people/general_tracking_moving_1.bag.gz",
+    ],
+)
+def test_sound_logs_turn_with_their_wheels(real_data: Path, name: str) -> None:
+    report = inspect_log(read_log(real_data / name))
+    assert report.sense is not None
+    assert report.sense.is_along
+    assert report.mount is not None
+    assert not [f for f in findings_of(report) if f.topic == "beams"]
+
+
+def test_a_sensor_that_stands_has_no_robot_in_sight(real_data: Path) -> None:
+    for name in ("demo_stationary_simple_environment", "positive_1"):
+        report = inspect_log(read_log(real_data / f"leg-tracker-people/{name}.bag.gz"))
+        assert not [f for f in findings_of(report) if f.topic == "beams"]

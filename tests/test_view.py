@@ -13,10 +13,11 @@ import pytest
 import curvescan as cs
 from curvescan.cfsma.config import CfSmaConfig, LandmarksConfig
 from curvescan.io import read_csv, read_tum
+from curvescan.mapping.cells import occupied_cells
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.matching import MATCHERS
 from curvescan.odometry import Odometry, run_odometry
 from curvescan.simulation import simulate
-from curvescan.view.map import occupied_cells
 from curvescan.view.match import save_match
 from curvescan.view.run import as_plain, save_run
 from tests.scenes import room_scan
@@ -39,12 +40,18 @@ def save(folder, log, **kwargs):
 def test_a_run_is_written_whole(tmp_path, log):
     run = save(tmp_path, log, command=["curvescan", "odometry"], truth=log.truth.poses)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "map.pgm",
         "map.png",
+        "map.yaml",
+        "occupancy.png",
         "run.json",
         "trajectory.csv",
         "trajectory.tum",
     ]
     assert (tmp_path / "map.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "occupancy.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n")
+    assert "image: map.pgm\n" in (tmp_path / "map.yaml").read_text()
     trajectory, outcomes = read_csv(tmp_path / "trajectory.csv")
     np.testing.assert_array_equal(trajectory.poses, run.trajectory.poses)
     np.testing.assert_array_equal(trajectory.covariances, run.trajectory.covariances)
@@ -68,6 +75,20 @@ def test_run_json_holds_what_a_repeat_needs(tmp_path, log):
     assert sum(record["outcomes"].values()) == record["scans"] == 6
     assert sum(f["count"] for f in record["failures"].values()) == sum(run.failures.values())
     assert record["is_partial"] is False
+    assert record["occupancy"]["resolution"] == 0.05
+    assert record["left_out"] == []
+
+
+def test_a_run_without_a_map_says_so_and_keeps_the_rest(tmp_path, log):
+    odometry = Odometry("cfsma")
+    run = run_odometry(log, odometry)
+    cells = OccupancyConfig(resolution=1e-5)
+    (remark,) = save_run(tmp_path, run, log, odometry=odometry, occupancy=cells)
+    assert remark.startswith("no occupancy map: an occupancy map may take 1 GiB")
+    assert not (tmp_path / "map.yaml").exists()
+    assert not (tmp_path / "occupancy.png").exists()
+    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 6
+    assert json.loads((tmp_path / "run.json").read_text())["left_out"] == [remark]
 
 
 def test_a_partial_run_says_so(tmp_path, log):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
         OutputError,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
+    from curvescan.mapping.config import OccupancyConfig
+    from curvescan.mapping.occupancy import OccupancyBuilder
     from curvescan.matching import PreparedScan, match, prepare
     from curvescan.matching.result import MatchResult, Outcome
     from curvescan.odometry import Odometry, OdometryStep, StepOutcome
@@ -37,6 +39,8 @@ _HOMES = {
     "LogFormatError": "curvescan.errors",
     "MatchResult": "curvescan.matching.result",
     "MissingPackageError": "curvescan.errors",
+    "OccupancyBuilder": "curvescan.mapping.occupancy",
+    "OccupancyConfig": "curvescan.mapping.config",
     "Odometry": "curvescan.odometry",
     "OdometryStep": "curvescan.odometry",
     "Outcome": "curvescan.matching.result",
@@ -61,6 +65,8 @@ __all__ = [
     "LogFormatError",
     "MatchResult",
     "MissingPackageError",
+    "OccupancyBuilder",
+    "OccupancyConfig",
     "Odometry",
     "OdometryStep",
     "Outcome",

@@ -28,6 +28,10 @@ class OutputError(CurvescanError, OSError):
     """Results cannot be written where they were asked for."""
 
 
+class MapTooLargeError(InvalidArgumentError):
+    """A map would take more memory than it may."""
+
+
 class MissingPackageError(CurvescanError, ImportError):
     """An optional package is needed for what was asked; the message gives the pip command."""
 

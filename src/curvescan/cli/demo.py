@@ -63,7 +63,7 @@ def demo(
 
     from curvescan import simulate
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar, table
-    from curvescan.cli.summary import summarise
+    from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
     from curvescan.evaluation.errors import trajectory_errors
     from curvescan.io import output_folder
@@ -78,8 +78,8 @@ def demo(
         with progress_bar("odometry", len(log)) as advance:
             run = run_odometry(log, tracker, on_step=advance)
         truth = log.truth.poses[: len(run.outcomes)]
-        with ERR.status("drawing the map"):
-            save_run(folder, run, log, odometry=tracker, command=sys.argv, truth=truth)
+        with ERR.status("drawing the maps"):
+            left_out = save_run(folder, run, log, odometry=tracker, command=sys.argv, truth=truth)
     OUT.print(summarise(run, len(log)))
     if len(truth) < 2:
         return 0
@@ -102,5 +102,5 @@ def demo(
             f"{e.end_translation:.2f} m, {np.degrees(e.end_rotation):.1f} deg",
         )
     OUT.print(errors)
-    OUT.print(f"wrote {out}/map.png, trajectory.tum, trajectory.csv, run.json", markup=False)
+    OUT.print(wrote(out, left_out), markup=False)
     return 0

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json as json_format
 import math
+from typing import TYPE_CHECKING
 
-from curvescan.cli.options import Laser, LaserSetUp, LogPath, Topic, open_log
+from curvescan.cli.options import Flag, Laser, LaserSetUp, LogPath, Topic, open_log
+
+if TYPE_CHECKING:
+    from curvescan.io import LogReport
 
 
 def info(
@@ -13,11 +18,12 @@ def info(
     *,
     range_max: float | None = None,
     topic: Topic = None,
+    json: Flag = False,
     laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
 ) -> int:
-    """Tell what is in a log and what is wrong with it, each finding with its consequence.
+    """Tell what is in a log and what is wrong with it: each finding with its consequence and the option that handles it.
 
-    Exit status 0 when motion can be looked for in it, 1 when not.
+    Exit status 0 when motion can be looked for in the log (two scans with a valid reading), 1 when not.
 
     Parameters
     ----------
@@ -28,24 +34,47 @@ def info(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    json
+        Print JSON: `usable` (bool), `findings` (a list of topic, kind, what, consequence, option) and `report` (all figures;
+        null where one is not known or has no limit). The keys are the same for every log.
     laser
         How the laser is set up, where its log does not say so or is wrong.
     """
     from rich.markup import escape
 
     from curvescan.cli.console import OUT
-    from curvescan.io import findings_of, inspect_log
+    from curvescan.io import findings_of, inspect_log, report_as_plain
 
     report = inspect_log(open_log(log, range_max=range_max, topic=topic, laser=laser))
+    if json:
+        print(json_format.dumps(report_as_plain(report), indent=2, allow_nan=False))
+        return 0 if report.is_usable else 1
+    # names and tags come from the file: a bracket in them is a bracket, not markup
+    OUT.print(f"[bold]{escape(report.name)}[/bold]")
+    for name, value in _rows(report):
+        if value:
+            OUT.print(f"  {name:<16} {escape(value)}")
+    findings = findings_of(report)
+    for finding in findings:
+        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {escape(finding.sentence)}")
+    if not findings:
+        OUT.print("  nothing wrong found")
+    if not report.is_usable:
+        OUT.print("  not usable: motion takes two scans with a valid reading")
+    return 0 if report.is_usable else 1
+
+
+def _rows(report: LogReport) -> list[tuple[str, str]]:
     time = report.time
-    rows = [
+    return [
         ("format", report.format),
         ("messages", ", ".join(f"{count:,} {tag}" for tag, count in report.tag_counts.items())),
         ("scans", f"{report.n_scans:,} ({_rate(time.mean_rate)}{time.duration:,.1f} s)"),
-        ("beams", ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items())),
+        ("time steps", _steps(report)),
+        ("beams", _beams(report)),
         (
             "field of view",
-            f"{report.fov_deg:.2f} deg from {report.first_beam_deg:.2f} deg "
+            f"{report.fov_deg:.2f} deg from {report.first_beam_deg + 0.0:.2f} deg "  # no -0.00
             f"in steps of {report.angle_step_deg:.4g} deg",
         ),
         ("valid range", f"{report.range_min:g} to {report.range_max:g} m"),
@@ -63,19 +92,47 @@ def info(
             if report.odometry is None
             else f"{report.odometry.path_length:,.1f} m, turned {report.odometry.turned_deg:,.0f} deg",
         ),
+        ("mount", _mount(report)),
+        ("turns", _turns(report)),
     ]
-    # names and tags come from the file: a bracket in them is a bracket, not markup
-    OUT.print(f"[bold]{escape(report.name)}[/bold]")
-    for name, value in rows:
-        if value:
-            OUT.print(f"  {name:<16} {escape(value)}")
-    findings = findings_of(report)
-    for finding in findings:
-        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {escape(finding.sentence)}")
-    if not findings:
-        OUT.print("  nothing wrong found")
-    return 0 if report.is_usable else 1
 
 
 def _rate(hertz: float) -> str:
     return "" if math.isnan(hertz) else f"{hertz:.2f} Hz over "
+
+
+def _steps(report: LogReport) -> str:
+    time = report.time
+    if math.isnan(time.step_median):
+        return ""
+    steps = f"{time.step_median:.4g} s, jitter {1e3 * time.jitter:,.1f} ms"
+    if report.sweep_seconds > 0.0:
+        steps += f"; a sweep takes {report.sweep_seconds:.3g} s by the times of its beams"
+    return steps
+
+
+def _beams(report: LogReport) -> str:
+    counts = ", ".join(f"{n} ({count:,} scans)" for n, count in report.beam_counts.items())
+    blind = f"; {report.n_blind_beams} never give a reading" if report.n_blind_beams else ""
+    return counts + blind
+
+
+def _mount(report: LogReport) -> str:
+    hangs = "upside down" if report.is_upside_down else ""
+    if report.mount is None:
+        return hangs
+    x, y = (round(value, 3) + 0.0 for value in report.mount[:2])  # no -0.000
+    yaw = round(math.degrees(report.mount[2]), 1) + 0.0
+    at = f"x {x:.3f} m, y {y:.3f} m, yaw {yaw:.1f} deg on the robot"
+    return f"{at}, {hangs}" if hangs else at
+
+
+def _turns(report: LogReport) -> str:
+    sense = report.sense
+    if sense is None:
+        return ""
+    if not (sense.is_along or sense.is_against):
+        return f"the scans do not tell whether they turn with the {sense.reference}"
+    way = "against" if sense.is_against else "with"
+    count = sense.n_against if sense.is_against else sense.n_turns - sense.n_against
+    return f"{way} the {sense.reference} in {count} of {sense.n_turns} sharp turns"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from curvescan.cli.options import (
     Chain,
@@ -15,15 +15,13 @@ from curvescan.cli.options import (
     Laser,
     LaserSetUp,
     LogPath,
+    MapConfig,
     Method,
     MethodConfigs,
     Topic,
     open_log,
 )
-
-if TYPE_CHECKING:
-    from curvescan.io.log import Log
-    from curvescan.types import Pose
+from curvescan.mapping.config import OccupancyConfig
 
 FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
 """Names of the table of further files, written out so that --help loads none of their writers."""
@@ -41,14 +39,16 @@ def odometry(
     topic: Topic = None,
     also: tuple[FurtherName, ...] = (),
     laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
     chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Follow the sensor of a log by matching its scans, and write the trajectory and the map.
+    """Follow the sensor of a log by matching its scans, and write the trajectory and the maps.
 
-    Writes trajectory.tum, trajectory.csv (with covariances), map.png and run.json. Ctrl-C ends the run and writes
-    what there is so far, marked as partial.
+    Writes trajectory.tum, trajectory.csv (with covariances), map.png, run.json, and the occupancy map: map.pgm with
+    map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far,
+    marked as partial.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def odometry(
     method
         The matcher.
     odometry_prior
-        Expect of each scan what the log's own odometry says, instead of the last motion. The matches decide where they
-        can; along a corridor the odometry does.
+        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion. The
+        matches decide where they can; along a corridor the odometry does.
     chain
         What a scan is matched with: `keys`, a key scan until it is left behind, and earlier ones where the place is known;
         `last`, the scan before it; `auto`, key scans for the default matcher and the last scan for the others.
@@ -74,6 +74,8 @@ def odometry(
         for Foxglove and ROS 2).
     laser
         How the laser is set up, where its log does not say so or is wrong.
+    occupancy
+        How to make the occupancy map.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
@@ -82,16 +84,17 @@ def odometry(
         Parameters of the odometry, where key scans are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
-    from curvescan.cli.summary import summarise
+    from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
     from curvescan.io import output_folder
     from curvescan.io.further import RunData, write_further
+    from curvescan.io.prior import prior_of
     from curvescan.odometry import OdometryStep, run_odometry
     from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    wheels = _wheels_of(source) if odometry_prior else None
+    wheels = prior_of(source) if odometry_prior else None
     tracker, graph = make_odometry(method, chain, configs, chain_config), PoseGraph()
     with output_folder(out) as folder:
         load_kernels(method)
@@ -102,10 +105,20 @@ def odometry(
                 advance()
 
             run = run_odometry(source, tracker, wheels=wheels, on_step=on_step)
-        with ERR.status("drawing the map"):
-            save_run(folder, run, source, odometry=tracker, command=sys.argv, source=log)
+        with ERR.status("drawing the maps"):
+            left_out = save_run(
+                folder,
+                run,
+                source,
+                odometry=tracker,
+                command=sys.argv,
+                source=log,
+                occupancy=occupancy,
+            )
     OUT.print(summarise(run, len(source)))
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
+    for remark in left_out:
+        ERR.print(remark, markup=False)
+    OUT.print(wrote(out, left_out), markup=False)
     if also:
         # on their own: what goes wrong here must not cost the results of the run
         data = RunData(trajectory=run.trajectory, edges=graph.edges, scans=source)
@@ -113,13 +126,3 @@ def odometry(
             files = write_further(folder, also, data)
         OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0
-
-
-def _wheels_of(log: Log) -> Pose:
-    from curvescan.errors import InvalidArgumentError
-
-    if log.odometry is None:
-        raise InvalidArgumentError(
-            f"{log.name} holds no odometry that --odometry-prior could take: leave the flag out"
-        )
-    return log.odometry.poses

@@ -12,6 +12,7 @@ import tyro
 from curvescan.cfsma.config import CfSmaConfig
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.errors import InvalidArgumentError
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.rivals.config import (
     CoxConfig,
@@ -81,6 +82,9 @@ ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
+
+MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map")]
+"""Parameters of the occupancy map, as flags --map.PARAMETER."""
 
 LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
 """Pose of the laser on the robot: metres, metres, degrees."""

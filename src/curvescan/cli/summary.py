@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.table import Table
@@ -40,3 +42,9 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
             f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", ""
         )
     return result
+
+
+def wrote(folder: Path, left_out: Sequence[str]) -> str:
+    """Return the sentence on the files of a run."""
+    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
+    return f"wrote {folder}/trajectory.tum, trajectory.csv, map.png{maps}, run.json"

@@ -22,6 +22,7 @@ from curvescan.io.memory import MemoryLog, log_from_arrays
 from curvescan.io.poses import PoseFile, read_poses
 from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
+from curvescan.io.report_json import report_as_plain
 from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
 from curvescan.io.writers import WRITERS, write_log
@@ -47,6 +48,7 @@ __all__ = [
     "read_poses",
     "read_relations",
     "read_tum",
+    "report_as_plain",
     "set_up",
     "write_config",
     "write_csv",

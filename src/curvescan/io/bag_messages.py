@@ -14,9 +14,10 @@ from curvescan.errors import LogFormatError
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
+IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
-_WANTED = (LASER_SCAN, ODOMETRY, *TRANSFORMS)
+_WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
 _MAX_DEFINITION_CHARS = 1 << 16
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _IDL_RULE = "=" * 80 + "\n"

@@ -1,4 +1,4 @@
-"""inspect_log: what is in a log and what is wrong with it, found in one pass."""
+"""inspect_log: what is in a log and what is wrong with it, found in one pass over its scans, and one over its turns."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 from curvescan import se2
 from curvescan.io.log import Log
 from curvescan.io.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
+from curvescan.io.sense import sense_of_log
+from curvescan.io.setup import MountedLog
 from curvescan.io.tally import Tally
 from curvescan.types import Floats, Trajectory
 
@@ -19,12 +21,17 @@ _MIN_SUSPECT_SHARE = 0.01
 _MIN_SUSPECT_COUNT = 20
 _LEAP_FACTOR = 10.0
 _LEAP_SECONDS = 1.0
+_REGULAR = 0.2
+"""A clock is regular where the middle half of its steps lies within this share of their median."""
+_MISSING = 1.6
+"""Steps from which on a sweep is missing, in medians."""
 
 
 def inspect_log(log: Log) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once; memory grows by 8 bytes a scan.
+    Reads the scans once, and once more where wheels or a gyroscope tell the robot's turns; memory grows by 8 bytes a
+    scan.
 
     Parameters
     ----------
@@ -51,20 +58,27 @@ def inspect_log(log: Log) -> LogReport:
         format=log.format,
         n_scans=len(tally.stamps),
         beam_counts=beam_counts,
-        n_timed_scans=tally.n_timed,
         fov_deg=360.0 if is_circle else math.degrees(abs(step)) * max(n_beams - 1, 0),
         first_beam_deg=math.degrees(angle_min),
         angle_step_deg=math.degrees(step),
         range_min=tally.range_min if tally.stamps else math.nan,
         range_max=tally.range_max if tally.stamps else math.nan,
         time=summarise_time(np.array(tally.stamps)),
+        n_timed_scans=tally.n_timed,
+        sweep_seconds=tally.sweep_seconds,
         valid_share=tally.n_valid / tally.n_readings if tally.n_readings else math.nan,
         n_blank_scans=tally.n_blank,
         n_repeated_scans=tally.n_repeats,
+        n_blind_beams=tally.beams.n_blind,
+        stale_share=tally.beams.stale_share,
+        fixed_beams=tally.beams.fixed_beams,
         largest_reading=tally.largest_reading,
         codes=_codes(tally),
         suspect=_suspect(tally),
         odometry=None if odometry is None else _summarise_odometry(odometry),
+        mount=_mount(log, odometry),
+        is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
+        sense=sense_of_log(log),
         tag_counts=dict(log.tag_counts),
         faults=log.faults,
         notes=log.notes,
@@ -91,6 +105,7 @@ def summarise_time(stamps: Floats) -> TimeSummary:
     median = float(np.median(forward)) if forward.size else math.nan
     # no comparison with NaN holds: without a forward step there is no leap
     leaps = forward[forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median)]
+    usual = forward[~(forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median))]
     duration = float(np.ptp(stamps))
     return TimeSummary(
         duration=duration,
@@ -99,12 +114,34 @@ def summarise_time(stamps: Floats) -> TimeSummary:
         step_min=float(np.min(steps)),
         step_median=median,
         step_max=float(np.max(steps)),
+        jitter=float(np.std(usual)) if usual.size else math.nan,
+        n_missing=_n_missing(usual, median),
         n_equal=int(np.count_nonzero(steps == 0.0)),
         n_back=int(back.size),
         largest_back=float(np.max(-back, initial=0.0)),
         n_leaps=int(leaps.size),
         largest_leap=float(np.max(leaps, initial=0.0)),
     )
+
+
+def _n_missing(steps: Floats, median: float) -> int:
+    """Return how many sweeps are missing between the others; 0 where the clock is too uneven to tell."""
+    if not steps.size or np.subtract(*np.percentile(steps, [75, 25])) > _REGULAR * median:
+        return 0
+    return int(np.sum(np.round(steps / median) - 1.0, where=steps > _MISSING * median))
+
+
+def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] | None:
+    """Return the pose of the laser on the robot, as the poses of both tell it."""
+    robot = log.robot_odometry() if isinstance(log, MountedLog) else None
+    if robot is None or odometry is None:
+        return None
+    mounts = se2.between(robot.poses, odometry.poses)
+    known = np.flatnonzero(np.all(np.isfinite(mounts), axis=1))
+    if not known.size:
+        return None
+    x, y, theta = mounts[known[0]].tolist()
+    return x, y, theta
 
 
 def _summarise_odometry(odometry: Trajectory) -> OdometrySummary:

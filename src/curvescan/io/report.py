@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from curvescan.io.log import Fault
+from curvescan.io.sense import RotationSense
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,10 @@ class TimeSummary:
         Smallest (negative when time goes back) and largest step.
     step_median : float
         Median of the steps that go forward.
+    jitter : float
+        Standard deviation of the steps that go forward and are no leaps.
+    n_missing : int
+        Sweeps that seem to be missing where the clock is regular: whole steps that fit into longer ones.
     n_equal, n_back : int
         Steps of zero, and steps back.
     largest_back : float
@@ -57,6 +62,8 @@ class TimeSummary:
     step_min: float = math.nan
     step_median: float = math.nan
     step_max: float = math.nan
+    jitter: float = math.nan
+    n_missing: int = 0
     n_equal: int = 0
     n_back: int = 0
     largest_back: float = 0.0
@@ -95,8 +102,6 @@ class LogReport:
         Scans.
     beam_counts : mapping of int to int
         Scans by number of beams.
-    n_timed_scans : int
-        Scans that tell the time from a beam to the next, without which the motion within a sweep cannot be undone.
     fov_deg, first_beam_deg, angle_step_deg : float
         Field of view, direction of beam 0 and angle from beam to beam (negative for a clockwise sensor) of the
         most frequent arrangement of beams, degrees; NaN without scans.
@@ -104,12 +109,23 @@ class LogReport:
         Smallest lower and largest upper limit of a valid reading, metres.
     time : TimeSummary
         Time steps.
+    n_timed_scans : int
+        Scans that tell the time from a beam to the next, without which the motion within a sweep cannot be undone.
+    sweep_seconds : float
+        Longest time from the first to the last beam of a sweep, by the beams' own times; 0 where they have none.
     valid_share : float
         Valid part of all readings, 0 to 1; NaN without readings.
     n_blank_scans : int
         Scans without a valid reading.
     n_repeated_scans : int
         Scans whose readings are exactly those of the scan before.
+    n_blind_beams : int
+        Beams, in the arrangement of the first scan, that never give a valid reading.
+    stale_share : float
+        Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
+        NaN where the scene does not change enough to tell.
+    fixed_beams : tuple of (int, int)
+        Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot.
     largest_reading : float
         Largest valid reading, metres; NaN without.
     codes : tuple of ReadingCode
@@ -118,6 +134,12 @@ class LogReport:
         A valid value that repeats so often at the top of the range that it looks like a code for *no reading*.
     odometry : OdometrySummary or None
         None when the log has none.
+    mount : tuple of 3 float, or None
+        Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not tell.
+    is_upside_down : bool
+        Whether the log says that the laser hangs upside down.
+    sense : RotationSense or None
+        Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
     faults : tuple of Fault
@@ -130,20 +152,27 @@ class LogReport:
     format: str
     n_scans: int
     beam_counts: Mapping[int, int]
-    n_timed_scans: int = 0
     fov_deg: float
     first_beam_deg: float
     angle_step_deg: float
     range_min: float
     range_max: float
     time: TimeSummary
+    n_timed_scans: int
+    sweep_seconds: float
     valid_share: float
     n_blank_scans: int
     n_repeated_scans: int
+    n_blind_beams: int
+    stale_share: float
+    fixed_beams: tuple[tuple[int, int], ...]
     largest_reading: float
     codes: tuple[ReadingCode, ...]
     suspect: ReadingCode | None
     odometry: OdometrySummary | None
+    mount: tuple[float, float, float] | None
+    is_upside_down: bool
+    sense: RotationSense | None
     tag_counts: Mapping[str, int]
     faults: tuple[Fault, ...]
     notes: tuple[str, ...]

@@ -22,6 +22,7 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.bag import Bag, Message
+from curvescan.io.bag_gyro import read_gyro
 from curvescan.io.bag_messages import (
     LASER_SCAN,
     BrokenMessageError,
@@ -35,7 +36,7 @@ from curvescan.io.bag_scan import has_bad_times, scan_of
 from curvescan.io.faults import FaultCounter
 from curvescan.io.log import Fault
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
+from curvescan.types import Floats, Trajectory
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
@@ -152,6 +153,11 @@ class RosbagLog:
     def hangs_upside_down(self) -> bool:
         """Return whether /tf or /tf_static has the laser's z axis point down."""
         return self._tilt > 0.5 * math.pi
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return (n_scans,) the angle about z that the bag's gyroscope has turned by at each scan; None without one."""
+        stamps = np.array(self._surveyed().stamps)
+        return read_gyro(self._bag, stamps, is_unstamped=self._is_unstamped)
 
     def __len__(self) -> int:
         return len(self._surveyed().stamps)

@@ -15,8 +15,9 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Fault, Log
+from curvescan.io.sense import GyroLog
 from curvescan.scan import LaserScan, mirrored, swept_backwards
-from curvescan.types import Trajectory
+from curvescan.types import Floats, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,12 +119,25 @@ class _LogSetUp:
     def odometry(self) -> Trajectory | None:
         if self._setup.laser_pose is None:
             return self._log.odometry
-        log = self._log
-        robot = log.robot_odometry() if isinstance(log, MountedLog) else log.odometry
-        if robot is None:
+        if (robot := self.robot_odometry()) is None:
             return None
         poses = se2.compose(robot.poses, np.array(self._setup.laser_pose))
         return Trajectory(stamps=robot.stamps, poses=poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return what the log says of the robot; with a pose of the laser given, its odometry is the robot's."""
+        if isinstance(self._log, MountedLog):
+            return self._log.robot_odometry()
+        return None if self._setup.laser_pose is None else self._log.odometry
+
+    def hangs_upside_down(self) -> bool:
+        """Return what the user says, else the log; the scans have been mirrored for it."""
+        if self._setup.upside_down is not None:
+            return self._setup.upside_down
+        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+
+    def turned_by_gyro(self) -> Floats | None:
+        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
 
     @property
     def faults(self) -> tuple[Fault, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from curvescan.io.beam_tally import BeamTally
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -33,6 +34,10 @@ class Tally:
         Seconds, one a scan.
     n_timed : int
         Scans that tell the time from a beam to the next.
+    sweep_seconds : float
+        Longest time from the first to the last beam, by these times; 0 without.
+    beams : BeamTally
+        What tells beams that do not say what is there now.
     layouts : Counter of Layout
         Scans by arrangement of the beams.
     range_min, range_max : float
@@ -55,6 +60,8 @@ class Tally:
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
     n_timed: int = 0
+    sweep_seconds: float = 0.0
+    beams: BeamTally = field(default_factory=BeamTally)
     layouts: Counter[Layout] = field(default_factory=Counter)
     range_min: float = math.inf
     range_max: float = 0.0
@@ -76,6 +83,7 @@ class Tally:
         """Count one scan."""
         self.stamps.append(scan.stamp)
         self.n_timed += scan.time_increment > 0.0
+        self.sweep_seconds = max(self.sweep_seconds, scan.time_increment * (len(scan) - 1))
         self._add_layout(scan)
         self.range_min = min(self.range_min, scan.range_min)
         self.range_max = max(self.range_max, scan.range_max)
@@ -88,7 +96,8 @@ class Tally:
             self._add_codes(scan.ranges[~valid])
         if self._repeats_previous(scan.ranges):
             self.n_repeats += 1
-            return  # what it says of the top of the range has been said
+            return  # what it says of the top of the range, and of single beams, has been said
+        self.beams.add(scan)
         self.n_fresh_readings += len(scan)
         if n_valid:
             self._add_top(scan.ranges[valid])

@@ -9,9 +9,11 @@ import numpy as np
 from curvescan import se2
 from curvescan.evaluation.experiments import DriveComparison
 from curvescan.evaluation.random_transform import SUCCESS, Moves, RandomTransformRuns
+from curvescan.mapping.cells import occupied_cells
+from curvescan.mapping.drive import map_drive
 from curvescan.types import Points, Pose
 from curvescan.view.canvas import DARK, FAILED, PATH, TRUTH, as_place, drawing, segment_colour
-from curvescan.view.map import draw_map, occupied_cells, standing_and_moved_cells
+from curvescan.view.map import draw_map
 
 
 def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformRuns]) -> None:
@@ -79,7 +81,7 @@ def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
     """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
     run = drive.results[method].run
     poses = run.trajectory.poses
-    standing, moved = standing_and_moved_cells(drive.log, poses, run.is_joined)
+    place = map_drive(drive.log, poses, run.is_joined)
     wheel_poses = wheel_cells = None
     if drive.log.odometry is not None and drive.experiment.n_people == 0:
         wheels = drive.log.odometry.poses
@@ -88,8 +90,8 @@ def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
     draw_map(
         path,
         title=f"experiment {drive.experiment.number}, {method}",
-        cells=standing,
-        moved_cells=moved,
+        cells=place.standing,
+        moved_cells=place.moved,
         poses=poses,
         failed=run.is_failed,
         wheel_cells=wheel_cells,

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import tee
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan import se2
-from curvescan.errors import InvalidArgumentError
-from curvescan.matching.moved import moved_along
-from curvescan.scan import LaserScan
-from curvescan.types import Bools, Ints, Points, Pose
+from curvescan.types import Bools, Points, Pose
 from curvescan.view.canvas import (
     DARK,
     FAILED,
@@ -25,84 +19,6 @@ from curvescan.view.canvas import (
     as_place,
     drawing_places,
 )
-
-_BATCH = 500_000
-"""Points gathered before they are merged into cells, so that memory follows the area and not the log."""
-
-
-def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
-    """Return the centres of all cells of a square grid in which a reading ended.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once, one at a time; scans beyond the poses are left out.
-    poses : (n, 3) float64
-        Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out.
-    cell : float
-        Side of a cell, metres, > 0.
-
-    Returns
-    -------
-    (k, 2) float64
-        Metres, frame of the map, without repeats, sorted by x and y.
-    """
-    cells = _Cells(cell)
-    for scan, pose in zip(scans, poses, strict=False):
-        if not np.isnan(pose).any():
-            cells.add(se2.transform(pose, scan.points[scan.valid]))
-    return cells.centres()
-
-
-def standing_and_moved_cells(
-    scans: Iterable[LaserScan], poses: Pose, is_joined: Bools, cell: float = 0.05
-) -> tuple[Points, Points]:
-    """Return the occupied cells of what stands, and of what moved while the sensor passed (figure 9).
-
-    Parameters
-    ----------
-    scans, poses, cell
-        As for :func:`occupied_cells`; no pose may be NaN.
-    is_joined : (n,) bool
-        Whether each pose is a motion away from the one before.
-
-    Returns
-    -------
-    standing, moved : (k, 2), (m, 2) float64
-        Centres of the cells, metres. A cell may be in both.
-    """
-    standing, moving = _Cells(cell), _Cells(cell)
-    kept, watched = tee(scans)
-    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
-        points = se2.transform(pose, scan.points)
-        standing.add(points[scan.valid & ~moved])
-        moving.add(points[moved])
-    return standing.centres(), moving.centres()
-
-
-class _Cells:
-    """Cells of a square grid that points fell into; memory follows the area and not the number of points."""
-
-    def __init__(self, cell: float) -> None:
-        if not cell > 0.0:
-            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
-        self._cell = cell
-        self._batch: list[Ints] = [np.empty((0, 2), dtype=np.int64)]
-        self._n_waiting = 0
-
-    def add(self, points: Points) -> None:
-        self._batch.append(np.floor(points / self._cell).astype(np.int64))
-        self._n_waiting += len(points)
-        if self._n_waiting > _BATCH:
-            self._merge()
-
-    def centres(self) -> Points:
-        self._merge()
-        return (self._batch[0].astype(np.float64) + 0.5) * self._cell
-
-    def _merge(self) -> None:
-        self._batch = [np.unique(np.concatenate(self._batch), axis=0)]
-        self._n_waiting = 0
 
 
 def draw_map(

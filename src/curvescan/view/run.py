@@ -16,9 +16,14 @@ from curvescan import __version__, se2
 from curvescan.io.bag_files import storage_files
 from curvescan.io.log import Log
 from curvescan.io.trajectory import write_csv, write_tum
+from curvescan.mapping.cells import occupied_cells
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.drive import DriveMap, map_drive
+from curvescan.mapping.map_server import write_map
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.types import Pose
-from curvescan.view.map import draw_map, occupied_cells, standing_and_moved_cells
+from curvescan.view.map import draw_map
+from curvescan.view.occupancy import draw_occupancy
 
 
 def save_run(
@@ -30,8 +35,12 @@ def save_run(
     command: Sequence[str] = (),
     source: Path | None = None,
     truth: Pose | None = None,
-) -> None:
-    """Write trajectory.tum, trajectory.csv, map.png and run.json of a run into an existing folder.
+    occupancy: OccupancyConfig | None = None,
+) -> tuple[str, ...]:
+    """Write the trajectory, the maps and the record of a run into an existing folder.
+
+    trajectory.tum, trajectory.csv, map.png, run.json; and the occupancy map: map.pgm with map.yaml, as a map server loads
+    it, and occupancy.png.
 
     Parameters
     ----------
@@ -49,12 +58,31 @@ def save_run(
         The file or folder of the log, for its size and digest.
     truth : (n, 3) float64 or None
         True poses, drawn with the map.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map; None for the defaults.
+
+    Returns
+    -------
+    tuple of str
+        What was left out and why, a sentence each.
     """
+    occupancy = occupancy or OccupancyConfig()
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    _save_map(folder / "map.png", run, log, truth)
+    place = map_drive(log, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    _save_map(folder / "map.png", run, log, truth, place)
+    left_out: tuple[str, ...] = ()
+    if place.grid is not None:
+        write_map(folder, place.grid)
+        title = f"{_title(run, log)}: occupancy"
+        draw_occupancy(folder / "occupancy.png", place.grid, run.trajectory.poses, title=title)
+    else:
+        left_out = (f"no occupancy map: {place.why_no_grid}",)
     record = describe_run(run, log, odometry, command, source)
+    record["occupancy"] = as_plain(occupancy)
+    record["left_out"] = list(left_out)
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return left_out
 
 
 def describe_run(
@@ -115,27 +143,30 @@ def _digest(source: Path | None) -> dict[str, object]:
     return {"bytes": source.stat().st_size, "sha256": digest}
 
 
-def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None) -> None:
+def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None, place: DriveMap) -> None:
     poses = run.trajectory.poses
     wheel_poses = wheel_cells = None
     if log.odometry is not None:
         wheel_poses = _from_first(log.odometry.poses[: len(poses)])
         wheel_cells = occupied_cells(log, wheel_poses)
-    standing, moved = standing_and_moved_cells(log, poses, run.is_joined)
-    title = f"{log.name}: {len(poses):,} scans, {run.method}"
-    if run.is_partial:
-        title += f" (partial: interrupted, {len(log):,} scans in all)"
     draw_map(
         path,
-        title=title,
-        cells=standing,
-        moved_cells=moved,
+        title=_title(run, log),
+        cells=place.standing,
+        moved_cells=place.moved,
         poses=poses,
         failed=run.is_failed,
         wheel_cells=wheel_cells,
         wheel_poses=wheel_poses,
         true_poses=None if truth is None else _from_first(truth[: len(poses)]),
     )
+
+
+def _title(run: OdometryRun, log: Log) -> str:
+    title = f"{log.name}: {len(run.outcomes):,} scans, {run.method}"
+    if run.is_partial:
+        title += f" (partial: interrupted, {len(log):,} scans in all)"
+    return title
 
 
 def _from_first(poses: Pose) -> Pose:

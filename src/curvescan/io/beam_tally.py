@@ -1,0 +1,131 @@
+"""Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
+
+Both are told from beams that should change and do not. A bin that was not refilled repeats its value to the last digit
+while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one step
+beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Floats
+
+_CHANGED = 8.0
+"""Typical change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
+
+_NEAR = 4
+"""Changes of up to so many steps are counted to tell how often one of zero is to be expected."""
+
+_MIN_CHANGES = 20
+_MIN_STEP = 1e-4
+_MIN_PAIRS = 10
+
+_FIXED = 0.03
+"""Largest standard deviation of a beam that keeps its reading, metres."""
+
+_MOVING = 0.2
+"""Standard deviation that nine of ten other beams exceed when the sensor moves, metres: where it stands, walls stand."""
+
+_MAX_FIXED_SHARE = 0.3
+_FAR = 1e6
+"""Deviations count up to this many metres, so that a reading of 1e300 has a square."""
+
+_BODY = 1.5
+"""How far from its laser a robot may reach, metres."""
+
+
+@dataclass
+class BeamTally:
+    """Counters over consecutive sweeps, and sums a beam; memory follows the number of beams.
+
+    Attributes
+    ----------
+    n_pairs : int
+        Pairs of consecutive sweeps between which the scene changed.
+    n_compared, n_equal, n_near : int
+        Readings of these pairs that are valid in both: all, those that are equal, and those that are not but lie
+        within four steps.
+    """
+
+    n_pairs: int = 0
+    n_compared: int = 0
+    n_equal: int = 0
+    n_near: int = 0
+    _previous: Floats | None = None
+    _n_scans: int = 0
+    _base: Floats = field(default_factory=lambda: np.empty(0))
+    _counts: Floats = field(default_factory=lambda: np.empty(0))
+    _sums: Floats = field(default_factory=lambda: np.empty(0))
+    _squares: Floats = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def stale_share(self) -> float:
+        """Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1; NaN where few sweeps tell."""
+        if self.n_pairs < _MIN_PAIRS:
+            return np.nan
+        expected = self.n_near / (2 * _NEAR)
+        return max(self.n_equal - expected, 0.0) / self.n_compared
+
+    @property
+    def n_blind(self) -> int:
+        """Beams of the first arrangement that never gave a valid reading."""
+        return int(np.count_nonzero(self._counts == 0.0))
+
+    @property
+    def fixed_beams(self) -> tuple[tuple[int, int], ...]:
+        """Runs (first, last) of beams that keep their reading while the sensor moves; empty where it stands."""
+        well_seen = 2 * self._counts > self._n_scans
+        if not well_seen.any():
+            return ()
+        counts = np.maximum(self._counts, 1.0)
+        means = self._sums / counts
+        deviations = np.sqrt(np.maximum(self._squares / counts - means**2, 0.0))
+        is_near = np.nan_to_num(self._base + means, nan=np.inf) < _BODY
+        fixed = well_seen & is_near & (deviations < _FIXED)
+        others = deviations[well_seen & ~fixed]
+        if np.count_nonzero(fixed) > _MAX_FIXED_SHARE * np.count_nonzero(well_seen):
+            return ()
+        if not others.size or np.percentile(others, 10) < _MOVING:
+            return ()
+        return _runs(fixed)
+
+    def add(self, scan: LaserScan) -> None:
+        """Count one sweep."""
+        ranges = np.where(scan.valid, scan.ranges, np.nan)
+        previous, self._previous = self._previous, ranges
+        if not self._n_scans:
+            self._base = np.full(len(scan), np.nan)
+            self._counts, self._sums, self._squares = np.zeros((3, len(scan)))
+        if len(scan) == self._counts.size:
+            self._n_scans += 1
+            # deviations from the first reading, not readings: their squares keep their digits
+            np.copyto(self._base, ranges, where=np.isnan(self._base))
+            deviation = np.where(scan.valid, ranges - self._base, 0.0).clip(-_FAR, _FAR)
+            self._counts += scan.valid
+            self._sums += deviation
+            self._squares += deviation**2
+        if previous is not None and previous.size == ranges.size:
+            self._add_pair(np.abs(ranges - previous))
+
+    def _add_pair(self, changes: Floats) -> None:
+        changes = changes[np.isfinite(changes)]
+        changed = changes[changes > 0.0]
+        if changed.size < _MIN_CHANGES:
+            return
+        step = max(float(changed.min()), _MIN_STEP)
+        if not np.median(changed) > _CHANGED * step:
+            return
+        self.n_pairs += 1
+        self.n_compared += changes.size
+        self.n_equal += changes.size - changed.size
+        self.n_near += int(np.count_nonzero(changed < (_NEAR + 0.5) * step))
+
+
+def _runs(mask: Bools) -> tuple[tuple[int, int], ...]:
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    first, beyond = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return tuple((int(a), int(b) - 1) for a, b in zip(first, beyond, strict=True))

@@ -1,0 +1,74 @@
+"""The cells of a square grid in which readings ended: the map as points, light enough to be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import Ints, Points, Pose
+
+_BATCH = 500_000
+"""Points gathered before they are merged into cells, so that memory follows the area and not the log."""
+
+_HALF = 2**31
+
+
+def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
+    """Return the centres of all cells of a square grid in which a reading ended.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once, one at a time; scans beyond the poses are left out.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out.
+    cell : float
+        Side of a cell, metres, > 0.
+
+    Returns
+    -------
+    (k, 2) float64
+        Metres, frame of the map, without repeats, sorted by x and y.
+    """
+    cells = Cells(cell)
+    for scan, pose in zip(scans, poses, strict=False):
+        if not np.isnan(pose).any():
+            cells.add(se2.transform(pose, scan.points[scan.valid]))
+    return cells.centres()
+
+
+class Cells:
+    """Cells of a square grid that points fell into; memory follows the area and not the number of points.
+
+    A cell is one integer, its column in the upper and its row in the lower half: such are sorted ten times as fast as pairs.
+    Places beyond the 2^31st cell, 100,000 km away, fall into that cell.
+    """
+
+    def __init__(self, cell: float) -> None:
+        if not cell > 0.0:
+            raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
+        self._cell = cell
+        self._batch: list[Ints] = [np.empty(0, dtype=np.int64)]
+        self._n_waiting = 0
+
+    def add(self, points: Points) -> None:
+        """Take in (n, 2) points, metres."""
+        cells = np.floor(points / self._cell).clip(-_HALF, _HALF - 1).astype(np.int64)
+        self._batch.append(cells[:, 0] * (2 * _HALF) + (cells[:, 1] + _HALF))
+        self._n_waiting += len(points)
+        if self._n_waiting > _BATCH:
+            self._merge()
+
+    def centres(self) -> Points:
+        """Return the (k, 2) centres of the cells, metres, without repeats, sorted by x and y."""
+        self._merge()
+        columns, rows = np.divmod(self._batch[0], 2 * _HALF)
+        return (np.column_stack([columns, rows - _HALF]) + 0.5) * self._cell
+
+    def _merge(self) -> None:
+        self._batch = [np.unique(np.concatenate(self._batch))]
+        self._n_waiting = 0

@@ -1,0 +1,219 @@
+"""Occupancy maps: for each cell of a square grid, the log-odds that something stands there.
+
+Moravec and Elfes, "High resolution maps from wide angle sonar", ICRA 1985; Thrun, Burgard and Fox, "Probabilistic
+Robotics", 2005, chapter 9: cells are independent, and each scan adds the log-odds of its inverse sensor model. Hornung
+et al., "OctoMap", Autonomous Robots 2013: a scan changes a cell once, hits go before misses, and the sum is
+clamped, so that the map follows a changing place.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, MapTooLargeError
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.traversal import mark_scan
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Floats, Points
+
+MAX_BYTES = 1 << 30
+"""Most memory that a map's cells may take; while the grid grows, the old ones stand beside the new."""
+
+_CELL_BYTES = 8
+_FIRST_MARGIN = 64
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OccupancyGrid:
+    """A map of cells.
+
+    Attributes
+    ----------
+    log_odds : (n_rows, n_columns) float32
+        Of occupancy; 0 where nothing is known. Row j, column i is the cell whose lower left corner lies at
+        ``origin + resolution * [i, j]``: row 0 is the one of the smallest y.
+    origin : (2,) float64
+        Lower left corner of the grid, metres, frame of the poses; a multiple of the resolution.
+    config : OccupancyConfig
+        What it was made with.
+    """
+
+    log_odds: NDArray[np.float32]
+    origin: Floats
+    config: OccupancyConfig
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell, metres."""
+        return self.config.resolution
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """(n_rows, n_columns) probability that a cell is occupied; 0.5 where nothing is known."""
+        odds: NDArray[np.float32] = np.exp(self.log_odds)
+        return odds / (np.float32(1.0) + odds)
+
+    @property
+    def is_occupied(self) -> Bools:
+        """(n_rows, n_columns) whether something stands in a cell."""
+        return self.log_odds > _log_odds(self.config.occupied_from)
+
+    @property
+    def is_free(self) -> Bools:
+        """(n_rows, n_columns) whether a cell was seen to be empty; neither free nor occupied is unknown."""
+        return self.log_odds < _log_odds(self.config.free_to)
+
+    @property
+    def occupied_centres(self) -> Points:
+        """(k, 2) centres of the occupied cells, metres, frame of the poses."""
+        rows, columns = np.nonzero(self.is_occupied)
+        return self.origin + self.resolution * (np.column_stack([columns, rows]) + 0.5)
+
+
+class OccupancyBuilder:
+    """Builds an occupancy map scan by scan; the grid grows with what is seen.
+
+    Parameters
+    ----------
+    config : OccupancyConfig or None
+        None for the defaults.
+    """
+
+    def __init__(self, config: OccupancyConfig | None = None) -> None:
+        self.config = config or OccupancyConfig()
+        c = self.config
+        self._steps = np.array([_log_odds(p) for p in (c.hit, c.miss, c.lowest, c.highest)])
+        self._corner = np.zeros(2, dtype=np.int64)  # of the grid, in cells from the frame's origin
+        self._log_odds = np.zeros((0, 0), dtype=np.float32)
+        self._marks = np.zeros((0, 0), dtype=np.int32)
+        self._n_scans = 0
+
+    def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
+        """Enter a scan.
+
+        A valid reading is a hit where it ends and clears what lies before; a beam of which nothing came back (+inf)
+        clears its way to a finite range_max; any other reading does nothing.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Any scan.
+        pose : (3,) array_like
+            [x, y, theta] of the sensor in the frame of the map; a scan whose pose is not finite is left out.
+        ignored : (n_beams,) bool or None
+            Readings that are no hits, on people say; they clear what lies before them all the same.
+
+        Raises
+        ------
+        MapTooLargeError
+            When the map would need more than MAX_BYTES; the map is left as it was.
+        InvalidArgumentError
+            When `ignored` has not one value a beam.
+        """
+        if ignored is not None and ignored.shape != scan.ranges.shape:
+            raise InvalidArgumentError(
+                f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}"
+            )
+        x, y, theta = (float(v) for v in np.asarray(pose, dtype=np.float64))
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
+            return
+        is_clear = self._is_clear(scan)
+        used = np.flatnonzero(scan.valid | is_clear)
+        reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
+        is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]
+        resolution = self.config.resolution
+        # a place beyond all numbers is refused below for its size
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = np.array([x, y]) / resolution
+            turned = scan.directions[used] @ se2.rotation(theta).T
+            ends = start + (reach / resolution)[:, np.newaxis] * turned
+            farthest = reach.max(initial=0.0) / resolution
+        if not self._holds(start - farthest, start + farthest):
+            self._cover(np.vstack([start, ends]))
+        self._n_scans += 1
+        mark_scan(
+            self._log_odds,
+            self._marks,
+            self._n_scans,
+            start - self._corner,
+            ends - self._corner,
+            is_hit,
+            is_clear[used],
+            self._steps,
+        )
+
+    def grid(self) -> OccupancyGrid:
+        """Return the map so far, cut to the cells that were seen; without any it has no cells."""
+        rows = np.flatnonzero(self._marks.any(axis=1))
+        columns = np.flatnonzero(self._marks.any(axis=0))
+        if not rows.size:
+            rows = columns = np.array([0, -1])
+        seen = self._log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
+        corner = self._corner + np.array([columns[0], rows[0]])
+        return OccupancyGrid(
+            log_odds=seen, origin=corner * self.config.resolution, config=self.config
+        )
+
+    def _is_clear(self, scan: LaserScan) -> Bools:
+        if not self.config.clear_no_return or not math.isfinite(scan.range_max):
+            return np.zeros(len(scan), dtype=np.bool_)
+        return np.isposinf(scan.ranges)
+
+    def _holds(self, low: Floats, high: Floats) -> bool:
+        """Return whether the grid holds all places of a box, and a cell more on each side: they are rounded once more."""
+        n_rows, n_columns = self._log_odds.shape
+        (left, bottom), (i, j) = low.tolist(), self._corner.tolist()
+        right, top = high.tolist()
+        return bool(
+            left >= i + 1 and bottom >= j + 1 and right < i + n_columns - 1 and top < j + n_rows - 1
+        )
+
+    def _cover(self, places: Points) -> None:
+        """Make the grid hold places, given in cells from the frame's origin."""
+        low, high = places.min(axis=0), places.max(axis=0)
+        if self._holds(low, high):
+            return
+        n_rows, n_columns = self._log_odds.shape
+        held = np.array([n_columns, n_rows])
+        first, beyond = np.floor(low) - 1.0, np.floor(high) + 2.0
+        if held.all():
+            first = np.minimum(first, self._corner)
+            beyond = np.maximum(beyond, self._corner + held)
+        self._check_size(beyond - first)
+        # room to grow by half wherever it had to grow, so that few scans pay for it
+        margin = np.maximum(_FIRST_MARGIN, (beyond - first) // 2)
+        roomy_first = np.where(first < self._corner, first - margin, first)
+        roomy_beyond = np.where(beyond > self._corner + held, beyond + margin, beyond)
+        if _n_bytes(roomy_beyond - roomy_first) <= MAX_BYTES:
+            first, beyond = roomy_first, roomy_beyond
+        corner = first.astype(np.int64)
+        n_columns_new, n_rows_new = (int(n) for n in beyond - first)
+        log_odds = np.zeros((n_rows_new, n_columns_new), dtype=np.float32)
+        marks = np.zeros((n_rows_new, n_columns_new), dtype=np.int32)
+        if held.all():
+            i, j = self._corner - corner
+            log_odds[j : j + n_rows, i : i + n_columns] = self._log_odds
+            marks[j : j + n_rows, i : i + n_columns] = self._marks
+        self._corner, self._log_odds, self._marks = corner, log_odds, marks
+
+    def _check_size(self, n_cells: Floats) -> None:
+        if not _n_bytes(n_cells) <= MAX_BYTES:  # also where it is no number
+            width, height = n_cells * self.config.resolution
+            raise MapTooLargeError(
+                f"an occupancy map may take {MAX_BYTES >> 30} GiB, and {width:,.0f} m by {height:,.0f} m in cells of "
+                f"{self.config.resolution:g} m take more: choose larger cells (--map.resolution) or a smaller "
+                "--range-max; if the place is not that large, the trajectory has gone astray"
+            )
+
+
+def _n_bytes(n_cells: Floats) -> float:
+    return float(n_cells[0]) * float(n_cells[1]) * _CELL_BYTES
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))
