@@ -10,6 +10,7 @@ import pytest
 
 from curvescan.errors import OutputError
 from curvescan.io import output_folder
+from curvescan.io.folder import output_file
 
 
 def tree(folder: Path) -> dict[str, str | None]:
@@ -198,26 +199,66 @@ def test_target_that_is_a_mount_point() -> None:
         (target / name).unlink(missing_ok=True)
 
 
-def test_new_target_is_removed_when_a_move_fails(
+def test_new_target_is_not_there_when_the_move_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    replace = Path.replace
+    def refuse(path: Path, goal: Path) -> None:
+        raise OSError(28, "No space left on device")
 
-    def refuse_second(path: Path, goal: Path) -> None:
-        if path.name == "b":
-            raise OSError(28, "No space left on device")
-        replace(path, goal)
-
-    monkeypatch.setattr(Path, "replace", refuse_second)
+    monkeypatch.setattr(Path, "replace", refuse)
 
     def work() -> None:
         with output_folder(tmp_path / "x" / "out") as folder:
             (folder / "a").write_text("1")
-            (folder / "b").write_text("2")
 
     with pytest.raises(OutputError, match="No space left on device"):
         work()
     assert tree(tmp_path) == {}
+
+
+def test_new_folders_appear_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace, moves = Path.replace, []
+
+    def watch(path: Path, goal: Path) -> None:
+        moves.append(goal.relative_to(tmp_path).as_posix())
+        replace(path, goal)
+
+    monkeypatch.setattr(Path, "replace", watch)
+    for _ in range(2):
+        with output_folder(tmp_path / "out") as folder:
+            (folder / "sub").mkdir()
+            for name in ("a", "sub/b"):
+                (folder / name).write_text("1")
+    assert moves == ["out", "out/a", "out/sub/b"]
+
+
+def test_file_is_replaced_when_the_block_ends(tmp_path: Path) -> None:
+    path = tmp_path / "sub" / "a.txt"
+    for old, new in ((None, "1"), ("1", "2")):
+        with output_file(path) as file:
+            assert file.parent.parent == path.parent  # a hidden folder, where the file will be
+            file.write_text(new)
+            assert (path.read_text() if path.exists() else None) == old
+        assert tree(tmp_path) == {"sub": None, "sub/a.txt": new}
+    with pytest.raises(ValueError), output_file(path) as file:  # noqa: PT011, PT012
+        file.write_text("3")
+        raise ValueError
+    assert tree(tmp_path) == {"sub": None, "sub/a.txt": "2"}
+
+
+def test_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with output_file(tmp_path / "link") as file:
+        file.write_text("new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+
+
+def test_places_where_no_file_can_be(tmp_path: Path) -> None:
+    for path in (tmp_path, "/dev/null", f"{tmp_path}/a\0b"):
+        with pytest.raises(OutputError), output_file(path):
+            pass
 
 
 @pytest.mark.parametrize("path", ["a", "sub/b"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import io
 import os
 import sqlite3
 import subprocess
@@ -12,6 +13,7 @@ import tracemalloc
 import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -33,7 +35,15 @@ def sample_of(name: str, folder: Path) -> bytes:
     """Return a sound file with one scan of the format whose row has this name."""
     if name in BAGS:
         return storage(write_bag(folder / "source", BAGS[name], [scan()])).read_bytes()
-    return {"CARMEN log": flaser().encode()}[name]
+    if name == "NPZ of scans":
+        buffer = io.BytesIO()
+        np.savez(buffer, stamps=[1.0], ranges=[[1.0, 2.0]], angle_min=0.0, angle_increment=0.1)
+        return buffer.getvalue()
+    return {
+        "CARMEN log": flaser().encode(),
+        "CSV of scans": b"stamp,angle_min,angle_increment,ranges\n1.0,-1.0,0.5,1.0,2.0\n",
+        "CoreSLAM log": b" ".join([b"5"] * 707) + b"\n",
+    }[name]
 
 
 @pytest.mark.parametrize("row", FORMATS, ids=lambda row: row.name)
@@ -178,7 +188,7 @@ def test_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
         (b"#ROSBAG V2.0\n\x45\x00", "is a ROS 1 bag that cannot be read"),
         (b"\x89MCAP0\r\n\x01", r"is a ROS 2 bag \(MCAP\) that cannot be read"),
         (bz2.compress(TEXT), "is compressed with bzip2.*unpack it first"),
-        (b"\x00\x01\x02\x03" * 50, "binary data of an unknown format; read are: CARMEN log"),
+        (b"\x00\x01\x02\x03" * 50, "binary data of an unknown format; read are: .*CARMEN log"),
         (b"\nstamp,x,y\n1,2,3\n", r"text of an unknown format \(it begins 'stamp,x,y'\)"),
         (b"FLASERS 3 1 2 3", "text of an unknown format"),
     ],
@@ -291,10 +301,22 @@ def test_file_that_unpacks_to_very_much_takes_little_memory(tmp_path: Path) -> N
 
 words = [b"FLASER ", b"4 ", b"1.5 ", b"nan ", b"\n", b"\r\n", b"PARAM ", b"\x00", b"\xff", b"# "]
 sound = [flaser().encode() + b"\n", configured().encode() + b"\n"]
+table = [
+    b"stamp,angle_min,angle_increment,x,ranges\n",
+    b"1,0,0.1,,5,6\n",
+    b"angles,0,1,3\n",
+    b"intensities,7,8\n",
+    b"1,,,,2,3\n",
+    b",",
+    b"-",
+    b"1",
+]
+tables = st.lists(st.sampled_from(table), max_size=20).map(lambda rows: table[0] + b"".join(rows))
 fragments = st.sampled_from([*words, *sound, GZIP_MAGIC])
 contents = st.one_of(
     st.binary(max_size=300),
     st.lists(fragments, max_size=40).map(b"".join),
+    tables,
     st.binary(max_size=60).map(lambda junk: GZIP_MAGIC + junk),
     st.tuples(st.lists(fragments, max_size=20).map(b"".join), st.integers(0, 40)).map(
         lambda pair: gzip.compress(pair[0])[: -pair[1] or None]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         MissingPackageError,
         OutputError,
     )
-    from curvescan.io import read_log
+    from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
     from curvescan.mapping.occupancy import OccupancyBuilder
     from curvescan.matching import PreparedScan, match, prepare
@@ -48,11 +48,13 @@ _HOMES = {
     "PreparedScan": "curvescan.matching",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "log_from_arrays": "curvescan.io",
     "match": "curvescan.matching",
     "prepare": "curvescan.matching",
     "read_log": "curvescan.io",
     "se2": "curvescan",
     "simulate": "curvescan.simulation",
+    "write_log": "curvescan.io",
 }
 
 __all__ = [
@@ -73,11 +75,13 @@ __all__ = [
     "StepOutcome",
     "Trajectory",
     "__version__",
+    "log_from_arrays",
     "match",
     "prepare",
     "read_log",
     "se2",
     "simulate",
+    "write_log",
 ]
 
 

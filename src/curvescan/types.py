@@ -39,6 +39,26 @@ Cov: TypeAlias = NDArray[np.float64]
 """(..., 3, 3) covariances of a pose, in the order x, y, theta: m^2, m rad, rad^2."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseEdge:
+    """A measured pose of one scan in another: an edge of a pose graph.
+
+    Attributes
+    ----------
+    i, j : int
+        Numbers of the scans, from 0.
+    pose : (3,) float64
+        [x, y, theta] of scan j seen from scan i.
+    covariance : (3, 3) float64
+        Of the pose, x, y, theta in the frame of scan i.
+    """
+
+    i: int
+    j: int
+    pose: Pose
+    covariance: Cov
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
     """Poses over time, one row a scan, in the order of the log.

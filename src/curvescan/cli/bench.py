@@ -13,7 +13,7 @@ def bench(
     logs: tuple[Path, ...] = (),
     out: Path | None = None,
 ) -> int:
-    """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs.
+    """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs, reading.
 
     Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is right. The bound is the
     median translation error that the Cramér-Rao bound allows; NEES is 3 where covariances are right.

@@ -28,7 +28,8 @@ def info(
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic

@@ -15,6 +15,7 @@ import tyro
 from curvescan import __version__
 from curvescan.cli.bench import bench
 from curvescan.cli.calibrate import calibrate
+from curvescan.cli.convert import convert
 from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
@@ -27,6 +28,7 @@ from curvescan.errors import CurvescanError
 COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,
     "info": info,
+    "convert": convert,
     "odometry": odometry,
     "match": match,
     "evaluate": evaluate,

@@ -46,7 +46,8 @@ def match(
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 from curvescan.cli.options import (
     Chain,
@@ -22,6 +23,9 @@ from curvescan.cli.options import (
 )
 from curvescan.mapping.config import OccupancyConfig
 
+FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
+"""Names of the table of further files, written out so that --help loads none of their writers."""
+
 
 def odometry(
     log: LogPath,
@@ -33,6 +37,7 @@ def odometry(
     chain: Chain = "auto",
     range_max: float | None = None,
     topic: Topic = None,
+    also: tuple[FurtherName, ...] = (),
     laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
@@ -48,7 +53,8 @@ def odometry(
     Parameters
     ----------
     log
-        The log: CARMEN or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed; or a ROS 2 bag's folder.
+        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
+        ROS 2 bag's folder.
     out
         Folder for the results; made if it is missing.
     method
@@ -63,6 +69,9 @@ def odometry(
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
+    also
+        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap, scans and poses
+        for Foxglove and ROS 2).
     laser
         How the laser is set up, where its log does not say so or is wrong.
     occupancy
@@ -79,12 +88,15 @@ def odometry(
     from curvescan.cli.tracker import make_odometry
     from curvescan.evaluation.sweeps import lists_beams_backwards
     from curvescan.io import output_folder
+    from curvescan.io.further import RunData, write_further
     from curvescan.io.prior import prior_of
-    from curvescan.odometry import run_odometry
+    from curvescan.odometry import OdometryStep, run_odometry
+    from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     wheels = prior_of(source) if odometry_prior else None
+    graph = PoseGraph()
     with output_folder(out) as folder:
         load_kernels(method)
         is_backwards = lists_beams_backwards(source)
@@ -95,7 +107,12 @@ def odometry(
             )
         tracker = make_odometry(method, chain, configs, chain_config, deskew=not is_backwards)
         with progress_bar("odometry", len(source)) as advance:
-            run = run_odometry(source, tracker, wheels=wheels, on_step=advance)
+
+            def on_step(step: OdometryStep) -> None:
+                graph.add(step)
+                advance()
+
+            run = run_odometry(source, tracker, wheels=wheels, on_step=on_step)
         with ERR.status("drawing the maps"):
             left_out = save_run(
                 folder,
@@ -110,4 +127,10 @@ def odometry(
     for remark in left_out:
         ERR.print(remark, markup=False)
     OUT.print(wrote(out, left_out), markup=False)
+    if also:
+        # on their own: what goes wrong here must not cost the results of the run
+        data = RunData(trajectory=run.trajectory, edges=graph.edges, scans=source)
+        with output_folder(out) as folder:
+            files = write_further(folder, also, data)
+        OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0

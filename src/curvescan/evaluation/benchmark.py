@@ -20,6 +20,7 @@ from curvescan.evaluation.random_transform import (
     RandomTransformRuns,
     run_random_transforms,
 )
+from curvescan.evaluation.reading import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.evaluation.real_logs import LogJudgement, judge_log
 from curvescan.evaluation.speed import Speed, measure_speed, with_beams
 from curvescan.evaluation.turns import TURNS_DEG, success_by_turn
@@ -56,6 +57,8 @@ class Benchmark:
         The paper's experiment 1.
     logs : tuple of LogJudgement
         Log by log, one a method.
+    reading : tuple of ReadingSpeed
+        How fast logs are read, one a format.
     """
 
     n_pairs: int
@@ -67,6 +70,7 @@ class Benchmark:
     turns: dict[str, Floats]
     experiment_1: dict[tuple[str, Moves, float], RandomTransformRuns]
     logs: tuple[LogJudgement, ...]
+    reading: tuple[ReadingSpeed, ...]
 
 
 def run_benchmark(
@@ -151,6 +155,9 @@ def run_benchmark(
         for log in logs
         for method in methods
     ]
+    reading = measure_reading(
+        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
+    )
     return Benchmark(
         n_pairs=n_pairs,
         n_runs=n_runs,
@@ -161,4 +168,5 @@ def run_benchmark(
         turns=turns,
         experiment_1=experiment_1,
         logs=tuple(judged),
+        reading=reading,
     )

@@ -1,4 +1,4 @@
-"""Files to scans, trajectories to files.
+"""Files to scans, scans and trajectories to files.
 
 ``read_log`` opens a log of any format of the table in ``formats.py``; the format is told by the content of the
 file, never by its name.
@@ -18,23 +18,28 @@ from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.inspect import inspect_log
 from curvescan.io.lines import read_head
 from curvescan.io.log import Fault, Log, pick_scans
+from curvescan.io.memory import MemoryLog, log_from_arrays
 from curvescan.io.poses import PoseFile, read_poses
 from curvescan.io.relations import Relations, read_relations
 from curvescan.io.report import LogReport
 from curvescan.io.report_json import report_as_plain
 from curvescan.io.setup import LaserSetup, set_up
 from curvescan.io.trajectory import read_csv, read_tum, write_csv, write_tum
+from curvescan.io.writers import WRITERS, write_log
 
 __all__ = [
+    "WRITERS",
     "Fault",
     "Finding",
     "LaserSetup",
     "Log",
     "LogReport",
+    "MemoryLog",
     "PoseFile",
     "Relations",
     "findings_of",
     "inspect_log",
+    "log_from_arrays",
     "output_folder",
     "pick_scans",
     "read_config",
@@ -47,6 +52,7 @@ __all__ = [
     "set_up",
     "write_config",
     "write_csv",
+    "write_log",
     "write_tum",
 ]
 
@@ -70,8 +76,8 @@ def read_log(
     Parameters
     ----------
     path : str or path-like
-        A CARMEN log or a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), plain or gzip-compressed, or the folder of a
-        ROS 2 bag.
+        A CARMEN log, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV or NPZ of scans or a CoreSLAM log, plain or
+        gzip-compressed, or the folder of a ROS 2 bag; see docs/formats.md.
     range_max : float or None
         Upper limit of a valid reading, metres, in place of what the log says of its sensor; inf for no limit.
     topic : str or None

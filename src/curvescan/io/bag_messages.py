@@ -43,7 +43,7 @@ class Decoder:
 
     def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
         self._is_ros1 = is_ros1
-        self._bundled = _bundled_types(is_ros1)
+        self._bundled = bundled_types(is_ros1)
         self._stores = dict.fromkeys(_WANTED, self._bundled)
         self.notes: list[str] = []
         for msgtype in _WANTED:
@@ -91,7 +91,8 @@ class Decoder:
 
 
 @cache
-def _bundled_types(is_ros1: bool) -> Typestore:
+def bundled_types(is_ros1: bool) -> Typestore:
+    """Return the usual definitions, ROS 1 Noetic's or ROS 2 Humble's, with both names of the transforms."""
     store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
     for name in TRANSFORMS:
         if name not in store.fielddefs:

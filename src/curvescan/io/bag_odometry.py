@@ -187,6 +187,8 @@ def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str
             f"no transforms lead from {robot} to {laser}: the laser is taken to sit at the robot's "
             "origin, looking ahead",
         )
+    if not way:
+        return se2.identity(), ("it is the laser's own",)
     transform = tree.along(base, way)
     theta = math.atan2(transform[1, 0], transform[0, 0])
     mount = np.array([transform[0, 3], transform[1, 3], theta])

@@ -1,4 +1,4 @@
-"""output_folder: results appear in their folder together, or not at all."""
+"""output_folder and output_file: results appear together and whole, or not at all, even when the process is killed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary folder is hidden, on the file system of the target and beside it (inside it where the target is a
     mount point or its parent cannot be written). It is made, and the target's access rights are tried, before the
-    block runs, so that a place that cannot be written costs no work. Files of the same name in the target are replaced,
-    each in one step; other files there stay. After an error the target is as before, and parent folders that were
-    made for it are gone.
+    block runs, so that a place that cannot be written costs no work. A target that was missing appears with all its
+    files in one step. In one that exists, new folders appear in one step, files of the same name are replaced, each in
+    one step, and other files stay. After an error the target is as before, and parent folders that were made for it
+    are gone. A process that is killed leaves each file old or new, whole, and perhaps the hidden folder.
 
     Parameters
     ----------
@@ -50,6 +51,54 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         try:
             _move_all(temporary, target)
+        except OSError as error:
+            raise _cannot_write(path, error) from error
+    except BaseException:
+        _remove(temporary, made)
+        raise
+    _remove(temporary, [])
+
+
+@contextmanager
+def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path; the file that the block writes there replaces `path` in one step when the block ends.
+
+    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to is
+    replaced. Missing parent folders are made.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Yields
+    ------
+    Path
+        A file of the same name that does not yet exist, in a hidden folder beside `path`.
+
+    Raises
+    ------
+    OutputError
+        When the file cannot be written there.
+    """
+    made: list[Path] = []
+    temporary: Path | None = None
+    try:
+        try:
+            target = Path(os.path.realpath(path))
+            _check_is_free(target.parent)
+            if target.exists() and not target.is_file():
+                kind = "folder" if target.is_dir() else "device or a pipe"
+                raise OutputError(
+                    f"{target} is a {kind}: a result needs a file, choose another name"
+                )
+            made = _make_parents(target)
+            temporary = _new_hidden_folder(target.parent)
+        except (OSError, ValueError) as error:
+            raise _cannot_write(path, error) from error
+        yield temporary / target.name
+        try:
+            (temporary / target.name).replace(target)
         except OSError as error:
             raise _cannot_write(path, error) from error
     except BaseException:
@@ -98,18 +147,27 @@ def _new_hidden_folder(parent: Path) -> Path:
 
 def _move_all(temporary: Path, target: Path) -> None:
     files = sorted(path for path in temporary.rglob("*") if not path.is_dir())
-    moves = [(file, target / file.relative_to(temporary)) for file in files]
-    _check_goals([goal for _, goal in moves], target)
-    is_new = not target.exists()
-    try:
-        for file, goal in moves:
-            goal.parent.mkdir(parents=True, exist_ok=True)
-            file.replace(goal)
-        target.mkdir(exist_ok=True)
-    except OSError:
-        if is_new:
-            shutil.rmtree(target, ignore_errors=True)
-        raise
+    _check_goals([target / file.relative_to(temporary) for file in files], target)
+    if not target.exists():
+        _give_ordinary_rights(temporary)
+    _move(temporary, target)
+
+
+def _move(source: Path, goal: Path) -> None:
+    """Move a file, or a folder's content: in one step where the goal is a file or is not there."""
+    if not (source.is_dir() and goal.is_dir()):
+        source.replace(goal)
+        return
+    for entry in sorted(source.iterdir()):
+        _move(entry, goal / entry.name)
+
+
+def _give_ordinary_rights(temporary: Path) -> None:
+    # it was made for its owner alone; what the process gives a new folder is told by making one
+    ordinary = temporary / ".rights"
+    ordinary.mkdir()
+    temporary.chmod(ordinary.stat().st_mode & 0o7777)
+    ordinary.rmdir()
 
 
 def _check_goals(goals: list[Path], target: Path) -> None:

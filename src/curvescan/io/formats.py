@@ -15,6 +15,8 @@ from typing import Protocol, cast
 
 from curvescan.errors import LogFormatError
 from curvescan.io.bag_files import BagKind
+from curvescan.io.coreslam import N_COLUMNS
+from curvescan.io.csv_layout import header_names, is_content
 from curvescan.io.log import Log
 
 HEAD_BYTES = 1 << 16
@@ -82,12 +84,36 @@ def is_carmen(head: bytes) -> bool:
     return _CARMEN_TAGS.search(head) is not None
 
 
+def is_csv(head: bytes) -> bool:
+    """Return whether the first line that is no comment names columns of scans."""
+    line = next((line for line in head.splitlines() if is_content(line)), b"")
+    names = header_names(line[:4096])
+    return "stamp" in names and ("ranges" in names or "angle_min" in names)
+
+
+def is_npz(head: bytes) -> bool:
+    """Return whether it is a zip archive whose first member is an array of NumPy."""
+    n_name = int.from_bytes(head[26:28], "little")
+    return head.startswith(b"PK\x03\x04") and head[30 : 30 + n_name].endswith(b".npy")
+
+
+def is_coreslam(head: bytes) -> bool:
+    """Return whether the first line has as many columns as a CoreSLAM log, all of them numbers."""
+    fields = next((line for line in head.splitlines() if line.strip()), b"").split()
+    return len(fields) in N_COLUMNS and all(map(_NUMBER.fullmatch, fields))
+
+
+_NUMBER = re.compile(rb"[-+]?[0-9.]+(e[-+]?[0-9]+)?")
+
 FORMATS: tuple[LogFormat, ...] = (
-    LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen:CarmenLog"),
     *(
         LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.rosbag:RosbagLog")
         for kind in BagKind
     ),
+    LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.npz_log:open_npz"),
+    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.csv_log:open_csv"),
+    LogFormat(name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.coreslam:open_coreslam"),
+    LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen:CarmenLog"),
 )
 
 _UNPACK = "unpack it first"
@@ -125,12 +151,12 @@ def find_format(head: bytes, path: Path) -> LogFormat:
     """
     if not head.strip():
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")
-    for magic, kind, remedy in _FOREIGN:
-        if head.startswith(magic):
-            raise LogFormatError(f"{path} is {kind}, not a log that can be read: {remedy}")
     for row in FORMATS:
         if row.sniff(head):
             return row
+    for magic, kind, remedy in _FOREIGN:
+        if head.startswith(magic):
+            raise LogFormatError(f"{path} is {kind}, not a log that can be read: {remedy}")
     known = ", ".join(row.name for row in FORMATS)
     if b"\x00" in head:
         raise LogFormatError(f"{path} holds binary data of an unknown format; read are: {known}")

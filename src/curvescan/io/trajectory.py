@@ -19,7 +19,14 @@ from typing import TextIO
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.errors import (
+    CurvescanError,
+    InvalidArgumentError,
+    LogFileError,
+    LogFormatError,
+    OutputError,
+)
+from curvescan.io.folder import output_file
 from curvescan.types import Trajectory
 
 CSV_HEADER = (
@@ -49,7 +56,7 @@ def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     """
     half = 0.5 * trajectory.poses[:, 2]
     rows = np.column_stack([trajectory.stamps, trajectory.poses[:, :2], np.sin(half), np.cos(half)])
-    with _writing(path) as file:
+    with writing_text(path) as file:
         for stamp, x, y, qz, qw in rows.tolist():
             file.write(f"{stamp!r} {x!r} {y!r} 0.0 0.0 0.0 {qz!r} {qw!r}\n")
 
@@ -122,7 +129,7 @@ def write_csv(
         raise InvalidArgumentError(
             f"outcomes must have one name a pose ({len(trajectory)}), got {len(outcomes)}"
         )
-    with _writing(path) as file:
+    with writing_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CSV_HEADER)
         for i, (stamp, pose, outcome) in enumerate(
@@ -208,10 +215,13 @@ def _numbers(fields: Iterable[str], where: str) -> list[float]:
 
 
 @contextmanager
-def _writing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+    """Yield a text file that replaces `path` in one step when the block ends; raise OutputError where it cannot."""
     try:
-        with Path(path).open("w", encoding="utf-8", newline="") as file:
+        with output_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
             yield file
+    except CurvescanError:
+        raise
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot write {path}: {error}") from error
 

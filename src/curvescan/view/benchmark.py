@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from curvescan.evaluation.benchmark import BEAM_COUNTS, Benchmark
 from curvescan.evaluation.random_transform import RandomTransformRuns
+from curvescan.evaluation.reading import ReadingSpeed
 from curvescan.types import Floats
 from curvescan.view.experiment_tables import log_table
 from curvescan.view.table import ResultTable
@@ -33,7 +35,27 @@ def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     ]
     if results.logs:
         tables.append(log_table(results.logs))
+    tables.append(reading_table(results.reading))
     return tables
+
+
+def reading_table(speeds: Sequence[ReadingSpeed]) -> ResultTable:
+    """Return the table of the times that reading takes, one row a format."""
+    sizes = {(speed.n_scans, speed.n_beams) for speed in speeds}
+    n_scans, n_beams = max(sizes)
+    return ResultTable(
+        title=f"Reading a log of {n_scans:,} scans of {n_beams:,} beams, one thread",
+        columns=("format", "scans a second", "opening and counting", "bytes a scan"),
+        rows=[
+            (
+                speed.format,
+                f"{speed.scans_per_second:,.0f}",
+                f"{1e3 * speed.open_seconds:,.0f} ms",
+                f"{speed.bytes_per_scan:,.0f}",
+            )
+            for speed in speeds
+        ],
+    )
 
 
 def _speed(results: Benchmark) -> ResultTable:

@@ -1,0 +1,59 @@
+"""curvescan convert: a log in one format to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import tyro
+
+from curvescan.cli.options import Laser, LaserSetUp, LogPath, Topic, open_log
+
+FormatName: TypeAlias = Literal["carmen", "csv", "npz", "ros1", "ros2", "mcap"]
+"""Names of the table of writers, written out so that --help loads none of them."""
+
+
+def convert(
+    log: LogPath,
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")],
+    /,
+    *,
+    format: FormatName | None = None,  # noqa: A002 - the flag's name
+    range_max: float | None = None,
+    topic: Topic = None,
+    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+) -> int:
+    """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
+
+    The ending of OUT chooses: .clf .log (CARMEN), .csv, .npz, .bag (ROS 1), .mcap, or none for the folder of a ROS 2 bag (sqlite3);
+    .csv.gz and .clf.gz are compressed.
+
+    Parameters
+    ----------
+    log
+        The log, of any format that is read.
+    out
+        The file to write, or for ros2 the folder; an old file is replaced when all is written.
+    format
+        The format, in place of what the ending of OUT says.
+    range_max
+        Upper limit of a valid reading, metres, in place of what the log says; it is written to the scans.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong; the scans are written as they then are.
+    """
+    from curvescan.cli.console import ERR, OUT, progress_bar
+    from curvescan.io import write_log
+
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
+    with progress_bar("convert", len(source)) as advance:
+        losses = write_log(out, source, format=format, source=log, on_scan=advance)
+    for fault in source.faults:
+        ERR.print(
+            f"skipped: {fault.rule} ({fault.count} times, first in {fault.first})", markup=False
+        )
+    for loss in losses:
+        ERR.print(f"not kept: {loss}", markup=False)
+    OUT.print(f"wrote {out}: {len(source):,} scans of {source.name}", markup=False)
+    return 0

@@ -1,0 +1,129 @@
+"""Logs of scans that are in memory already: from a driver, a simulator, another library's reader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import Fault
+from curvescan.scan import LaserScan
+from curvescan.types import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class MemoryLog:
+    """Scans in memory; a Log.
+
+    Attributes
+    ----------
+    scans : tuple of LaserScan
+        In the order they were recorded.
+    odometry : Trajectory or None
+        Wheel odometry: pose of the sensor at each scan.
+    name, format : str
+        For titles and messages.
+    faults, tag_counts, notes
+        Empty: there is no file that could be broken.
+    """
+
+    scans: tuple[LaserScan, ...]
+    odometry: Trajectory | None = None
+    name: str = "arrays"
+    format: str = "scans in memory"
+    faults: tuple[Fault, ...] = ()
+    tag_counts: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return iter(self.scans)
+
+    def __getitem__(self, i: int) -> LaserScan:
+        """Return scan i; negative counts from the end."""
+        return self.scans[i]
+
+
+def log_from_arrays(
+    readings: Iterable[tuple[float, ArrayLike]],
+    *,
+    angle_min: float | None = None,
+    angle_increment: float | None = None,
+    angles: ArrayLike | None = None,
+    range_min: float = 0.0,
+    range_max: float = math.inf,
+    time_increment: float = 0.0,
+    scan_time: float = 0.0,
+    odometry: ArrayLike | None = None,
+    name: str = "arrays",
+) -> MemoryLog:
+    """Return a log of stamped ranges of one sensor, for all that takes a log.
+
+    ``log_from_arrays(zip(stamps, ranges), angle_min=-1.57, angle_increment=0.0087)``
+
+    Parameters
+    ----------
+    readings : iterable of (float, (n,) array_like)
+        Stamp in seconds, and ranges in metres; gone through once and kept. n may change, but with `angles`.
+    angle_min, angle_increment : float
+        Direction of the first beam, and angle from a beam to the next, radians; or `angles`.
+    angles : (n,) array_like
+        Direction of each beam, radians.
+    range_min, range_max : float
+        Limits of a valid reading, metres.
+    time_increment, scan_time : float
+        From a beam to the next, and from a sweep to the next, seconds; 0: not known.
+    odometry : (n_scans, 3) array_like or None
+        Pose of the sensor at each scan by the wheels, [x, y, theta]; a row of NaN where there is none.
+    name : str
+        For titles and messages.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a pair is none, a number breaks the rules of LaserScan (the message tells the scan), or `odometry` has
+        another length.
+    """
+    scans: list[LaserScan] = []
+    for i, reading in enumerate(readings):
+        try:
+            stamp, ranges = reading
+            scan = LaserScan(
+                ranges,  # type: ignore[arg-type]
+                angle_min=angle_min,  # type: ignore[arg-type]
+                angle_increment=angle_increment,  # type: ignore[arg-type]
+                angles=angles,  # type: ignore[arg-type]
+                range_min=range_min,
+                range_max=range_max,
+                stamp=stamp,
+                time_increment=time_increment,
+                scan_time=scan_time,
+            )
+        except InvalidArgumentError as error:
+            raise InvalidArgumentError(f"scan {i}: {error}") from None
+        except (TypeError, ValueError):
+            raise InvalidArgumentError(
+                f"readings must be pairs of a stamp and ranges, got {reading!r:.60} as number {i}: zip(stamps, ranges) "
+                "makes them"
+            ) from None
+        scans.append(scan)
+    return MemoryLog(scans=tuple(scans), odometry=_trajectory(scans, odometry), name=name)
+
+
+def _trajectory(scans: list[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
+    if odometry is None:
+        return None
+    poses = np.array(odometry, dtype=np.float64)
+    if poses.shape != (len(scans), 3):
+        raise InvalidArgumentError(
+            f"odometry must be of shape ({len(scans)}, 3), a pose a scan, got {poses.shape}"
+        )
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    return Trajectory(stamps=np.array([scan.stamp for scan in scans]), poses=poses)
