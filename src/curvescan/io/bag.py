@@ -28,6 +28,7 @@ from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.bag_files import BagKind, bag_kind, is_packed, storage_files, unpack
 from curvescan.io.bag_messages import Decoder
 from curvescan.io.checked_file import CheckedPath
+from curvescan.io.shown import shown_text
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ class Bag:
         except CurvescanError:
             raise
         except (Ros1Error, Ros2Error) as error:
-            raise self._unreadable(_one_line(str(error)).rstrip(".")) from error
+            raise self._unreadable(shown_text(" ".join(str(error).split()), 300).rstrip(".")) from error
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
@@ -199,12 +200,6 @@ def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
         if c.msgtype == known.msgtype:
             topics[c.topic] = Topic(c.msgtype, known.count + c.msgcount)
     return MappingProxyType(topics)
-
-
-def _one_line(text: str) -> str:
-    """Return a text of rosbags fit for a sentence: it may quote what stands in the file."""
-    line = "".join(ch if ch.isprintable() else "?" for ch in " ".join(text.split()))
-    return line if len(line) <= 300 else f"{line[:297]}..."
 
 
 class _Reader(Protocol):

@@ -88,7 +88,10 @@ def _changed(default: Any, table: object, where: str) -> Any:
             values[name] = _changed(values[name], value, f"{where[:-1]}.{name}]")
         else:
             values[name] = _as_type_of(values[name], value, f"{where} {name}")
-    return type(default)(**values)
+    try:
+        return type(default)(**values)
+    except InvalidArgumentError as error:
+        raise InvalidArgumentError(f"{where}: {error}") from error
 
 
 def _literal(value: object) -> str:

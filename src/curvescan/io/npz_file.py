@@ -29,6 +29,8 @@ from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
 _MAX_MEMBERS = 256
+_MAX_HEADER_BYTES = 512
+"""NumPy writes 118 for an array of plain numbers."""
 _MAGIC = b"\x93NUMPY\x01\x00"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
@@ -147,6 +149,8 @@ class NpzFile:
         if not magic.startswith(_MAGIC):
             raise self._unreadable(f"array {name!r} does not begin like one that numpy.savez wrote")
         (n_text,) = struct.unpack("<H", magic[8:])
+        if n_text > _MAX_HEADER_BYTES:  # deeply nested text would exhaust Python's parser
+            raise self._unreadable(f"array {name!r} has a header of {n_text:,} bytes, too many")
         fields = ast.literal_eval(self._read(member, n_text).decode("latin-1"))
         shape, dtype = fields["shape"], np.dtype(fields["descr"])
         if dtype.kind not in "fiub" or dtype.itemsize > 8 or dtype.subdtype is not None:

@@ -33,6 +33,7 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.faults import FaultCounter
 from curvescan.io.npz_file import NpzFile
+from curvescan.io.shown import shown_text
 from curvescan.io.stream import NO_POSE, Record, StreamLog, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -92,12 +93,12 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     for name in ("stamps", "ranges"):
         if name not in shapes:
             raise LogFormatError(
-                f"{file.path} needs an array {name!r} to be scans, and holds {', '.join(shapes)[:200]}"
+                f"{file.path} needs an array {name!r} to be scans, and holds {shown_text(', '.join(shapes), 200)}"
             )
     if "angles" not in shapes and not {"angle_min", "angle_increment"} <= shapes.keys():
         raise LogFormatError(
             f"{file.path} needs arrays 'angle_min' and 'angle_increment', or 'angles', and holds "
-            f"{', '.join(shapes)[:200]}"
+            f"{shown_text(', '.join(shapes), 200)}"
         )
     if len(shapes["ranges"]) != 2:
         raise LogFormatError(
