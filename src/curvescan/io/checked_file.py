@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, cast
 
 _SMALL = 1 << 16
+_NOTHING_TO_SEE = 64
 
 
 class CheckedPath:
@@ -20,16 +22,19 @@ class CheckedPath:
     ----------
     path : Path
         A regular file.
+    look : callable or None
+        Is shown each piece of more than 64 bytes that is read, before the reader is; what it raises, the reader meets.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, look: Callable[[bytes], None] | None = None) -> None:
         self._path = path
+        self._look = look
 
     def __str__(self) -> str:
         return str(self._path)
 
     def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
-        return CheckedPath(self._path / str(key))
+        return CheckedPath(self._path / str(key), self._look)
 
     @property
     def stem(self) -> str:
@@ -59,15 +64,19 @@ class CheckedPath:
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:
         """Open the file for reading bytes, whatever mode is asked for."""
-        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path)))
+        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path), self._look))
 
 
 class _CheckedFile(io.BufferedReader):
-    def __init__(self, raw: io.FileIO) -> None:
+    def __init__(self, raw: io.FileIO, look: Callable[[bytes], None] | None) -> None:
         super().__init__(raw)
+        self._look = look
         self._n_bytes = os.fstat(raw.fileno()).st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _SMALL:
             size = max(0, min(size, self._n_bytes - self.tell()))
-        return super().read(size)
+        data = super().read(size)
+        if self._look is not None and len(data) > _NOTHING_TO_SEE:
+            self._look(data)
+        return data

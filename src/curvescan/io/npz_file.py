@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.bag_files import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, is_packed, unpack
+from curvescan.io.bag_files import is_packed, unpack
+from curvescan.io.unpacking import unpacked_limit
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
@@ -136,7 +137,7 @@ class NpzFile:
                 )
         if len({info.filename for info in members}) < len(members):
             raise self._unreadable("two arrays have the same name")
-        limit = max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * self._file.stat().st_size)
+        limit = unpacked_limit(self._file)
         if sum(info.file_size for info in members) > limit:
             raise self._unreadable(
                 f"it unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: if it is sound, save it "
