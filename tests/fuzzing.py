@@ -25,6 +25,7 @@ from curvescan.cli.options import ChainConfigs, MethodConfigs
 from curvescan.errors import CurvescanError
 from curvescan.io import (
     Log,
+    findings_of,
     inspect_log,
     read_config,
     read_csv,
@@ -115,8 +116,8 @@ def _read_log(row: str, path: Path, rng: random.Random) -> None:
             path, range_max=None, topic=None
         )
     _check_log(log)
-    if draw < 0.05 and len(log) < 200:
-        inspect_log(log)
+    if draw < 0.1 and len(log) < 200:
+        findings_of(inspect_log(log))
 
 
 def _check_log(log: Log) -> None:
@@ -209,7 +210,7 @@ def _place(data: bytes, rng: random.Random) -> int:
     return at
 
 
-BYTES: tuple[Mutation, ...] = (flip, flip, put_integer, put_integer, cut, delete, repeat, insert)
+BYTES: tuple[Mutation, ...] = (*(flip,) * 6, *(put_integer,) * 6, cut, delete, repeat, insert)
 
 # ---- mutations of text
 
@@ -399,7 +400,7 @@ def _packed(writer: Ros1Writer | Ros2Writer, store: object, serialize: Callable[
 _TUM = b"# stamp x y z qx qy qz qw\n1.5 0 0 0 0 0 0 1\n2.5 1 2 0 0 0 0.6 0.8\nnan nan nan 0 0 0 nan nan\n"
 _TRAJECTORY = (
     b"stamp,x,y,theta,cov_xx,cov_xy,cov_xt,cov_yy,cov_yt,cov_tt,outcome\n"
-    b"1.5,0,0,0,,,,,,,ok\n2.5,1,2,0.5,1,0,0,1,0,1,ok\n"
+    b"1.5,0,0,0,,,,,,,ok\n" + b"2.5,1,2,0.5,1,0,0,1,0,1,ok\n" * 9
 )
 _POSES = b"# a\ntimestamp,x,y,theta,more\n1.5,0,0,0,a\n2.5,1,2,0.5,\n"
 _RELATIONS = b"# t1 t2 x y z roll pitch yaw\n1 2 0.5 0 0 0 0 0.1\n2 3 0.5 0 0 0 0.01 -3\n"
@@ -424,12 +425,12 @@ def targets(folder: Path) -> dict[str, Callable[[], Target]]:
         small = b'[curvescan]\n[idc]\niterations = 3\n[cfsma.segmentation]\nx = [1.0, "a"]\n'
         return Target(read=_read_config, seeds=(whole, small), mutations=TEXT)
 
-    sql: tuple[Mutation, ...] = (*BYTES, change_database, change_database, change_database)
+    sql: tuple[Mutation, ...] = (*BYTES, *(change_database,) * 8)
     return {
         "carmen": lambda: log("CARMEN log", _carmen, *TEXT),
         "coreslam": lambda: log("CoreSLAM log", _coreslam, *TEXT),
         "csv": lambda: log("CSV of scans", _csv, *TEXT),
-        "npz": lambda: log("NPZ of scans", _npz, *BYTES, *(change_member,) * 8),
+        "npz": lambda: log("NPZ of scans", _npz, flip, put_integer, cut, *(change_member,) * 20),
         "ros1": lambda: log("ROS 1 bag", partial(_ros1, folder), *BYTES),
         "sqlite3": lambda: log("ROS 2 bag (sqlite3)", partial(_bag, folder, "sqlite3"), *sql),
         "mcap": lambda: log("ROS 2 bag (MCAP)", partial(_mcap, folder), *BYTES),

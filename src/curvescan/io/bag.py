@@ -6,6 +6,7 @@ errors and nearly every builtin one (assertions, struct errors, those of the dec
 
 from __future__ import annotations
 
+import errno
 import shutil
 import tempfile
 import weakref
@@ -198,7 +199,8 @@ class Bag:
                 shown_text(" ".join(str(error).split()), 300).rstrip(".")
             ) from error
         except Exception as error:
-            if isinstance(error, OSError) and error.errno is not None:
+            # an offset of the file's own that leads out of it is an invalid argument
+            if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
                 raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
             reason = f"its structure is damaged ({type(error).__name__})"
             raise self._unreadable(reason) from error

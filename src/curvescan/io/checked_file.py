@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO, cast
 
 _SMALL = 1 << 16
-_NOTHING_TO_SEE = 64
+_NOTHING_TO_SEE = 8
 
 
 class CheckedPath:
@@ -23,7 +23,7 @@ class CheckedPath:
     path : Path
         A regular file.
     look : callable or None
-        Is shown each piece of more than 64 bytes that is read, before the reader is; what it raises, the reader meets.
+        Is shown each piece of more than 8 bytes that is read, before the reader is; what it raises, the reader meets.
     """
 
     def __init__(self, path: Path, look: Callable[[bytes], None] | None = None) -> None:

@@ -180,7 +180,8 @@ class NpzFile:
     @staticmethod
     def _values(data: bytes, dtype: np.dtype[np.generic]) -> Floats:
         values: NDArray[np.generic] = np.frombuffer(data, dtype=dtype)
-        return values.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
+            return values.astype(np.float64)
 
     def _unpacked(self, path: Path) -> Path:
         if not is_packed(path):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bz2
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ MIN_CHUNK_LIMIT = 16 << 20
 """Up to this many bytes a single chunk may unpack to: recorders begin a new one after 1 to 4 MiB."""
 
 MAX_CHUNK_RATIO = 20
+
+_PIECE_BYTES = 1 << 20
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LZ4_MAGIC = b"\x04\x22\x4d\x18"
@@ -67,22 +69,32 @@ class Unpacker:
         self._n_packed += len(data)
         left = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_packed - self._n_unpacked
         limit = min(max(MIN_CHUNK_LIMIT, MAX_CHUNK_RATIO * len(data)), max(left, 0))
-        raw = b""
         if kind == "lz4" and _lz4().get_frame_info(data)["content_size"] > limit:
             raise LogFormatError(_TOO_MUCH.format(limit >> 20))
-        while data:
-            decompressor = _DECOMPRESSORS[kind]()
-            piece = decompressor.decompress(data, max_length=limit + 1 - len(raw))
-            raw = raw + piece if raw else piece
-            if len(raw) > limit:
-                raise LogFormatError(_TOO_MUCH.format(limit >> 20))
-            if not decompressor.eof:
-                raise EOFError("compressed data end early")
-            data = decompressor.unused_data or b""
-            if kind == "lz4":
-                break  # what follows the first frame is not looked at
+        pieces: list[bytes] = []
+        for piece in _pieces(data, kind):
+            pieces.append(piece)
+            limit -= len(piece)
+            if limit < 0:
+                n_bytes = sum(map(len, pieces))
+                raise LogFormatError(_TOO_MUCH.format(n_bytes >> 20))
+        raw = b"".join(pieces)
         self._n_unpacked += len(raw)
         return raw
+
+
+def _pieces(data: bytes, kind: str) -> Iterator[bytes]:
+    """Yield what data unpack to, a MiB at once."""
+    while data:
+        decompressor = _DECOMPRESSORS[kind]()
+        yield decompressor.decompress(data, max_length=_PIECE_BYTES)
+        while not decompressor.eof:
+            piece = decompressor.decompress(b"", max_length=_PIECE_BYTES)
+            if not piece and decompressor.needs_input:
+                raise EOFError("compressed data end early")
+            yield piece
+        # a second frame may follow; of lz4 it is not looked at
+        data = b"" if kind == "lz4" else decompressor.unused_data
 
 
 def packing_of(data: bytes) -> str | None:
