@@ -281,7 +281,11 @@ def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(Odometry, "add", interrupted_at_five)
     out = tmp_path / "out"
-    assert run(["odometry", str(log), "--out", str(out)]) == 0
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background
+    try:
+        assert run(["odometry", str(log), "--out", str(out)]) == 0
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert "of 8 (partial)" in capsys.readouterr().out
     record = json.loads((out / "run.json").read_text())
     assert record["is_partial"] is True

@@ -195,6 +195,7 @@ def in_the_office(seed, n, n_people=0, **kwargs):
     return list(log), log.truth.poses
 
 
+@pytest.mark.slow
 def test_standing_still_does_not_drift():
     _, somewhere = in_the_office(4, 1)
     scans, _ = in_the_office(4, 150, n_people=4, poses=np.tile(somewhere, (150, 1)))
@@ -206,6 +207,7 @@ def test_standing_still_does_not_drift():
     np.testing.assert_array_less(np.trace(run.trajectory.covariances[-1]), 1e-4)
 
 
+@pytest.mark.slow
 def test_slow_driving_does_not_pile_up_noise():
     """Half a millimetre a scan for 10 cm: the chain from scan to scan walks about, a key scan does not."""
     ends = {"keys": [], "last": []}
@@ -220,6 +222,7 @@ def test_slow_driving_does_not_pile_up_noise():
     assert np.median(ends["keys"]) < 0.5 * np.median(ends["last"])
 
 
+@pytest.mark.slow
 def test_a_place_seen_before_is_known():
     """There and back again, backwards: the drift is put right by the key scans of the way there."""
     _, there = in_the_office(3, 200)
@@ -248,6 +251,7 @@ def test_a_covered_sensor_finds_itself_again():
     assert sigma[60] < 3 * sigma[39]
 
 
+@pytest.mark.slow
 def test_along_a_bare_corridor_the_wheels_decide_and_across_it_the_laser():
     log = cs.simulate("bare-corridor", n_scans=60, seed=5)
     truth = cs.se2.between(log.truth.poses[0], log.truth.poses)
@@ -290,6 +294,7 @@ def test_covariances_are_consistent_over_a_hundred_runs():
     assert 2.54 < np.mean(squared) < 3.50  # 95 % bounds of a mean of 100
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_drive():
     scans, _ = in_the_office(6, 40)
     odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=5, distance=0.05)))
@@ -299,6 +304,7 @@ def test_memory_does_not_grow_with_the_drive():
             assert len(odometry.keys) <= 5
 
 
+@pytest.mark.slow
 def test_guesses_do_not_push_out_what_is_known():
     scans, _ = in_the_office(2, 40)
     odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=12)))

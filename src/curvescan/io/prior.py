@@ -7,7 +7,10 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
 from curvescan.io.sense import GyroLog, rotation_sense
-from curvescan.types import Pose
+from curvescan.types import Floats, Pose
+
+_FASTEST = 20.0
+"""No robot turns by this much, radians a second."""
 
 
 def prior_of(log: Log) -> Pose:
@@ -44,7 +47,16 @@ def prior_of(log: Log) -> Pose:
             f"{sense.n_turns} sharp turns: give --clockwise if the sensor does, or leave "
             "--odometry-prior out"
         )
-    if sense is not None and sense.is_in_degrees:
+    if (sense is not None and sense.is_in_degrees) or _is_too_fast(turned, log):
         turned = np.radians(turned)
     nowhere = np.full(turned.size, np.nan)
     return np.column_stack([nowhere, nowhere, turned])
+
+
+def _is_too_fast(turned: Floats, log: Log) -> bool:
+    """Return whether a gyroscope turns faster than any robot, so that it must give degrees."""
+    seconds = np.diff([scan.stamp for scan in log])
+    usual = np.median(seconds[seconds > 0.0]) if (seconds > 0.0).any() else np.inf
+    steps = np.abs(np.diff(turned))
+    steps = steps[np.isfinite(steps)]
+    return bool(steps.size and np.percentile(steps, 99.0) / usual > _FASTEST)

@@ -18,7 +18,7 @@ class KeysConfig:
     """A new key scan is due when the sensor has turned by this much, radians; 0 makes each scan one."""
     min_score: float = 0.4
     """A new key scan is due when the match with the one in use has a lower score, in [0, 1]."""
-    max_keys: int = 1000
+    max_keys: int = 2000
     """Key scans held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
     least_score: float = 0.25
     """A match where none was expected is not believed below this score, in [0, 1]."""

@@ -73,8 +73,8 @@ def _vaguely(seen: UncertainPose, config: KeysConfig) -> UncertainPose:
 
 
 def _is_certain(expected: UncertainPose, config: KeysConfig) -> bool:
-    x, y, theta = np.sqrt(np.diagonal(expected.cov)).tolist()
-    return bool(max(x, y) < config.certain_m and theta < config.certain_rad)
+    x, y, theta = np.diagonal(expected.cov).tolist()
+    return bool(max(x, y) < config.certain_m**2 and theta < config.certain_rad**2)
 
 
 def _is_close(expected: UncertainPose, config: KeysConfig) -> bool:

@@ -92,11 +92,14 @@ class Motion:
         self._n_failures = 0
         if is_clear:
             self._see_change(motion.pose - self._last.pose)
+        else:
+            self._see_nothing()
         self._last = motion if is_plausible else nowhere_else()
 
     def without_match(self, expected: UncertainPose) -> tuple[UncertainPose, bool]:
         """Return the motion to take where no match shows it, and whether it is none at all."""
         self._n_failures += 1
+        self._see_nothing()
         is_held = self._n_failures > self._config.max_repeats and not self._is_measured
         if is_held:
             expected = UncertainPose(np.zeros(3), expected.cov)
@@ -129,6 +132,12 @@ class Motion:
             self._averaged(self._change[0], 0.5 * (x * x + y * y), config.least_sigma_m),
             self._averaged(self._change[1], theta * theta, config.least_sigma_rad),
         )
+
+    def _see_nothing(self) -> None:
+        """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
+        place, turn = self._change
+        wide = max(self._config.sigma_rad**2, turn)
+        self._change = (place, turn + (wide - turn) / self._config.memory)
 
     def _averaged(self, variance: float, seen: float, least: float) -> float:
         seen = min(seen, self._config.surprise * variance)  # one leap is not a habit

@@ -164,8 +164,10 @@ class Odometry:
         attempt: Attempt,
     ) -> tuple[Attempt, PreparedScan]:
         """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
+        if not self.config.deskew or scan.time_increment == 0.0:
+            return attempt, current
         found = se2.between(origin.pose, attempt.seen.pose)
-        if not (self.config.deskew and self._sweeps.is_worth_again(scan, motion.pose, found)):
+        if not self._sweeps.is_worth_again(scan, motion.pose, found):
             return attempt, current
         better = self._prepare(self._sweeps.once_more(scan, found))
         if self._n_scans == 1:  # nothing was known of the first scan's velocity

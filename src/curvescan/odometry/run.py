@@ -38,6 +38,8 @@ class OdometryRun:
         Time that ``Odometry.add`` took for each scan.
     is_partial : bool
         Whether the run was interrupted before the end of the log.
+    has_prior : bool
+        Whether wheels or a gyroscope told what to expect.
     """
 
     method: str
@@ -47,6 +49,7 @@ class OdometryRun:
     n_matched: Ints
     seconds: Floats
     is_partial: bool
+    has_prior: bool = False
 
     @property
     def is_matched(self) -> Bools:
@@ -139,4 +142,5 @@ def run_odometry(
         n_matched=np.array(n_matched[:n], dtype=np.int64),
         seconds=np.array(seconds[:n]),
         is_partial=is_partial,
+        has_prior=wheels is not None,
     )

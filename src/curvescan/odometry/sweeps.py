@@ -36,7 +36,7 @@ class Sweeps:
 
     def is_worth_again(self, scan: LaserScan, expected: Pose, found: Pose) -> bool:
         """Return whether a motion that was found puts readings elsewhere than the expected one did."""
-        if scan.time_increment == 0.0 or self._seconds == 0.0:
+        if self._seconds == 0.0:
             return False
         error: Floats = se2.log(se2.between(expected, found)) / self._seconds
         return sweep_shift(scan, error) > WORTH_AGAIN

@@ -5,9 +5,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
+import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from enum import Enum
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +102,9 @@ def describe_run(
     median, p99, worst = np.percentile(1e3 * run.seconds, [50.0, 99.0, 100.0])
     return {
         "curvescan": __version__,
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in ("numpy", "numba")},
+        "machine": platform.machine(),
         "command": list(command),
         "input": {"name": log.name, "format": log.format, "scans": len(log)} | _digest(source),
         "method": run.method,
@@ -106,6 +112,7 @@ def describe_run(
             run.method: as_plain(odometry.matcher.config),
             "odometry": as_plain(odometry.config),
         },
+        "odometry_prior": run.has_prior,
         "is_partial": run.is_partial,
         "scans": len(run.outcomes),
         "outcomes": {kind.name.lower(): outcomes[kind] for kind in StepOutcome},
@@ -118,6 +125,9 @@ def describe_run(
             "p99": round(float(p99), 4),
             "max": round(float(worst), 4),
         },
+        "milliseconds_between_scans": round(1e3 * run.scan_period, 4)
+        if math.isfinite(run.scan_period)
+        else None,
         "input_faults": [dataclasses.asdict(fault) for fault in log.faults],
     }
 
