@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io import inspect_log, read_config, read_log, read_relations
-from curvescan.io.checked_bags import check_chunks
 from curvescan.consensus.config import ConsensusConfig
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io import inspect_log, read_config, read_log, read_poses, read_relations, read_tum
+from curvescan.io.checked_bags import check_chunks
 from tests import bags, bombs, carmen_files
 
 MIB = 1 << 20
@@ -281,7 +281,7 @@ def test_page_count_that_is_only_claimed(tmp_path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[28:32] = b"\xff" * 4
     path.write_bytes(content)
-    with pytest.raises(LogFormatError, match="its database cannot be read: .*malformed"):
+    with pytest.raises(LogFormatError, match=r"its database cannot be read: .*malformed"):
         read_log(path)
 
 
@@ -368,3 +368,49 @@ def test_signalling_nan_is_silent(tmp_path: Path) -> None:
         np.savez(tmp_path / "a.npz", stamps=np.zeros(1), ranges=odd[None], angles=np.arange(3.0))
         (found,) = read_log(tmp_path / "a.npz")
     assert np.isnan(found.ranges).all()
+
+
+# ---- arrays, texts
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "kind", "order"),
+    [(3_000_000, 0, "i1", "C"), (1, 3_000_000, "i1", "C"), (50, 1_000_000, "i1", "F")],
+)
+def test_arrays_that_pack_well(tmp_path: Path, n: int, m: int, kind: str, order: Any) -> None:
+    path = tmp_path / "a.npz"
+    ranges = np.zeros((n, m), dtype=kind, order=order)
+    np.savez_compressed(
+        path, stamps=np.zeros(n, dtype=kind), ranges=ranges, angle_min=0.0, angle_increment=1e-7
+    )
+    assert path.stat().st_size < 100_000
+    with pytest.raises(
+        LogFormatError, match=r"too many for a file|in Fortran's order and too large|damaged from"
+    ):
+        read_log(path)
+    assert peak_of(lambda: read_log(path)) < 16 * MIB
+
+
+def test_texts_that_go_deep_or_wide(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_text("a = " + "[" * 9_000)
+    with pytest.raises(InvalidArgumentError, match="is not a TOML file: maximum recursion"):
+        read_config(path, {})
+    path.write_text("a." * 9_000 + "a = 1")
+    with pytest.raises(InvalidArgumentError, match=r"unknown key 'a'|not a TOML"):
+        read_config(path, {})
+    path.write_text("a" * 40_000)
+    with pytest.raises(InvalidArgumentError, match="longer than 32,768 characters"):
+        read_config(path, {})
+    path.write_text(f"[a]\n{'b' * 9_000} = 1\n")
+    with pytest.raises(InvalidArgumentError) as caught:
+        read_config(path, {"a": ConsensusConfig()})
+    assert len(str(caught.value)) < 500
+    path.write_text(f"1 0 0 0 0 0 0 {'x' * 90_000}\n")
+    with pytest.raises(LogFormatError) as error:
+        read_tum(path)
+    assert len(str(error.value)) < 500
+    path.write_text(f"stamp,x,y,theta\n1,0,0,{'x' * 90_000}\n")
+    with pytest.raises(LogFormatError) as error:
+        read_poses(path)
+    assert len(str(error.value)) < 500

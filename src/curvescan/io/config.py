@@ -11,6 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from curvescan.errors import InvalidArgumentError, LogFileError
+from curvescan.io.shown import shown_text
+
+_MAX_CHARS = 1 << 15
+"""All parameters of all methods take 5,000; the parser's time grows with the square of the depth."""
 
 
 def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) -> None:
@@ -50,12 +54,16 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
         When it is no TOML, or holds an unknown key (the nearest name is told) or a value out of range.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with Path(path).open(encoding="utf-8") as file:
+            text = file.read(_MAX_CHARS + 1)
+        if len(text) > _MAX_CHARS:
+            raise ValueError(f"it is longer than {_MAX_CHARS:,} characters")
         tables = tomllib.loads(text)
     except OSError as error:
         raise LogFileError(f"cannot read {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InvalidArgumentError(f"{path} is not a TOML file: {error}") from error
+    except (ValueError, RecursionError) as error:
+        reason = shown_text(str(error), 200)
+        raise InvalidArgumentError(f"{path} is not a TOML file: {reason}") from error
     _check_names(tables, defaults, str(path))
     return {
         name: _changed(default, tables.get(name, {}), f"{path}: [{name}]")
@@ -80,7 +88,7 @@ def _tables(name: str, config: object) -> Iterator[str]:
 
 def _changed(default: Any, table: object, where: str) -> Any:
     if not isinstance(table, dict):
-        raise InvalidArgumentError(f"{where} must be a table, got {table!r}")
+        raise InvalidArgumentError(f"{where} must be a table, got {table!r:.80}")
     values = {field.name: getattr(default, field.name) for field in fields(default)}
     _check_names(table, values, where)
     for name, value in table.items():
@@ -110,7 +118,7 @@ def _as_type_of(default: object, value: object, where: str) -> object:
         return float(value)
     if type(value) is not type(default):
         raise InvalidArgumentError(
-            f"{where} must be of type {type(default).__name__}, got {value!r}"
+            f"{where} must be of type {type(default).__name__}, got {value!r:.80}"
         )
     return value
 
@@ -121,5 +129,5 @@ def _check_names(given: Mapping[str, object], known: Mapping[str, object], where
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise InvalidArgumentError(
-                f"{where} has an unknown key {name!r}: {hint}known are {', '.join(sorted(known))}"
+                f"{where} has an unknown key {name!r:.80}: {hint}known are {', '.join(sorted(known))}"
             )

@@ -29,6 +29,7 @@ from curvescan.io.unpacking import unpacked_limit
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
+_MAX_WHOLE_BYTES = 64 << 20
 _MAX_MEMBERS = 256
 _MAX_HEADER_BYTES = 512
 """NumPy writes 118 for an array of plain numbers."""
@@ -70,6 +71,8 @@ class NpzFile:
     ----------
     headers : dict of str to NpyHeader
         Of every array, by its name.
+    n_given : int
+        Size of the file, bytes.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class NpzFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = self._unpacked(path)
+        self.n_given = path.stat().st_size
         self.headers: dict[str, NpyHeader] = {}
         with self._opened() as archive:
             self._check_members(archive)
@@ -113,6 +117,10 @@ class NpzFile:
         with self._opened() as archive, archive.open(f"{name}.npy") as member:
             self._read(member, header.n_bytes)
             if header.is_fortran and rest:
+                if 8 * math.prod(header.shape) > max(_MAX_WHOLE_BYTES, 10 * self.n_given):
+                    raise self._unreadable(
+                        f"array {name!r} is in Fortran's order and too large: save numpy.ascontiguousarray of it"
+                    )
                 data = self._read(member, n_rows * row_bytes)
                 yield self._values(data, header.dtype).reshape(header.shape, order="F")
                 return
