@@ -146,6 +146,44 @@ def test_index_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any) -
         read_log(path)
 
 
+def test_index_that_leads_to_one_message(tmp_path: Path) -> None:
+    path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(1) for _ in range(300)])
+    content = bytearray(path.read_bytes())
+    # an entry of the index is seconds, nanoseconds (both as in the message), offset
+    first = content.index(struct.pack("<LL", 0, 1) + content[_index_at(content) + 8 :][:4])
+    for i in range(300):
+        content[first + 12 * i + 8 : first + 12 * i + 12] = content[first + 8 : first + 12]
+    path.write_bytes(content)
+    log = read_log(path)
+    assert len(log) == 101
+    assert "damaged from here on" in log.faults[0].rule
+
+
+def _index_at(content: bytearray) -> int:
+    """Return where the entries of the only record of an index begin."""
+    return content.index(b"op=\x04") + 4 + 4 + 8 + 4 + 9 + 4 + 10 + 4
+
+
+def test_file_that_is_read_again_and_again(tmp_path: Path, monkeypatch: Any) -> None:
+    path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(9)])
+    monkeypatch.setattr("curvescan.io.checked_file.MIN_READ_LIMIT", 0)
+    monkeypatch.setattr("curvescan.io.checked_file.MAX_READ_RATIO", 0)
+    with pytest.raises(LogFormatError, match="leads to the same bytes again and again"):
+        read_log(path)
+
+
+def test_summary_of_a_small_file_that_unpacks(tmp_path: Path) -> None:
+    path = bags.storage(bags.write_bag(tmp_path / "bag", "mcap", [bags.scan(1)]))
+    content = path.read_bytes()
+    (start,) = struct.unpack("<Q", content[-28:-20])
+    # a record of an attachment index, long and empty, before the rest of the summary
+    filler = b"\x0a" + struct.pack("<Q", 10 * MIB) + bytes(10 * MIB)
+    packed = tmp_path / "a.gz"
+    packed.write_bytes(gzip.compress(content[:start] + filler + content[start:], 1))
+    with pytest.raises(LogFormatError, match="its summary is too long for a file of its size"):
+        read_log(packed)
+
+
 def test_messages_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(30)])
     monkeypatch.setattr("curvescan.io.bag.MIN_UNPACKED_LIMIT", 1000)

@@ -241,5 +241,5 @@ class _Reader(Protocol):
 _READERS: dict[BagKind, Callable[[Path, int], _Reader]] = {
     BagKind.ROS1: CheckedRos1Reader,
     BagKind.SQLITE: lambda file, _: sqlite_reader(file),
-    BagKind.MCAP: lambda file, _: CheckedMcapReader(file),
+    BagKind.MCAP: CheckedMcapReader,
 }

@@ -6,10 +6,12 @@ held at once, and the YAML that both kinds of ROS 2 bags carry, in which a few h
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Generator
 from pathlib import Path
 from typing import Protocol
 
+from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, IndexData, decompressors
 from rosbags.rosbag2.storage_mcap import McapReader
@@ -28,6 +30,12 @@ MIN_HELD_LIMIT = 128 << 20
 """Up to so many bytes of chunks of an MCAP file may lie over the same moment, for they are held together."""
 
 MAX_HELD_RATIO = 4
+
+MIN_SUMMARY_LIMIT = 8 << 20
+"""Up to so many bytes the summary of an MCAP file may take, which is held in memory and grows there thirtyfold."""
+
+_FOOTER_BYTES = 28  # where the summary starts, and what stands behind that
+_MAX_REPEATS = 100
 
 _MAX_QOS_BYTES = 1 << 16
 _QOS_KEY = b"offered_qos_profiles"
@@ -72,6 +80,25 @@ class CheckedRos1Reader(Ros1Reader):
             raise LogFormatError("its index lists more messages than fit into a file of its size")
         super().read_index_data(pos, indexes)
 
+    def messages(
+        self,
+        connections: Collection[Connection] = (),
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """Yield the messages of these connections; an index that leads to the same ones again and again is damaged."""
+        # on the way to a message all records of connections before it are read, each time
+        position, ends, n_repeats = -1, set[int](), 0
+        for item in super().messages(connections, start, stop):
+            if self.current_chunk[0] != position:
+                position, ends = self.current_chunk[0], set()
+            end = self.current_chunk[1].tell()
+            n_repeats += end in ends
+            if n_repeats > _MAX_REPEATS:
+                raise LogFormatError("its index leads to the same messages again and again")
+            ends.add(end)
+            yield item
+
 
 class CheckedMcapReader(McapReader):
     """rosbags' reader of MCAP, whose chunks unpack within limits.
@@ -80,21 +107,34 @@ class CheckedMcapReader(McapReader):
     ----------
     file : Path
         The bag.
+    n_given : int
+        Size of the file that was given, bytes; less than the bag's where that was compressed.
     """
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, n_given: int) -> None:
         super().__init__(CheckedPath(file, self._look))
+        self._file, self._n_given = file, n_given
         self._unpacker = Unpacker()
         self._n_bytes = file.stat().st_size
 
     def open(self) -> None:
         """Read the summary, or go through the file where it has none."""
+        self._check_summary()
         super().open()
         try:
             check_chunks(self.chunks, self._n_bytes)
         except LogFormatError:
             self.close()
             raise
+
+    def _check_summary(self) -> None:
+        if self._n_bytes < _FOOTER_BYTES:
+            return  # rosbags says so
+        with self._file.open("rb") as file:
+            file.seek(-_FOOTER_BYTES, os.SEEK_END)
+            start = int.from_bytes(file.read(8), "little")
+        if 0 < start < self._n_bytes - max(MIN_SUMMARY_LIMIT, self._n_given // 2):
+            raise LogFormatError("its summary is too long for a file of its size")
 
     def _look(self, data: bytes) -> None:
         """Unpack what will be unpacked: rosbags would not stop."""

@@ -1,4 +1,4 @@
-"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims.
+"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims, nor to read for ever.
 
 ``read(n)`` of an ordinary file reserves n bytes before it reads. A damaged or hostile file may claim any n.
 """
@@ -10,6 +10,13 @@ import os
 from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, cast
+
+from curvescan.errors import LogFormatError
+
+MIN_READ_LIMIT = 1 << 30
+"""So many bytes a file may be read to from its opening to its closing, and MAX_READ_RATIO times its size."""
+
+MAX_READ_RATIO = 100
 
 _SMALL = 1 << 16
 _NOTHING_TO_SEE = 8
@@ -72,11 +79,15 @@ class _CheckedFile(io.BufferedReader):
         super().__init__(raw)
         self._look = look
         self._n_bytes = os.fstat(raw.fileno()).st_size
+        self._n_left = MIN_READ_LIMIT + MAX_READ_RATIO * self._n_bytes
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _SMALL:
             size = max(0, min(size, self._n_bytes - self.tell()))
         data = super().read(size)
+        self._n_left -= len(data)
+        if self._n_left < 0:
+            raise LogFormatError("its index leads to the same bytes again and again")
         if self._look is not None and len(data) > _NOTHING_TO_SEE:
             self._look(data)
         return data
