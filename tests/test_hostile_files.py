@@ -338,16 +338,25 @@ def test_database_that_was_not_closed(tmp_path: Path) -> None:
     assert len(read_log(path)) == 2
 
 
-def test_database_that_is_locked_or_read_only(tmp_path: Path) -> None:
+def test_database_that_another_program_writes(tmp_path: Path) -> None:
     path = bags.storage(bags.write_bag(tmp_path / "bag", "sqlite3", [bags.scan()]))
-    path.chmod(0o444)
-    path.parent.chmod(0o555)
     writer = sqlite3.connect(path)
     try:
-        writer.execute("begin immediate" if path.stat().st_mode & 0o200 else "begin")
+        writer.execute("begin exclusive")
         assert len(read_log(path)) == 1
     finally:
         writer.close()
+
+
+def test_database_in_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    path = bags.storage(bags.write_bag(tmp_path / "bag", "sqlite3", [bags.scan()]))
+    path.chmod(0o444)
+    path.parent.chmod(0o555)
+    try:
+        before = sorted(path.parent.iterdir())
+        assert len(read_log(path)) == 1
+        assert sorted(path.parent.iterdir()) == before
+    finally:
         path.parent.chmod(0o755)
 
 
