@@ -60,7 +60,7 @@ _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
 _MAX_BEAMS = 1 << 21
-_BLOCK = 4096
+_BLOCK = 256
 _DAMAGED = "file damaged from here on: what stands before is read"
 
 
