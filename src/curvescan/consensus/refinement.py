@@ -148,8 +148,9 @@ def refine(
         pose = refined[h]
         for slack in slacks:
             system[:] = 0.0
-            accumulate(cur.probes, ref, pose, False, slack, 0.3 * slack, system)
-            accumulate(ref.probes, cur, pose, True, slack, 0.3 * slack, system)
+            for inverse in (False, True):  # no constants: each would be compiled for
+                probes, view = (ref.probes, cur) if inverse else (cur.probes, ref)
+                accumulate(probes, view, pose, inverse, slack, 0.3 * slack, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0
@@ -161,3 +162,11 @@ def refine(
             elif pose[2] <= -math.pi:
                 pose[2] += 2.0 * math.pi
     return refined
+
+
+@kernel
+def refine_fully(poses: Floats, ref: View, cur: View, closer: Floats, full: Floats) -> Floats:
+    """Return (h, 3) poses refined on the probes of two views, then on all of their readings; slacks as `refine` takes."""
+    all_ref = View(probes=ref.surfels, surfels=ref.surfels, fan=ref.fan, lookup=ref.lookup)
+    all_cur = View(probes=cur.surfels, surfels=cur.surfels, fan=cur.fan, lookup=cur.lookup)
+    return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)
