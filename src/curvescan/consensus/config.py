@@ -205,9 +205,8 @@ class InformationConfig:
     open_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
     weak_ratio: float = 0.1
-    """A direction of which less than this share of the next one's information is known is slid along."""
-    doubtful_ratio: float = 0.3
-    """The same for a direction of which it is asked whether the scans agree as well some way along it."""
+    """A direction of which less than this share of the next one's information is known is slid along, and asked whether
+    the scans agree as well some way along it."""
     fine_step: float = 0.05
     """The best place along it is looked for in steps of this length, metres at the typical reading."""
     max_slid_turn: float = 0.5
@@ -227,7 +226,6 @@ class InformationConfig:
             "max_sigma",
             "open_sigma",
             "weak_ratio",
-            "doubtful_ratio",
             "fine_step",
             "flat_score",
             "way_tolerance",

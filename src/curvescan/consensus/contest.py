@@ -48,7 +48,7 @@ def _finish(
     ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats, config: ConsensusConfig
 ) -> tuple[Floats, Floats]:
     slacks = config.refinement.closer_slacks, config.refinement.full_slacks
-    final = refine_fully(poses, ref.wide, cur.wide, *slacks)
+    final = refine_fully(poses, ref.view, cur.view, *slacks)
     # one pose has only to be enough; several are told apart by more probes
     views = (ref.wide, cur.wide) if len(poses) > 1 else (ref.view, cur.view)
     return select(final, *views, *config.verification.fine, 3, 4096, 0.1)

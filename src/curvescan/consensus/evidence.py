@@ -157,13 +157,12 @@ def open_directions(
     """Return (3,) which principal directions the scans leave open, the least informed first.
 
     A direction is open when no more is told in it than tilted lines feign, or next to nothing; and the least informed,
-    if it is weak or nearly so, also when the scans agree as well some way along it.
+    if it is weak, also when the scans agree as well some way along it.
     """
     rules, views = config.information, (ref.view, cur.view)
     information = evidence.information
     is_open: Bools = (information < 2.0 * evidence.feigned) | (information < rules.max_sigma**-2)
-    # a wrong pose among people is told more than there is to know: the scans are asked before its own word is taken
-    if information[0] < rules.doubtful_ratio * information[1] and not is_open[0]:
+    if evidence.is_weak(rules) and not is_open[0]:
         fine = config.verification.fine
         here = best_beside(pose, evidence.weakest, np.zeros(1), *views, *fine)
         beside = best_beside(pose, evidence.weakest, np.array(rules.offsets), *views, *fine)

@@ -148,9 +148,8 @@ def refine(
         pose = refined[h]
         for slack in slacks:
             system[:] = 0.0
-            for inverse in (False, True):  # no constants: each would be compiled for
-                probes, view = (ref.probes, cur) if inverse else (cur.probes, ref)
-                accumulate(probes, view, pose, inverse, slack, 0.3 * slack, system)
+            accumulate(cur.probes, ref, pose, False, slack, 0.3 * slack, system)
+            accumulate(ref.probes, cur, pose, True, slack, 0.3 * slack, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0
