@@ -167,7 +167,7 @@ class RefinementConfig:
     quick: tuple[float, ...] = (0.06, 0.02)
     """Metres of slack of each iteration on the probes, for the few best poses."""
     closer: tuple[float, ...] = (0.01,)
-    """The same on the many probes, for the one or two that are left."""
+    """The same for the one or two that are left."""
     full: tuple[float, ...] = (0.0,)
     """The same on all readings."""
 
