@@ -10,14 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.consensus.apart import difference, distance, inverse, is_on_the_way
+from curvescan.consensus.apart import difference, distance, is_on_the_way
 
 poses = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
-
-
-@given(poses)
-def test_the_inverse_is_that_of_se2(pose):
-    np.testing.assert_allclose(inverse(pose), cs.se2.inverse(pose), atol=1e-12)
 
 
 @given(poses, poses)

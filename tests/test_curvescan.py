@@ -134,7 +134,7 @@ def test_a_corridor_names_its_weak_direction():
 def test_places_with_nothing_in_common_give_no_pose():
     rng = np.random.default_rng(0)
     n_ok = 0
-    for _ in range(20):
+    for _ in range(100):
         clutter = cs.LaserScan(
             rng.uniform(1.0, 7.0, 361), angle_min=-math.pi / 2, angle_increment=math.pi / 360
         )

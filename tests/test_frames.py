@@ -10,7 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.consensus.config import FramesConfig
 from curvescan.consensus.frames import arm_direction
-from curvescan.consensus.surfaces import moments
+from curvescan.consensus.surfels import moments
 from tests.consensus_scenes import features, pillar_scan
 from tests.scenes import ROOM, room_scan
 

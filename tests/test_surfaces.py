@@ -1,4 +1,4 @@
-"""Surfaces: readings in sweep order, breakpoints, lines, range noise."""
+"""Surfaces: readings in sweep order, and where they break."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import pytest
 
 import curvescan as cs
 from curvescan.consensus.config import SurfacesConfig
-from curvescan.consensus.surfaces import fit_line, fit_surfels, moments, sweep
-from tests.consensus_scenes import features, pillar_scan
+from curvescan.consensus.surfaces import sweep
+from tests.consensus_scenes import pillar_scan
 from tests.reference import consensus as slow
-from tests.scenes import room_scan
 
 CONFIG = SurfacesConfig()
 
@@ -87,50 +86,36 @@ def test_beams_told_one_by_one_give_the_same_surfaces(fov, way):
         np.testing.assert_array_equal(told, grid)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_line_is_that_of_the_scatter(seed):
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(30, 2)) @ rng.normal(size=(2, 2)) + rng.uniform(-40, 40, 2)
-    readings = np.column_stack([points, np.hypot(*points.T)])
-    cx, cy, ux, uy, across, along = fit_line(moments(readings), 4, 20)
-    centre, direction, slow_across, slow_along = slow.line(points[4:21])
-    np.testing.assert_allclose([cx, cy], centre)
-    assert abs(ux * direction[1] - uy * direction[0]) < 1e-9
-    np.testing.assert_allclose([across, along], [slow_across, slow_along], rtol=1e-6)
-
-
-def test_lines_of_a_noise_free_room_are_its_walls():
-    scan = room_scan()
-    surfels, sigma = fit(scan)
-    # every reading lies on its line, and every line along a wall: none bends around a corner but in the corner itself
-    across = np.sum((surfels[:, :2] - surfels[:, 3:5]) * surfels[:, 5:7], axis=1)
-    is_wall = (np.abs(across) < 1e-6) & (np.abs(surfels[:, 5:7]).max(axis=1) > 1 - 1e-9)
-    assert np.count_nonzero(~is_wall) <= 4
-    assert (np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1) < 0).all()  # facing the sensor
-    assert sigma == CONFIG.range_sigma_min
-
-
-def fit(scan):
-    _, readings, bounds = run_sweep(scan)
-    return fit_surfels(readings, moments(readings), bounds, CONFIG.arm, CONFIG.range_sigma_min)
-
-
-@pytest.mark.parametrize("sigma", [0.005, 0.01, 0.015])
-def test_the_range_noise_is_found(sigma):
-    found = [fit(room_scan(sigma=sigma, seed=seed))[1] for seed in range(10)]
-    assert 0.9 * sigma < np.mean(found) < 1.1 * sigma
-
-
-def test_scans_of_few_readings_have_no_lines():
-    blank = cs.LaserScan([np.nan] * 90, angle_min=-1.0, angle_increment=0.02)
-    assert len(features(blank).view.surfels) == 0
-    lonely = cs.LaserScan(
-        [np.nan] * 40 + [1.0, 1.01] + [np.nan] * 48, angle_min=-1.0, angle_increment=0.02
+def corridor_scan(*, sigma=0.0, seed=0):
+    """A wall 1 m to the left, seen at less and less of an angle, and nothing else."""
+    angles = np.radians(np.arange(3.0, 100.0, 0.5))
+    ranges = 1.0 / np.sin(angles) + sigma * np.random.default_rng(seed).standard_normal(angles.size)
+    return cs.LaserScan(
+        ranges, angle_min=angles[0], angle_increment=np.radians(0.5), range_max=30.0
     )
-    surfels = features(lonely).view.surfels
-    assert len(surfels) == 2
-    assert (surfels[:, 7] < 0).all()  # a reading without a line says so by its variance
-    assert np.isfinite(surfels).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_grazed_wall_is_one_surface(seed):
+    scan = corridor_scan(sigma=0.005, seed=seed)
+    _, readings, bounds = run_sweep(scan)
+    # at 4 degrees neighbouring readings lie 1.7 m apart, at 5 degrees 1.1 m; up to 1 m they are one wall
+    longest = int(np.diff(bounds).argmax())
+    wall = readings[bounds[longest] : bounds[longest + 1]]
+    assert wall[:, 2].max() > 9.0
+    # the angle of incidence alone would end it where a reading is 1 / sin(10 degrees) = 5.8 m away
+
+
+def test_steps_of_a_grazed_wall_still_break_it():
+    scan = corridor_scan()
+    shifted = np.where(scan.angles < np.radians(8.0), scan.ranges + 1.0, scan.ranges)
+    stepped = cs.LaserScan(
+        shifted, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=30.0
+    )
+    _, readings, bounds = run_sweep(stepped)
+    for a, b in itertools.pairwise(bounds):
+        y = readings[a:b, 1]
+        assert np.ptp(y) < 0.05  # 1 m of range at 8 degrees is 0.14 m off the wall
 
 
 @pytest.mark.parametrize(

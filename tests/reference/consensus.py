@@ -109,7 +109,7 @@ def information(surfels_ref, partner_ref, surfels_cur, partner_cur, pose):
             slope = jacobian(pose, surfel[:2], others[j], inverse)
             total += np.outer(slope, slope) / (surfel[7] + others[j, 7])
             e = residual(pose, surfel[:2], others[j], inverse)
-            squares.append(e * e / (surfel[7] + 0.15 * others[j, 7]))
+            squares.append(e * e / (surfel[7] + 0.3 * others[j, 7]))
     return 0.5 * total / max(np.mean(squares), 1.0)
 
 

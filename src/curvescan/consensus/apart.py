@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from curvescan.types import Pose
-
-
-def inverse(pose: Pose) -> Pose:
-    """Return the inverse of one pose; se2.inverse takes any number of them, and ten times as long for one."""
-    x, y, theta = pose.tolist()
-    c, s = math.cos(theta), math.sin(theta)
-    return np.array([-c * x - s * y, s * x - c * y, -theta])
 
 
 def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:

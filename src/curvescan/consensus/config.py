@@ -102,7 +102,7 @@ class HypothesesConfig:
 class VerificationConfig:
     """Verification: what counts as agreement, and how much of it is enough."""
 
-    n_probes: int = 48
+    n_probes: int = 36
     """Readings of each scan that stand for all of them."""
     rough: tuple[float, float] = (0.08, 0.03)
     """Tolerance of a pose not yet refined: metres, and metres more for each metre of range."""
@@ -135,12 +135,15 @@ class VerificationConfig:
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.15
     """Least score of a match."""
+    min_agreeing: int = 15
+    """Least readings of the current scan that agree at a match, or a third of all where those are few."""
     ambiguity: tuple[float, float] = (0.93, 0.04)
     """Another pose with this share of the score, or less below it than this, is as good."""
 
     def __post_init__(self) -> None:
         require(self.n_probes >= 6, "n_probes must be at least 6", self.n_probes)
         require(self.n_wide >= 6, "n_wide must be at least 6", self.n_wide)
+        require(self.min_agreeing >= 1, "min_agreeing must be at least 1", self.min_agreeing)
         require(self.n_kept >= 1, "n_kept must be at least 1", self.n_kept)
         for name in ("rough", "slid", "close", "fine"):
             tolerance = getattr(self, name)
@@ -163,7 +166,7 @@ class RefinementConfig:
 
     quick: tuple[float, ...] = (0.06, 0.02)
     """Metres of slack of each iteration on the probes, for the few best poses."""
-    closer: tuple[float, ...] = (0.03, 0.01)
+    closer: tuple[float, ...] = (0.01,)
     """The same for the one or two that are left."""
     full: tuple[float, ...] = (0.0,)
     """The same on all readings."""
@@ -186,7 +189,11 @@ class RefinementConfig:
     def __post_init__(self) -> None:
         for name in ("quick", "closer", "full"):
             slacks = getattr(self, name)
-            require(all(s >= 0.0 for s in slacks), f"{name} must be lengths >= 0 m", slacks)
+            require(
+                len(slacks) > 0 and all(s >= 0.0 for s in slacks),
+                f"{name} must be lengths >= 0 m, at least one",
+                slacks,
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +205,8 @@ class InformationConfig:
     open_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
     weak_ratio: float = 0.1
-    """A direction of which less than this share of the next one's information is known is slid along."""
+    """A direction of which less than this share of the next one's information is known is slid along, and asked whether
+    the scans agree as well some way along it."""
     fine_step: float = 0.05
     """The best place along it is looked for in steps of this length, metres at the typical reading."""
     max_slid_turn: float = 0.5

@@ -11,7 +11,7 @@ from curvescan.consensus.apart import distance, is_on_the_way
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.evidence import Evidence, gather_evidence
 from curvescan.consensus.features import ConsensusFeatures
-from curvescan.consensus.refinement import refine
+from curvescan.consensus.refinement import refine, refine_fully
 from curvescan.consensus.search import Candidates
 from curvescan.consensus.verification import select
 from curvescan.types import Floats, Pose
@@ -47,11 +47,11 @@ def slide_finely(
 def _finish(
     ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats, config: ConsensusConfig
 ) -> tuple[Floats, Floats]:
-    closer = refine(poses, ref.view, cur.view, config.refinement.closer_slacks)
-    final = refine(closer, ref.whole, cur.whole, config.refinement.full_slacks)
+    slacks = config.refinement.closer_slacks, config.refinement.full_slacks
+    final = refine_fully(poses, ref.view, cur.view, *slacks)
     # one pose has only to be enough; several are told apart by more probes
     views = (ref.wide, cur.wide) if len(poses) > 1 else (ref.view, cur.view)
-    return select(final, *views, *config.verification.fine, 3, 4096, 0.2)
+    return select(final, *views, *config.verification.fine, 3, 4096, 0.1)
 
 
 def without_movers(

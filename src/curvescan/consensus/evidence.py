@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.consensus.apart import inverse
-from curvescan.consensus.config import ConsensusConfig, InformationConfig
+from curvescan._jit import kernel
+from curvescan.consensus.config import ConsensusConfig, InformationConfig, VerificationConfig
 from curvescan.consensus.features import ConsensusFeatures
 from curvescan.consensus.information import covariance, pose_information
 from curvescan.consensus.labels import AGREES, MOVED, compare_readings, surfaces_at_rest
+from curvescan.consensus.polar import View
 from curvescan.consensus.verification import best_beside
-from curvescan.types import Bools, Codes, Cov, Floats, Pose
+from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,6 +56,10 @@ class Evidence:
         """Return whether much less is told in one direction than in the next."""
         return bool(self.information[0] < config.weak_ratio * self.information[1])
 
+    def is_enough(self, config: VerificationConfig) -> bool:
+        """Return whether so many readings agree that chance does not explain it."""
+        return self.n_agree >= min(config.min_agreeing, len(self.codes_cur) / 3)
+
     def covariance(self, is_open: Bools, config: InformationConfig) -> Cov:
         """Return the (3, 3) covariance of the pose, wide in the open directions."""
         return covariance(self.information, self.axes, self.units, is_open, config.open_sigma)
@@ -63,39 +69,81 @@ def gather_evidence(
     ref: ConsensusFeatures, cur: ConsensusFeatures, pose: Pose, config: ConsensusConfig
 ) -> Evidence:
     """Return what the scans say of a pose of the current scan in the reference."""
-    surfels_ref, surfels_cur = ref.view.surfels, cur.view.surfels
-    margin = config.verification.margin
-    codes_cur, partner_cur = compare_readings(surfels_cur, ref.view, pose, margin)
-    back = inverse(pose)
-    limit, least = config.verification.moved_limit, config.verification.moved_least
-    codes_ref, partner_ref = compare_readings(surfels_ref, cur.view, back, margin)
-    at_rest_cur, n_moved_cur = surfaces_at_rest(
-        surfels_cur, cur.bounds, partner_cur, surfels_ref, pose, limit, least
-    )
-    at_rest_ref, n_moved_ref = surfaces_at_rest(
-        surfels_ref, ref.bounds, partner_ref, surfels_cur, back, limit, least
-    )
-    if n_moved_cur + n_moved_ref:
-        for codes, partner, at_rest in (
-            (codes_cur, partner_cur, at_rest_cur),
-            (codes_ref, partner_ref, at_rest_ref),
-        ):
-            codes[~at_rest & (codes == AGREES)] = MOVED
-            partner[~at_rest] = -1
-    information, feigned, axes, units = pose_information(
-        surfels_ref, partner_ref, surfels_cur, partner_cur, pose
+    rules = config.verification
+    codes_ref, codes_cur, n_agree, at_rest_ref, at_rest_cur, n_moved, told, feigned, axes, units = (
+        weigh(
+            ref.view,
+            ref.bounds,
+            cur.view,
+            cur.bounds,
+            pose,
+            rules.margin,
+            rules.moved_limit,
+            rules.moved_least,
+        )
     )
     return Evidence(
         codes_ref=codes_ref,
         codes_cur=codes_cur,
-        n_agree=int(np.count_nonzero(partner_cur >= 0)),
+        n_agree=n_agree,
         at_rest_ref=at_rest_ref,
         at_rest_cur=at_rest_cur,
-        n_moved=n_moved_ref + n_moved_cur,
-        information=information,
+        n_moved=n_moved,
+        information=told,
         feigned=feigned,
         axes=axes,
         units=units,
+    )
+
+
+@kernel
+def weigh(
+    ref: View,
+    bounds_ref: Ints,
+    cur: View,
+    bounds_cur: Ints,
+    pose: Floats,
+    margin: float,
+    limit: float,
+    least: float,
+) -> tuple[Codes, Codes, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
+    """Return the fields of an Evidence; margin, limit and least as in VerificationConfig."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
+    codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
+    codes_ref, partner_ref = compare_readings(ref.surfels, cur, back, margin)
+    at_rest_cur, n_moved_cur = surfaces_at_rest(
+        cur.surfels, bounds_cur, partner_cur, ref.surfels, pose, limit, least
+    )
+    at_rest_ref, n_moved_ref = surfaces_at_rest(
+        ref.surfels, bounds_ref, partner_ref, cur.surfels, back, limit, least
+    )
+    n_agree = 0
+    for i in range(codes_cur.size):
+        if not at_rest_cur[i]:
+            codes_cur[i] = MOVED if codes_cur[i] == AGREES else codes_cur[i]
+            partner_cur[i] = -1
+        elif partner_cur[i] >= 0:
+            n_agree += 1
+    for i in range(codes_ref.size):
+        if not at_rest_ref[i]:
+            codes_ref[i] = MOVED if codes_ref[i] == AGREES else codes_ref[i]
+            partner_ref[i] = -1
+    told, feigned, axes, units = pose_information(
+        ref.surfels, partner_ref, cur.surfels, partner_cur, pose
+    )
+    n_moved = n_moved_cur + n_moved_ref
+    return (
+        codes_ref,
+        codes_cur,
+        n_agree,
+        at_rest_ref,
+        at_rest_cur,
+        n_moved,
+        told,
+        feigned,
+        axes,
+        units,
     )
 
 

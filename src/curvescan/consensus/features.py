@@ -11,7 +11,8 @@ from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.frames import find_corners, find_ends
 from curvescan.consensus.polar import View, polar_lookup, uneven_lookup
 from curvescan.consensus.probes import choose_probes
-from curvescan.consensus.surfaces import fit_surfels, moments, sweep
+from curvescan.consensus.surfaces import sweep
+from curvescan.consensus.surfels import fit_surfels, moments
 from curvescan.consensus.turns import direction_histogram
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints

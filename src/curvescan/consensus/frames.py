@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.surfaces import fit_line
+from curvescan.consensus.surfels import fit_line
 from curvescan.types import Floats, Ints
 
 FX, FY, DIRECTION, TURN, KIND = range(5)

@@ -76,7 +76,8 @@ def add_information(
         system[9] += weight * nx * nx
         system[10] += weight * nx * jt
         system[11] += weight * jt * jt
-        system[12] += e * e / (va + 0.15 * surfels_other[j, 7])
+        # a line holds three tenths of the variance of its own reading: OWN_SHARE of it, and the rest of a mean
+        system[12] += e * e / (va + 0.3 * surfels_other[j, 7])
         system[13] += 1.0
         system[14] += dx * dx + dy * dy
 
@@ -84,8 +85,12 @@ def add_information(
 @kernel
 def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
     """Return the eigenvalues, ascending, and eigenvectors (columns) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
-    a = matrix.copy()
-    v = np.eye(3)
+    a = np.empty((3, 3))
+    v = np.zeros((3, 3))
+    for i in range(3):
+        v[i, i] = 1.0
+        for k in range(3):
+            a[i, k] = matrix[i, k]
     for _ in range(8):
         off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
         if off <= 1e-15 * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
@@ -107,18 +112,16 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
                     a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
                     vkp, vkq = v[k, p], v[k, q]
                     v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
-    order = np.arange(3)
+    values = np.empty(3)
+    for k in range(3):
+        values[k] = a[k, k]
     for i in range(2):
         for k in range(2 - i):
-            if a[order[k], order[k]] > a[order[k + 1], order[k + 1]]:
-                order[k], order[k + 1] = order[k + 1], order[k]
-    values = np.empty(3)
-    vectors = np.empty((3, 3))
-    for k in range(3):
-        values[k] = a[order[k], order[k]]
-        for i in range(3):
-            vectors[i, k] = v[i, order[k]]
-    return values, vectors
+            if values[k] > values[k + 1]:
+                values[k], values[k + 1] = values[k + 1], values[k]
+                for row in range(3):
+                    v[row, k], v[row, k + 1] = v[row, k + 1], v[row, k]
+    return values, v
 
 
 @kernel
@@ -144,8 +147,10 @@ def pose_information(
         root mean square distance of the readings.
     """
     system = np.zeros(15)
-    add_information(surfels_cur, surfels_ref, partner_cur, pose, False, system)
-    add_information(surfels_ref, surfels_cur, partner_ref, pose, True, system)
+    for inverse in (False, True):  # no constants: each would be compiled for
+        surfels, others = (surfels_ref, surfels_cur) if inverse else (surfels_cur, surfels_ref)
+        partner = partner_ref if inverse else partner_cur
+        add_information(surfels, others, partner, pose, inverse, system)
     n = max(system[13], 1.0)
     lever = math.sqrt(system[14] / n) + 1e-3
     # every reading is told of twice, once a way: half of the sum. Residuals larger than the noise

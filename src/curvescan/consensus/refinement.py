@@ -161,3 +161,11 @@ def refine(
             elif pose[2] <= -math.pi:
                 pose[2] += 2.0 * math.pi
     return refined
+
+
+@kernel
+def refine_fully(poses: Floats, ref: View, cur: View, closer: Floats, full: Floats) -> Floats:
+    """Return (h, 3) poses refined on the probes of two views, then on all of their readings; slacks as `refine` takes."""
+    all_ref = View(probes=ref.surfels, surfels=ref.surfels, fan=ref.fan, lookup=ref.lookup)
+    all_cur = View(probes=cur.surfels, surfels=cur.surfels, fan=cur.fan, lookup=cur.lookup)
+    return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan._jit import kernel
 from curvescan.consensus.apart import distance
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.features import ConsensusFeatures
 from curvescan.consensus.hypotheses import most_voted, pair_frames
+from curvescan.consensus.polar import View
 from curvescan.consensus.refinement import refine
 from curvescan.consensus.turns import lattice, slides, turns
 from curvescan.consensus.verification import select
@@ -84,18 +86,62 @@ def search(
 def _best(
     ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats, config: ConsensusConfig
 ) -> Candidates:
-    verification, steps = config.verification, config.hypotheses
-    views, slacks = (ref.view, cur.view), config.refinement.quick_slacks
-    chosen, _ = select(poses, *views, *verification.rough, verification.n_kept, 6, 0.3)
-    quick = refine(chosen, *views, slacks)
-    n_slides = round(steps.slide_reach / steps.slide_step)
-    slid = slides(quick[:2], *views, steps.slide_step, n_slides, config.information.weak_ratio)
-    if len(slid):
-        every = np.concatenate((quick, slid))
-        chosen, _ = select(every, *views, *verification.slid, verification.n_kept + 1, 12, 0.3)
-        quick = refine(chosen, *views, slacks)
-    best, scores = select(quick, *views, *verification.close, 3, 64, 0.3)
+    rules, steps = config.verification, config.hypotheses
+    best, scores = explore(
+        poses,
+        ref.view,
+        cur.view,
+        config.refinement.quick_slacks,
+        (*rules.rough, *rules.slid, *rules.close),
+        (rules.n_kept, rules.n_kept + 1, 3),
+        (6, 12, 64),
+        steps.slide_step,
+        round(steps.slide_reach / steps.slide_step),
+        config.information.weak_ratio,
+    )
     return Candidates(poses=best, scores=scores, n_tried=len(poses))
+
+
+@kernel
+def stack(first: Floats, second: Floats) -> Floats:
+    """Return (h + k, 3) the poses of both; np.concatenate takes half a second to compile."""
+    n = first.shape[0]
+    both = np.empty((n + second.shape[0], 3))
+    for i in range(both.shape[0]):
+        for k in range(3):
+            both[i, k] = first[i, k] if i < n else second[i - n, k]
+    return both
+
+
+@kernel
+def explore(
+    poses: Floats,
+    ref: View,
+    cur: View,
+    slacks: Floats,
+    tolerances: tuple[float, float, float, float, float, float],
+    n_kept: tuple[int, int, int],
+    n_first: tuple[int, int, int],
+    slide_step: float,
+    n_slides: int,
+    weak_ratio: float,
+) -> tuple[Floats, Floats]:
+    """Return a few poses and their scores: the best of those given, refined, and if need be slid and refined.
+
+    `tolerances` are those of rough, slid and closely refined poses, metres and metres for each metre of range; `n_kept`
+    and `n_first` what is kept of each and the probes tried first. They are no constants, for each of which Numba would
+    compile `select` anew.
+    """
+    rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
+    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], 0.3)
+    quick = refine(chosen, ref, cur, slacks)
+    slid = slides(quick[:2], ref, cur, slide_step, n_slides, weak_ratio)
+    if slid.shape[0] > 0:
+        chosen, _ = select(
+            stack(quick, slid), ref, cur, slid_tolerance, slid_slope, n_kept[1], n_first[1], 0.3
+        )
+        quick = refine(chosen, ref, cur, slacks)
+    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], 0.3)
 
 
 def _is_doubtful(found: Candidates, config: ConsensusConfig) -> bool:

@@ -77,7 +77,7 @@ def verify(
     c, s = math.cos(theta), math.sin(theta)
     ix, iy = -c * x - s * y, s * x - c * y
     n_ref, n_cur = ref.probes.shape[0], cur.probes.shape[0]
-    low, high, score, rate = 0, n_first, 0.0, 0.0
+    low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
     while low < max(n_ref, n_cur):
         score += support(
             cur.probes,

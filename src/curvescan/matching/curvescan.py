@@ -82,6 +82,8 @@ class CurvescanMatcher:
             poses, scores = prefer(guess, poses, scores, config)
             evidence = gather_evidence(ref, cur, poses[0], config)
         poses, evidence = without_movers(ref, cur, poses, evidence, config)
+        if not evidence.is_enough(config.verification):
+            return _silence(Outcome.UNSUPPORTED, ref, cur, found, scores)
         is_open = open_directions(ref, cur, poses[0], evidence, config)
         on_the_way = along_the_way(poses, scores, evidence, config)
         is_open[0] |= evidence.is_weak(config.information) and len(on_the_way) > 0

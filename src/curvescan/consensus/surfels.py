@@ -1,0 +1,194 @@
+"""Surfels: the readings of a sweep, each with the line through it.
+
+The line through a reading is fitted to the readings around it; near a corner the fit that has its centre to one side is
+taken when it is the better one, so that lines do not bend around corners (the idea of Kuwahara's edge-preserving filter).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.types import Floats, Ints
+
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT = range(9)
+"""Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
+through it, facing the sensor, the variance of the reading across the line and of the line's direction."""
+
+N_COLUMNS = 9
+OWN_SHARE = 0.4
+"""The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
+two readings, none of it lose what the surface does within an arm."""
+
+
+@kernel
+def moments(readings: Floats) -> Floats:
+    """Return (m + 1, 5) running sums of x, y, x x, x y, y y: any stretch's moments are a difference of rows."""
+    m = readings.shape[0]
+    sums = np.zeros((m + 1, 5))
+    for i in range(m):
+        x, y = readings[i, 0], readings[i, 1]
+        sums[i + 1, 0] = sums[i, 0] + x
+        sums[i + 1, 1] = sums[i, 1] + y
+        sums[i + 1, 2] = sums[i, 2] + x * x
+        sums[i + 1, 3] = sums[i, 3] + x * y
+        sums[i + 1, 4] = sums[i, 4] + y * y
+    return sums
+
+
+@kernel
+def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, float, float, float]:
+    """Return the total least squares line through readings low..high, both inclusive.
+
+    Returns
+    -------
+    cx, cy : float
+        Centre of the readings.
+    ux, uy : float
+        Unit direction of the line, of either sign.
+    across, along : float
+        Sums of squared distances from the line and, along it, from the centre.
+    """
+    n = high - low + 1
+    cx = (sums[high + 1, 0] - sums[low, 0]) / n
+    cy = (sums[high + 1, 1] - sums[low, 1]) / n
+    sxx = sums[high + 1, 2] - sums[low, 2] - n * cx * cx
+    sxy = sums[high + 1, 3] - sums[low, 3] - n * cx * cy
+    syy = sums[high + 1, 4] - sums[low, 4] - n * cy * cy
+    half = 0.5 * (sxx - syy)
+    root = math.sqrt(half * half + sxy * sxy)
+    mean = 0.5 * (sxx + syy)
+    # the better conditioned of the two forms of the eigenvector
+    if half >= 0.0:
+        ux, uy = half + root, sxy
+    else:
+        ux, uy = sxy, root - half
+    norm = math.sqrt(ux * ux + uy * uy)
+    if norm > 0.0:
+        ux, uy = ux / norm, uy / norm
+    else:
+        ux, uy = 1.0, 0.0
+    return cx, cy, ux, uy, max(mean - root, 0.0), mean + root
+
+
+@kernel
+def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple[Floats, float]:
+    """Return the line around each reading, and the range noise of the sweep.
+
+    The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
+    along the beams; a histogram over the logarithm finds it without sorting.
+
+    Returns
+    -------
+    fits : (m, 8) float64
+        Centre of the readings within `arm`, two a side at least (cx, cy); direction (ux, uy); variance across the line;
+        sum of squares along it; first and last of the readings. Without the first six where they are less than three.
+    sigma2 : float
+        Variance of a range, square metres; 0 if there are no lines.
+    """
+    m = readings.shape[0]
+    fits = np.zeros((m, 8))
+    # two fifths of the variances of n residuals lie below this share of the true one: the chi-square quantile by
+    # Wilson and Hilferty
+    share = np.empty(65)
+    for n in range(5, 65):
+        spread = 2.0 / (9.0 * (n - 2))
+        root = 1.0 - spread - 0.2533 * math.sqrt(spread)
+        share[n] = root * root * root
+    histogram = np.zeros(96, dtype=np.int64)
+    n_fits = 0
+    for s in range(bounds.size - 1):
+        start, stop = bounds[s], bounds[s + 1]
+        low, high = start, start
+        for i in range(start, stop):
+            x, y = readings[i, 0], readings[i, 1]
+            while i - low > 2:
+                dx, dy = readings[low, 0] - x, readings[low, 1] - y
+                if dx * dx + dy * dy <= arm * arm:
+                    break
+                low += 1
+            high = max(high, i)
+            while high + 1 < stop:
+                dx, dy = readings[high + 1, 0] - x, readings[high + 1, 1] - y
+                if high - i >= 2 and dx * dx + dy * dy > arm * arm:
+                    break
+                high += 1
+            n = high - low + 1
+            fits[i, 6], fits[i, 7] = low, high
+            if n < 3:
+                fits[i, 4] = 1.0
+                continue
+            cx, cy, ux, uy, across, along = fit_line(sums, low, high)
+            variance = across / (n - 2)
+            fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3] = cx, cy, ux, uy
+            fits[i, 4], fits[i, 5] = variance, along
+            if n >= 5:
+                facing = (ux * y - uy * x) / readings[i, 2]
+                cos2 = max(facing * facing, 0.05)
+                # bins of a quarter of an octave of variance, from (0.1 mm)^2 to (0.4 m)^2
+                level = 4.0 * math.log2(variance / (cos2 * share[min(n, 64)]) * 1e8 + 1e-4)
+                histogram[min(max(int(level), 0), 95)] += 1
+                n_fits += 1
+    count = 0
+    bin_ = 0
+    while bin_ < 95 and 5 * (count + histogram[bin_]) < 2 * n_fits:
+        count += histogram[bin_]
+        bin_ += 1
+    inside = (0.4 * n_fits - count) / max(histogram[bin_], 1)
+    return fits, 1e-8 * 2.0 ** (0.25 * (bin_ + inside)) if n_fits > 0 else 0.0
+
+
+@kernel
+def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
+    """Return the reading whose line reading i is to have: its own, or a better one that also holds it.
+
+    The readings of a line around a corner lie farther from it than the noise explains; then that of all lines which
+    hold reading i is taken from which its readings lie least far.
+    """
+    best = i
+    if fits[i, 4] <= 1.5 * sigma2 * max(facing2, 0.01):
+        return best
+    least = fits[i, 4] / 1.3
+    for j in range(int(fits[i, 6]), int(fits[i, 7]) + 1):
+        holds = fits[j, 6] <= i <= fits[j, 7] and fits[j, 7] - fits[j, 6] >= 3
+        if holds and fits[j, 4] < least:
+            best, least = j, fits[j, 4]
+    return best
+
+
+@kernel
+def fit_surfels(
+    readings: Floats, sums: Floats, bounds: Ints, arm: float, sigma_min: float
+) -> tuple[Floats, float]:
+    """Return the readings with the lines through them, as (m, 9) surfels, and the range noise of the sweep."""
+    m = readings.shape[0]
+    fits, sigma2 = fit_lines(readings, sums, bounds, arm)
+    sigma2 = max(sigma2, sigma_min * sigma_min)
+    surfels = np.empty((m, 9))
+    for i in range(m):
+        x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
+        surfels[i, 0], surfels[i, 1], surfels[i, 2] = x, y, r
+        if fits[i, 7] - fits[i, 6] < 2.0:
+            # alone: a point that faces the sensor and holds no line
+            surfels[i, 3], surfels[i, 4] = x, y
+            surfels[i, 5], surfels[i, 6] = -x / r, -y / r
+            surfels[i, 7], surfels[i, 8] = -1.0, 1.0
+            continue
+        facing = (fits[i, 2] * y - fits[i, 3] * x) / r
+        best = best_fit(fits, i, facing * facing, sigma2)
+        nx, ny = -fits[best, 3], fits[best, 2]
+        facing = (nx * x + ny * y) / r
+        if facing > 0.0:
+            nx, ny, facing = -nx, -ny, -facing
+        variance = sigma2 * max(facing * facing, 0.01)
+        rough = fits[best, 4] - 4.0 * variance
+        if rough > 0.0:
+            variance += rough
+        off = OWN_SHARE * (nx * (x - fits[best, 0]) + ny * (y - fits[best, 1]))
+        surfels[i, 3], surfels[i, 4] = fits[best, 0] + off * nx, fits[best, 1] + off * ny
+        surfels[i, 5], surfels[i, 6] = nx, ny
+        surfels[i, 7] = variance
+        surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
+    return surfels, math.sqrt(sigma2)
