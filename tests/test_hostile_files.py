@@ -393,6 +393,13 @@ def test_rules_of_a_configuration_name_the_file(tmp_path: Path) -> None:
         read_config(path, {"curvescan": ConsensusConfig()})
 
 
+def test_list_of_another_length_in_a_configuration(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text("[curvescan.verification]\nslid = [0.1]\n")
+    with pytest.raises(InvalidArgumentError, match=r"slid must be a list of 2, got 1"):
+        read_config(path, {"curvescan": ConsensusConfig()})
+
+
 def test_angles_and_poses_of_1e308(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     head = "stamp,angle_min,angle_increment,x,y,theta,ranges\n"

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError, LogFileError
 from curvescan.io.shown import shown_text
@@ -91,11 +91,13 @@ def _changed(default: Any, table: object, where: str) -> Any:
         raise InvalidArgumentError(f"{where} must be a table, got {table!r:.80}")
     values = {field.name: getattr(default, field.name) for field in fields(default)}
     _check_names(table, values, where)
+    hints = get_type_hints(type(default))
     for name, value in table.items():
         if is_dataclass(values[name]):
             values[name] = _changed(values[name], value, f"{where[:-1]}.{name}]")
         else:
             values[name] = _as_type_of(values[name], value, f"{where} {name}")
+            _check_length(hints[name], values[name], f"{where} {name}")
     try:
         return type(default)(**values)
     except InvalidArgumentError as error:
@@ -121,6 +123,13 @@ def _as_type_of(default: object, value: object, where: str) -> object:
             f"{where} must be of type {type(default).__name__}, got {value!r:.80}"
         )
     return value
+
+
+def _check_length(hint: object, value: object, where: str) -> None:
+    """Refuse a list that has not as many numbers as its field; ``tuple[float, ...]`` takes any number."""
+    kinds = get_args(hint) if get_origin(hint) is tuple else ()
+    if isinstance(value, tuple) and kinds and Ellipsis not in kinds and len(value) != len(kinds):
+        raise InvalidArgumentError(f"{where} must be a list of {len(kinds)}, got {len(value)}")
 
 
 def _check_names(given: Mapping[str, object], known: Mapping[str, object], where: str) -> None:
