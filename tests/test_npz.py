@@ -191,7 +191,7 @@ def test_an_archive_that_unpacks_to_very_much(tmp_path: Path) -> None:
     del content
     assert path.stat().st_size < 1 << 20
     tracemalloc.start()
-    with pytest.raises(LogFormatError, match="unpacks to more than 256 MiB"):
+    with pytest.raises(LogFormatError, match="unpacks to more than 64 MiB"):
         read_log(path)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -216,7 +216,8 @@ def test_database_that_is_no_bag(tmp_path: Path) -> None:
     connection.execute("create table topics (id integer)")
     connection.close()
     with pytest.raises(
-        LogFormatError, match=r"cannot be read: Cannot open database.*missing table"
+        LogFormatError,
+        match=r"SQLite database without the tables messages and topics .*: it holds topics$",
     ):
         read_log(path)
 

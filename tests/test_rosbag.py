@@ -22,7 +22,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-import curvescan.io.bag_files as bag_files
+import curvescan.io.unpacking as unpacking
 from curvescan.cli.main import run
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, inspect_log, read_log
@@ -440,7 +440,7 @@ def test_gzip_bomb_is_refused(tmp_path: Path, kind: str, monkeypatch: pytest.Mon
     packed = tmp_path / "bag.gz"
     content = storage(write_bag(tmp_path / "bag", kind, [scan()])).read_bytes()
     packed.write_bytes(gzip.compress(content + bytes(20_000_000)))
-    monkeypatch.setattr(bag_files, "MIN_UNPACKED_LIMIT", 1 << 20)
+    monkeypatch.setattr(unpacking, "MIN_UNPACKED_LIMIT", 1 << 20)
     with pytest.raises(LogFormatError, match=r"unpacks to more than .* MiB, too much for a log"):
         read_log(packed)
 

@@ -65,6 +65,10 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
             "angle_increment must not be 0: give the angle from a beam to the next, "
             "negative for a clockwise sensor"
         )
+    if not math.isfinite(angle_min + angle_increment * n):
+        raise InvalidArgumentError(
+            f"the angles of {n} beams must be finite, got angle_increment={angle_increment}"
+        )
     angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
     angles.setflags(write=False)
     return Beams(

@@ -307,7 +307,8 @@ _HUGE = float(np.finfo(np.float64).max)
 
 def _read_only_row(values: ArrayLike, name: str) -> Floats:
     try:
-        row = np.array(values, dtype=np.float64, order="C")
+        with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
+            row = np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"{name} must be numbers, one a beam: {error}") from error
     if row.ndim != 1:

@@ -1,4 +1,4 @@
-"""Bag: the topics and the messages of a ROS bag; the one file that speaks to the library rosbags.
+"""Bag: the topics and the messages of a ROS bag, read by the library rosbags.
 
 Whatever rosbags raises leaves here as an error of ours in one sentence: on damaged files its parsers raise their own
 errors and nearly every builtin one (assertions, struct errors, those of the decompressors).
@@ -6,6 +6,7 @@ errors and nearly every builtin one (assertions, struct errors, those of the dec
 
 from __future__ import annotations
 
+import errno
 import shutil
 import tempfile
 import weakref
@@ -15,19 +16,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
-from urllib.parse import quote
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1Error
 from rosbags.rosbag2 import ReaderError as Ros2Error
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.bag_files import BagKind, bag_kind, is_packed, storage_files, unpack
 from curvescan.io.bag_messages import Decoder
-from curvescan.io.checked_file import CheckedPath
+from curvescan.io.bag_sqlite import sqlite_reader, unfinished
+from curvescan.io.checked_bags import CheckedMcapReader, CheckedRos1Reader
+from curvescan.io.shown import shown_text
+from curvescan.io.unpacking import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,10 @@ class Bag:
             raise LogFormatError(f"{path} is no ROS bag")
         self.kind = kind
         self._files = [self._unpacked(file) for file in stored]
+        self._n_given = {
+            file: given.stat().st_size for file, given in zip(self._files, stored, strict=True)
+        }
+        self._is_unfinished = kind is BagKind.SQLITE and any(map(unfinished, stored))
         connections: list[Connection] = []
         for file in self._files:
             with self._opened(file) as reader:
@@ -105,7 +109,15 @@ class Bag:
         cut = (
             "its compressed data break off or are damaged: what could be unpacked of them is read",
         )
-        return (*(() if self.is_whole else cut), *self._decoder.notes)
+        left = (
+            "the database was not closed: what stands in its -wal or -journal file is not read; "
+            "`sqlite3 FILE 'pragma wal_checkpoint'` writes it back",
+        )
+        return (
+            *(() if self.is_whole else cut),
+            *(left if self._is_unfinished else ()),
+            *self._decoder.notes,
+        )
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
@@ -116,6 +128,7 @@ class Bag:
             Where the bag is damaged, after what stands before.
         """
         for file in self._files:
+            limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]
             with self._opened(file) as reader:
                 wanted = [
                     c
@@ -129,6 +142,11 @@ class Bag:
                     if item is None:
                         break
                     connection, received, data = item
+                    limit -= len(data) if isinstance(data, bytes) else 0
+                    if limit < 0:  # an index may lead to the same bytes again and again
+                        raise self._unreadable(
+                            "its messages are longer than a file of its size can hold"
+                        )
                     # a column of SQLite holds values of any type, whatever its declaration
                     yield Message(
                         connection.topic,
@@ -160,7 +178,7 @@ class Bag:
         if not file.is_file():
             raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
         with self._own_errors():
-            reader = _READERS[self.kind](file)
+            reader = _READERS[self.kind](file, self._n_given[file])
             reader.open()
         try:
             yield reader
@@ -172,12 +190,17 @@ class Bag:
     def _own_errors(self) -> Iterator[None]:
         try:
             yield
+        except LogFormatError as error:
+            raise self._unreadable(str(error)) from error
         except CurvescanError:
             raise
         except (Ros1Error, Ros2Error) as error:
-            raise self._unreadable(_one_line(str(error)).rstrip(".")) from error
+            raise self._unreadable(
+                shown_text(" ".join(str(error).split()), 300).rstrip(".")
+            ) from error
         except Exception as error:
-            if isinstance(error, OSError) and error.errno is not None:
+            # an offset of the file's own that leads out of it is an invalid argument
+            if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
                 raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
             reason = f"its structure is damaged ({type(error).__name__})"
             raise self._unreadable(reason) from error
@@ -201,12 +224,6 @@ def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
     return MappingProxyType(topics)
 
 
-def _one_line(text: str) -> str:
-    """Return a text of rosbags fit for a sentence: it may quote what stands in the file."""
-    line = "".join(ch if ch.isprintable() else "?" for ch in " ".join(text.split()))
-    return line if len(line) <= 300 else f"{line[:297]}..."
-
-
 class _Reader(Protocol):
     """What the readers of rosbags have in common."""
 
@@ -221,13 +238,8 @@ class _Reader(Protocol):
     ) -> Iterator[tuple[Connection, int, bytes]]: ...
 
 
-def _sqlite_reader(file: Path) -> Sqlite3Reader:
-    # the reader puts the path into a URI, where ?, # and % would have a meaning
-    return Sqlite3Reader(Path(quote(file.absolute().as_posix(), safe="/:")))
-
-
-_READERS: dict[BagKind, Callable[[Path], _Reader]] = {
-    BagKind.ROS1: lambda file: Ros1Reader(CheckedPath(file)),
-    BagKind.SQLITE: _sqlite_reader,
-    BagKind.MCAP: lambda file: McapReader(CheckedPath(file)),
+_READERS: dict[BagKind, Callable[[Path, int], _Reader]] = {
+    BagKind.ROS1: CheckedRos1Reader,
+    BagKind.SQLITE: lambda file, _: sqlite_reader(file),
+    BagKind.MCAP: CheckedMcapReader,
 }

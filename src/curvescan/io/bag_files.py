@@ -16,12 +16,6 @@ from pathlib import Path
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.lines import GZIP_MAGIC, BrokenGzipError, read_chunks, read_head
 
-MIN_UNPACKED_LIMIT = 256 << 20
-"""Up to this many bytes a compressed bag may always unpack to."""
-
-MAX_UNPACKED_RATIO = 100
-"""Beyond, it may unpack to this many times its size: bags of scans reach 10, a gzip bomb 1,000."""
-
 _MAGIC_BYTES = 16
 
 
@@ -113,17 +107,9 @@ def unpack(path: Path, target: Path) -> bool:
     LogFormatError
         When it unpacks to more than a log would.
     """
-    limit = max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * path.stat().st_size)
-    n_bytes = 0
     try:
         with target.open("wb") as file:
             for chunk in read_chunks(path):
-                n_bytes += len(chunk)
-                if n_bytes > limit:
-                    raise LogFormatError(
-                        f"{path} unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: "
-                        "if it is sound, unpack it first"
-                    )
                 file.write(chunk)
     except BrokenGzipError:
         return False

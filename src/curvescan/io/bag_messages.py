@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -18,7 +19,12 @@ IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 _WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
+MAX_MESSAGE_BYTES = 8 << 20
+"""Longest message that is read: a scan of two million beams."""
+
 _MAX_DEFINITION_CHARS = 1 << 16
+_MAX_EXPRESSIONS = 400
+_IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _IDL_RULE = "=" * 80 + "\n"
 
@@ -60,6 +66,8 @@ class Decoder:
         BrokenMessageError
             When the bytes do not follow the type.
         """
+        if len(data) > MAX_MESSAGE_BYTES:
+            raise BrokenMessageError(f"{short_name(msgtype)} message longer than 8 MiB")
         store = self._stores[msgtype]
         decode = store.deserialize_ros1 if self._is_ros1 else store.deserialize_cdr
         try:
@@ -129,8 +137,25 @@ def _parse(connection: Connection) -> dict[str, Any]:
         raise LogFormatError("definition too long")
     if connection.msgdef.format is MessageDefinitionFormat.MSG:
         return get_types_from_msg(text, connection.msgtype)
+    _check_idl(text)
     parts = text.split(_IDL_RULE)[1:] if text.startswith(_IDL_RULE) else [f"\n{text}"]
     definitions: dict[str, Any] = {}
     for part in parts:
         definitions |= get_types_from_idl(part.partition("\n")[2])
     return definitions
+
+
+def _check_idl(text: str) -> None:
+    """Raise LogFormatError for IDL that would keep its parser busy: each level of brackets multiplies its work.
+
+    ROS needs one level of either kind: the arguments of an annotation, and ``sequence<string<5>>``.
+    """
+    bare = _IDL_TEXTS.sub("", text)
+    for opening, closing, deepest in ("(", ")", 1), ("<", ">", 2):
+        depth = 0
+        for ch in bare:
+            depth = max(depth + (ch == opening) - (ch == closing), 0)
+            if depth > deepest:
+                raise LogFormatError("definition with nested brackets")
+    if sum(map(bare.count, "=[@(+-*/%|^&")) > _MAX_EXPRESSIONS:
+        raise LogFormatError("definition with too many expressions")

@@ -23,7 +23,7 @@ Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
 FARTHEST = 1e9
 """Largest number of a transform that is believed, metres: no robot drives a million kilometres."""
 
-_MAX_EDGES = 4096
+_MAX_EDGES = 1024
 _SAME = 1e-4
 """Largest difference of two transforms taken for equal: metres, and elements of the quaternion."""
 
@@ -54,16 +54,19 @@ class FrameTree:
 
     def path(self, start: str, end: str, *, avoid: str) -> list[Edge] | None:
         """Return the edges from frame to frame, the shortest way that does not touch `avoid`; None without."""
+        beside: dict[str, list[Edge]] = {}
+        for edge in self.transforms:
+            for frame in edge if avoid not in edge else ():
+                beside.setdefault(frame, []).append(edge)
         came_by: dict[str, Edge | None] = {start: None}
         queue = deque([start])
         while queue and end not in came_by:
             frame = queue.popleft()
-            for edge in self.transforms:
-                if frame in edge and avoid not in edge:
-                    other = edge[1] if edge[0] == frame else edge[0]
-                    if other not in came_by:
-                        came_by[other] = edge
-                        queue.append(other)
+            for edge in beside.get(frame, ()):
+                other = edge[1] if edge[0] == frame else edge[0]
+                if other not in came_by:
+                    came_by[other] = edge
+                    queue.append(other)
         if end not in came_by:
             return None
         path: list[Edge] = []

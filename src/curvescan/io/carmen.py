@@ -30,6 +30,7 @@ from curvescan.io.carmen_lines import SWEEP_PARSERS, BrokenLineError, Sweep, tag
 from curvescan.io.faults import FaultCounter
 from curvescan.io.lines import read_lines
 from curvescan.io.log import Fault
+from curvescan.io.shown import shown_text
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -210,7 +211,7 @@ def _no_scan_message(path: Path, index: Index) -> str:
             f"{path} is a CARMEN log without a scan that can be read: {fault.rule} "
             f"({fault.count} times, first in {fault.first})"
         )
-    tags = ", ".join(index.tag_counts) or "none"
+    tags = shown_text(", ".join(index.tag_counts), 300) or "none"
     return (
         f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, "
         f"and holds {tags}"

@@ -21,6 +21,7 @@ from curvescan.io.carmen_lines import (
 from curvescan.io.faults import FaultCounter
 from curvescan.io.lines import read_lines
 from curvescan.io.log import Fault
+from curvescan.io.shown import shown_text
 
 SICK_MM_END = 8.192
 """End of the scale of a SICK LMS that counts millimetres, metres."""
@@ -139,6 +140,6 @@ def _count_tag(counts: dict[bytes, int], tag: bytes) -> None:
 def _named(counts: dict[bytes, int]) -> dict[str, int]:
     names: dict[str, int] = {}
     for tag, count in counts.items():
-        name = tag.decode("ascii", errors="replace")
+        name = shown_text(tag.decode("ascii", errors="replace"))
         names[name] = names.get(name, 0) + count
     return names

@@ -1,4 +1,4 @@
-"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims.
+"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims, nor to read for ever.
 
 ``read(n)`` of an ordinary file reserves n bytes before it reads. A damaged or hostile file may claim any n.
 """
@@ -7,10 +7,19 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO, cast
 
+from curvescan.errors import LogFormatError
+
+MIN_READ_LIMIT = 1 << 30
+"""So many bytes a file may be read to from its opening to its closing, and MAX_READ_RATIO times its size."""
+
+MAX_READ_RATIO = 100
+
 _SMALL = 1 << 16
+_NOTHING_TO_SEE = 8
 
 
 class CheckedPath:
@@ -20,16 +29,19 @@ class CheckedPath:
     ----------
     path : Path
         A regular file.
+    look : callable or None
+        Is shown each piece of more than 8 bytes that is read, before the reader is; what it raises, the reader meets.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, look: Callable[[bytes], None] | None = None) -> None:
         self._path = path
+        self._look = look
 
     def __str__(self) -> str:
         return str(self._path)
 
     def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
-        return CheckedPath(self._path / str(key))
+        return CheckedPath(self._path / str(key), self._look)
 
     @property
     def stem(self) -> str:
@@ -59,15 +71,23 @@ class CheckedPath:
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:
         """Open the file for reading bytes, whatever mode is asked for."""
-        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path)))
+        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path), self._look))
 
 
 class _CheckedFile(io.BufferedReader):
-    def __init__(self, raw: io.FileIO) -> None:
+    def __init__(self, raw: io.FileIO, look: Callable[[bytes], None] | None) -> None:
         super().__init__(raw)
+        self._look = look
         self._n_bytes = os.fstat(raw.fileno()).st_size
+        self._n_left = MIN_READ_LIMIT + MAX_READ_RATIO * self._n_bytes
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _SMALL:
             size = max(0, min(size, self._n_bytes - self.tell()))
-        return super().read(size)
+        data = super().read(size)
+        self._n_left -= len(data)
+        if self._n_left < 0:
+            raise LogFormatError("its index leads to the same bytes again and again")
+        if self._look is not None and len(data) > _NOTHING_TO_SEE:
+            self._look(data)
+        return data

@@ -8,9 +8,13 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError, LogFileError
+from curvescan.io.shown import shown_text
+
+_MAX_CHARS = 1 << 15
+"""All parameters of all methods take 5,000; the parser's time grows with the square of the depth."""
 
 
 def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) -> None:
@@ -50,12 +54,16 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
         When it is no TOML, or holds an unknown key (the nearest name is told) or a value out of range.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with Path(path).open(encoding="utf-8") as file:
+            text = file.read(_MAX_CHARS + 1)
+        if len(text) > _MAX_CHARS:
+            raise ValueError(f"it is longer than {_MAX_CHARS:,} characters")
         tables = tomllib.loads(text)
     except OSError as error:
         raise LogFileError(f"cannot read {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InvalidArgumentError(f"{path} is not a TOML file: {error}") from error
+    except (ValueError, RecursionError) as error:
+        reason = shown_text(str(error), 200)
+        raise InvalidArgumentError(f"{path} is not a TOML file: {reason}") from error
     _check_names(tables, defaults, str(path))
     return {
         name: _changed(default, tables.get(name, {}), f"{path}: [{name}]")
@@ -80,15 +88,20 @@ def _tables(name: str, config: object) -> Iterator[str]:
 
 def _changed(default: Any, table: object, where: str) -> Any:
     if not isinstance(table, dict):
-        raise InvalidArgumentError(f"{where} must be a table, got {table!r}")
+        raise InvalidArgumentError(f"{where} must be a table, got {table!r:.80}")
     values = {field.name: getattr(default, field.name) for field in fields(default)}
     _check_names(table, values, where)
+    hints = get_type_hints(type(default))
     for name, value in table.items():
         if is_dataclass(values[name]):
             values[name] = _changed(values[name], value, f"{where[:-1]}.{name}]")
         else:
             values[name] = _as_type_of(values[name], value, f"{where} {name}")
-    return type(default)(**values)
+            _check_length(hints[name], values[name], f"{where} {name}")
+    try:
+        return type(default)(**values)
+    except InvalidArgumentError as error:
+        raise InvalidArgumentError(f"{where}: {error}") from error
 
 
 def _literal(value: object) -> str:
@@ -107,9 +120,16 @@ def _as_type_of(default: object, value: object, where: str) -> object:
         return float(value)
     if type(value) is not type(default):
         raise InvalidArgumentError(
-            f"{where} must be of type {type(default).__name__}, got {value!r}"
+            f"{where} must be of type {type(default).__name__}, got {value!r:.80}"
         )
     return value
+
+
+def _check_length(hint: object, value: object, where: str) -> None:
+    """Refuse a list that has not as many numbers as its field; ``tuple[float, ...]`` takes any number."""
+    kinds = get_args(hint) if get_origin(hint) is tuple else ()
+    if isinstance(value, tuple) and kinds and Ellipsis not in kinds and len(value) != len(kinds):
+        raise InvalidArgumentError(f"{where} must be a list of {len(kinds)}, got {len(value)}")
 
 
 def _check_names(given: Mapping[str, object], known: Mapping[str, object], where: str) -> None:
@@ -118,5 +138,5 @@ def _check_names(given: Mapping[str, object], known: Mapping[str, object], where
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise InvalidArgumentError(
-                f"{where} has an unknown key {name!r}: {hint}known are {', '.join(sorted(known))}"
+                f"{where} has an unknown key {name!r:.80}: {hint}known are {', '.join(sorted(known))}"
             )

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.shown import shown_text
 from curvescan.io.stream import NO_POSE, PoseRow, Record
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -76,7 +77,7 @@ def check_header(names: tuple[str, ...], path: object) -> None:
     known = (*COLUMNS, *POSE_COLUMNS)
     if names[-1] != RANGES:
         raise LogFormatError(
-            f"{rule}, the last of them {RANGES!r}: it holds {', '.join(names[:9])}"
+            f"{rule}, the last of them {RANGES!r}: it holds {shown_text(', '.join(names[:9]), 200)}"
         )
     for name in names[:-1]:
         if name not in known:

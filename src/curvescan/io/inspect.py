@@ -27,6 +27,7 @@ _MISSING = 1.6
 """Steps from which on a sweep is missing, in medians."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
 def inspect_log(log: Log) -> LogReport:
     """Return what a log holds and what is wrong with it.
 

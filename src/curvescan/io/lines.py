@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import math
 import stat
 import zlib
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from pathlib import Path
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.faults import FaultCounter
+from curvescan.io.unpacking import unpacked_limit
 
 GZIP_MAGIC = b"\x1f\x8b"
 MAX_LINE_BYTES = 1 << 20
@@ -121,6 +123,8 @@ def read_chunks(path: Path) -> Iterator[bytes]:
         When the file cannot be opened or read.
     BrokenGzipError
         Where compressed data break off or are damaged, after what stands before.
+    LogFormatError
+        Where they unpack to more than a log would.
     """
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
@@ -128,7 +132,14 @@ def read_chunks(path: Path) -> Iterator[bytes]:
             is_gzip = raw.read(2) == GZIP_MAGIC
             raw.seek(0)
             stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+            left = unpacked_limit(path) if is_gzip else math.inf
             while chunk := stream.read1(_CHUNK_BYTES):
+                left -= len(chunk)
+                if left < 0:
+                    raise LogFormatError(
+                        f"{path} unpacks to more than {unpacked_limit(path) >> 20:,} MiB, too much for a log of its "
+                        "size: if it is sound, unpack it first"
+                    )
                 yield chunk
         except (EOFError, gzip.BadGzipFile, zlib.error) as error:
             raise BrokenGzipError(

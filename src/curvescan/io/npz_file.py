@@ -24,11 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.bag_files import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, is_packed, unpack
+from curvescan.io.bag_files import is_packed, unpack
+from curvescan.io.unpacking import unpacked_limit
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
+_MAX_WHOLE_BYTES = 64 << 20
 _MAX_MEMBERS = 256
+_MAX_HEADER_BYTES = 512
+"""NumPy writes 118 for an array of plain numbers."""
 _MAGIC = b"\x93NUMPY\x01\x00"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
@@ -67,6 +71,8 @@ class NpzFile:
     ----------
     headers : dict of str to NpyHeader
         Of every array, by its name.
+    n_given : int
+        Size of the file, bytes.
 
     Raises
     ------
@@ -79,6 +85,7 @@ class NpzFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = self._unpacked(path)
+        self.n_given = path.stat().st_size
         self.headers: dict[str, NpyHeader] = {}
         with self._opened() as archive:
             self._check_members(archive)
@@ -110,6 +117,10 @@ class NpzFile:
         with self._opened() as archive, archive.open(f"{name}.npy") as member:
             self._read(member, header.n_bytes)
             if header.is_fortran and rest:
+                if 8 * math.prod(header.shape) > max(_MAX_WHOLE_BYTES, 10 * self.n_given):
+                    raise self._unreadable(
+                        f"array {name!r} is in Fortran's order and too large: save numpy.ascontiguousarray of it"
+                    )
                 data = self._read(member, n_rows * row_bytes)
                 yield self._values(data, header.dtype).reshape(header.shape, order="F")
                 return
@@ -134,7 +145,7 @@ class NpzFile:
                 )
         if len({info.filename for info in members}) < len(members):
             raise self._unreadable("two arrays have the same name")
-        limit = max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * self._file.stat().st_size)
+        limit = unpacked_limit(self._file)
         if sum(info.file_size for info in members) > limit:
             raise self._unreadable(
                 f"it unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: if it is sound, save it "
@@ -147,6 +158,8 @@ class NpzFile:
         if not magic.startswith(_MAGIC):
             raise self._unreadable(f"array {name!r} does not begin like one that numpy.savez wrote")
         (n_text,) = struct.unpack("<H", magic[8:])
+        if n_text > _MAX_HEADER_BYTES:  # deeply nested text would exhaust Python's parser
+            raise self._unreadable(f"array {name!r} has a header of {n_text:,} bytes, too many")
         fields = ast.literal_eval(self._read(member, n_text).decode("latin-1"))
         shape, dtype = fields["shape"], np.dtype(fields["descr"])
         if dtype.kind not in "fiub" or dtype.itemsize > 8 or dtype.subdtype is not None:
@@ -175,7 +188,8 @@ class NpzFile:
     @staticmethod
     def _values(data: bytes, dtype: np.dtype[np.generic]) -> Floats:
         values: NDArray[np.generic] = np.frombuffer(data, dtype=dtype)
-        return values.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
+            return values.astype(np.float64)
 
     def _unpacked(self, path: Path) -> Path:
         if not is_packed(path):

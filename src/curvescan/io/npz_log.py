@@ -33,6 +33,7 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.faults import FaultCounter
 from curvescan.io.npz_file import NpzFile
+from curvescan.io.shown import shown_text
 from curvescan.io.stream import NO_POSE, Record, StreamLog, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -55,6 +56,11 @@ _DEFAULTS = {
     "time_increment": 0.0,
     "scan_time": 0.0,
 }
+_MIN_SCAN_LIMIT = 1 << 20
+_BYTES_A_SCAN = 8
+"""A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
+_MAX_BEAMS = 1 << 21
+_BLOCK = 256
 _DAMAGED = "file damaged from here on: what stands before is read"
 
 
@@ -92,18 +98,23 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     for name in ("stamps", "ranges"):
         if name not in shapes:
             raise LogFormatError(
-                f"{file.path} needs an array {name!r} to be scans, and holds {', '.join(shapes)[:200]}"
+                f"{file.path} needs an array {name!r} to be scans, and holds {shown_text(', '.join(shapes), 200)}"
             )
     if "angles" not in shapes and not {"angle_min", "angle_increment"} <= shapes.keys():
         raise LogFormatError(
             f"{file.path} needs arrays 'angle_min' and 'angle_increment', or 'angles', and holds "
-            f"{', '.join(shapes)[:200]}"
+            f"{shown_text(', '.join(shapes), 200)}"
         )
     if len(shapes["ranges"]) != 2:
         raise LogFormatError(
             f"{file.path}: 'ranges' must be of shape (scans, beams), got {shapes['ranges']}"
         )
     n, m = shapes["ranges"]
+    if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
+        raise LogFormatError(
+            f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it with "
+            "numpy.savez"
+        )
     allowed: dict[str, tuple[tuple[int, ...], ...]] = {
         "stamps": ((n,),),
         "counts": ((n,),),
@@ -132,7 +143,7 @@ def _records(
         columns["range_max"] = range_max
     columns["stamp"] = file.read("stamps")
     counts = file.read("counts") if "counts" in file.headers else np.full(n, float(m))
-    table = np.stack([np.broadcast_to(column, n) for column in columns.values()], axis=-1)
+    wide = [np.broadcast_to(column, n) for column in columns.values()]
     odometry = file.read("odometry") if "odometry" in file.headers else None
     rows = zip(
         itertools.chain.from_iterable(file.blocks("ranges")),
@@ -140,6 +151,7 @@ def _records(
         _rows(file, "intensities", n),
         strict=True,
     )
+    table: list[list[float]] = []
     for i in itertools.count():
         try:
             row = next(rows, None)
@@ -148,7 +160,9 @@ def _records(
             return
         if row is None:
             return
-        value = dict(zip(columns, table[i].tolist(), strict=True))
+        if i % _BLOCK == 0:
+            table = np.stack([column[i : i + _BLOCK] for column in wide], axis=-1).tolist()
+        value = dict(zip(columns, table[i % _BLOCK], strict=True))
         try:
             scan = _scan(value, counts[i], *row)
         except InvalidArgumentError:

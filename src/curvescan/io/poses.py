@@ -18,6 +18,7 @@ from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.formats import FORMATS, HEAD_BYTES
 from curvescan.io.lines import GZIP_MAGIC, read_head
+from curvescan.io.shown import shown_text
 from curvescan.io.trajectory import CSV_HEADER, read_tum
 from curvescan.types import Trajectory
 
@@ -186,4 +187,6 @@ def _row(row: list[str], n: int, columns: list[int], where: str) -> list[float]:
     try:
         return [float(row[k]) for k in columns]
     except ValueError as error:
-        raise LogFormatError(f"{where}: a field is not a number ({error})") from None
+        raise LogFormatError(
+            f"{where}: a field is not a number ({shown_text(str(error), 120)})"
+        ) from None

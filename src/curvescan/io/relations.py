@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,21 +80,21 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
         When a line does not hold 8 finite numbers or leaves the plane by more than 5 deg, the file is damaged, or there is
         no line.
     """
-    rows: list[list[float]] = []
+    rows = array("d")
     faults = FaultCounter()
     if not Path(path).exists():  # the reader of lines would speak of a log
         raise LogFileError(f"relations file {path} does not exist: check the path")
     for number, line in read_lines(Path(path), faults):
         fields = line.split()
         if fields and not fields[0].startswith(b"#"):
-            rows.append(_numbers(fields, f"{path}, line {number}"))
+            rows.extend(_numbers(fields, f"{path}, line {number}"))
     for fault in faults.faults():
         raise LogFormatError(f"{path}, {fault.first}: {fault.rule}")
     if not rows:
         raise LogFormatError(
             f"{path} holds no relation: a line is t1 t2 x y z roll pitch yaw (s, m, rad)"
         )
-    table = np.array(rows)
+    table = np.array(rows).reshape(-1, 8)
     return Relations(
         first_stamps=table[:, 0],
         second_stamps=table[:, 1],

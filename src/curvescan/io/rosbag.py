@@ -133,7 +133,8 @@ class RosbagLog:
         """What was left out or assumed."""
         others = [name for name in _laser_topics(self._bag) if name != self._topic]
         notes = [
-            f"laser scans on {shown(name)} are not read: the topic is another" for name in others
+            f"laser scans on {shown(name)} are not read: the topic is another"
+            for name in others[:_MAX_LISTED]
         ]
         if self._is_unstamped:
             notes.append(

@@ -27,6 +27,7 @@ from curvescan.errors import (
     OutputError,
 )
 from curvescan.io.folder import output_file
+from curvescan.io.shown import shown_text
 from curvescan.types import Trajectory
 
 CSV_HEADER = (
@@ -211,7 +212,9 @@ def _numbers(fields: Iterable[str], where: str) -> list[float]:
     try:
         return [float(field) for field in fields]
     except ValueError as error:
-        raise LogFormatError(f"{where}: a field is not a number ({error})") from None
+        raise LogFormatError(
+            f"{where}: a field is not a number ({shown_text(str(error), 120)})"
+        ) from None
 
 
 @contextmanager
