@@ -27,7 +27,7 @@ class KeysConfig:
     for a key scan's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_searches: int = 20
     """After a failure, scans for which earlier key scans are asked at once, and not only when one is left behind."""
-    max_tries: int = 4
+    max_tries: int = 3
     """Earlier key scans tried for a scan, at most."""
     drift: float = 2.0
     """Standard deviations of the chain are taken to be this many times too small when it is asked whether two places

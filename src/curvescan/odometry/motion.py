@@ -19,6 +19,9 @@ from curvescan.types import Pose
 _MAX_STRETCH = 20.0
 """A longer pause than this many scans tells no more."""
 
+_N_UNUSUAL = 10
+"""So many steps of the clock are averaged before one is called long."""
+
 
 class Motion:
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
@@ -35,7 +38,8 @@ class Motion:
         self._change = (config.sigma_m**2, config.sigma_rad**2)  # variance of translation and turn
         self._wheels: Pose | None = None
         self._stamp = math.nan
-        self._period = math.nan  # usual time between scans, seconds
+        self._period = 0.0  # usual time between scans, seconds
+        self._n_steps = 0  # of the clock, forwards
         self._n_failures = 0
         self._is_measured = False  # whether the expected place comes from the wheels
 
@@ -118,8 +122,10 @@ class Motion:
         elapsed, self._stamp = stamp - self._stamp, stamp
         if not elapsed > 0.0:  # the first one, a clock that stands or goes back
             return 1.0
-        if math.isnan(self._period):
-            self._period = elapsed
+        self._n_steps += 1
+        if self._n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
+            self._period += (elapsed - self._period) / self._n_steps
+            return 1.0
         usual = self._period
         self._period += (min(elapsed, 3.0 * usual) - usual) / self._config.memory
         return min(max(elapsed / usual, 1.0), _MAX_STRETCH)
