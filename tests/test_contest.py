@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import curvescan as cs
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.contest import (
     along_the_way,
@@ -92,3 +93,17 @@ def test_a_fine_slide_stays_on_the_corridor():
     assert (np.diff(scores) <= 0).all()
     assert np.abs(poses[:, 1]).max() < 0.02
     assert np.abs(poses[:, 2]).max() < 0.02
+
+
+def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
+    log = cs.simulate("bare-corridor", n_scans=12, seed=3)
+    first, last = (cs.prepare(log[k]) for k in (0, 11))
+    true = cs.se2.between(log.truth.poses[0], log.truth.poses[11])
+    for off in (-0.5, 0.0, 0.4):
+        result = cs.match(first, last, guess=true + np.array([off, 0.0, 0.0]))
+        assert result.ok
+        assert result.weak_direction is not None
+        # along the corridor where the guess is, across it and in direction where the walls are
+        assert abs(result.pose[0] - true[0] - off) < 0.1
+        assert abs(result.pose[1] - true[1]) < 0.005
+        assert abs(result.pose[2] - true[2]) < 0.002

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.consensus.apart import distance, is_on_the_way
+from curvescan.consensus.apart import difference, distance, is_on_the_way
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.evidence import Evidence, gather_evidence
 from curvescan.consensus.features import ConsensusFeatures
@@ -15,6 +15,13 @@ from curvescan.consensus.refinement import refine, refine_fully
 from curvescan.consensus.search import Candidates
 from curvescan.consensus.verification import select
 from curvescan.types import Floats, Pose
+
+_ARMS = np.array([1.0, 1.0, 2.0])
+"""What a metre, a metre and a radian of a pose count when slides are measured."""
+
+_SHARE = 0.7
+"""Least share of the score that a pose slid along an open direction must keep: two scans taken a metre apart on a bare
+corridor have less in common than they seem to where they are laid over each other."""
 
 
 def finalists(
@@ -112,3 +119,32 @@ def nearest_of_ties(
     ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
     nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
     return nearest
+
+
+def slide_to_guess(
+    ref: ConsensusFeatures,
+    cur: ConsensusFeatures,
+    guess: Pose,
+    pose: Pose,
+    evidence: Evidence,
+    config: ConsensusConfig,
+) -> tuple[Pose, Evidence]:
+    """Return a pose slid along its open direction to where a guess has it, and the evidence there, if the scans agree.
+
+    Where nothing tells how far along it went, the pose lies anywhere; and as the direction itself is known to a few
+    milliradians only, a slide of half a metre that is made afterwards would turn the pose by as much.
+    """
+    along = evidence.weakest * _ARMS
+    offset = np.array(difference(guess, pose)) * _ARMS
+    slide = float(along @ offset) / float(along @ along)
+    slid = pose + slide * evidence.weakest
+    slid = refine(slid[np.newaxis], ref.whole, cur.whole, config.refinement.closer_slacks)
+    views = (ref.wide, cur.wide)
+    both = np.concatenate((pose[np.newaxis], slid))
+    scores = [
+        select(one[np.newaxis], *views, *config.verification.fine, 1, 4096, 0.0)[1] for one in both
+    ]
+    if not len(scores[1]) or scores[1][0] < _SHARE * scores[0][0]:
+        return pose, evidence
+    found = gather_evidence(ref, cur, slid[0], config)
+    return (slid[0], found) if found.is_enough(config.verification) else (pose, evidence)

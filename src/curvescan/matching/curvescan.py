@@ -20,6 +20,7 @@ from curvescan.consensus.contest import (
     prefer,
     rivals,
     slide_finely,
+    slide_to_guess,
     without_movers,
 )
 from curvescan.consensus.evidence import gather_evidence, open_directions
@@ -96,6 +97,8 @@ class CurvescanMatcher:
         if is_open[0] and on_the_way:
             pose = nearest_of_ties(guess, poses, scores, on_the_way, config)
             evidence = gather_evidence(ref, cur, pose, config)
+        if is_open[0] and guess is not None:
+            pose, evidence = slide_to_guess(ref, cur, guess, pose, evidence, config)
         return MatchResult(
             method="curvescan",
             outcome=Outcome.MATCHED,
