@@ -21,7 +21,7 @@ def test_the_gradient_is_the_derivative_of_the_residuals(seed, inverse):
     pose = MOTION + np.array([0.01, -0.01, 0.004])
     for surfel in a.view.probes[:20]:
         system = np.zeros(9)
-        accumulate(surfel[np.newaxis], b.view, pose, inverse, 0.05, 0.0, system)
+        accumulate(surfel[np.newaxis], b.view, pose, -1.0 if inverse else 1.0, 0.05, 0.0, system)
         if not system.any():
             continue
         moved = cs.se2.transform(cs.se2.inverse(pose) if inverse else pose, surfel[:2])

@@ -22,7 +22,7 @@ def accumulate(
     surfels_a: Floats,
     view_b: View,
     pose: Floats,
-    inverse: bool,
+    way: float,
     slack: float,
     slack_slope: float,
     system: Floats,
@@ -37,8 +37,9 @@ def accumulate(
         Scan b.
     pose : (3,) float64
         Of the current scan in the reference.
-    inverse : bool
-        Whether scan a is the reference.
+    way : float
+        1 where scan a is the current one, -1 where it is the reference (no bool: for each constant one Numba would
+        compile anew).
     slack, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64
@@ -53,7 +54,7 @@ def accumulate(
         if va < 0.0:
             continue
         ax, ay = surfels_a[i, 0], surfels_a[i, 1]
-        if inverse:
+        if way < 0.0:
             dx, dy = ax - tx, ay - ty
             qx, qy = c * dx + s * dy, c * dy - s * dx
         else:
@@ -79,7 +80,7 @@ def accumulate(
             continue
         # facing: both lines must look the same way
         mx, my = surfels_a[i, 5], surfels_a[i, 6]
-        if inverse:
+        if way < 0.0:
             mx, my = c * mx + s * my, c * my - s * mx
         else:
             mx, my = c * mx - s * my, s * mx + c * my
@@ -88,7 +89,7 @@ def accumulate(
         weight = 1.0 / variance
         if u2 > 4.0:
             weight *= (16.0 - u2) * (16.0 - u2) / 144.0
-        if inverse:
+        if way < 0.0:
             nx, ny = -(c * nx - s * ny), -(s * nx + c * ny)
         j2 = nx * -dy + ny * dx
         wx, wy, wt = weight * nx, weight * ny, weight * j2
@@ -148,8 +149,8 @@ def refine(
         pose = refined[h]
         for slack in slacks:
             system[:] = 0.0
-            accumulate(cur.probes, ref, pose, False, slack, 0.3 * slack, system)
-            accumulate(ref.probes, cur, pose, True, slack, 0.3 * slack, system)
+            accumulate(cur.probes, ref, pose, 1.0, slack, 0.3 * slack, system)
+            accumulate(ref.probes, cur, pose, -1.0, slack, 0.3 * slack, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0

@@ -113,9 +113,8 @@ def slides(
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        for inverse in (False, True):  # no constants: each would be compiled for
-            probes, view = (ref.probes, cur) if inverse else (cur.probes, ref)
-            accumulate(probes, view, pose, inverse, 0.02, 0.006, system)
+        accumulate(cur.probes, ref, pose, 1.0, 0.02, 0.006, system)
+        accumulate(ref.probes, cur, pose, -1.0, 0.02, 0.006, system)
         half = 0.5 * (system[0] - system[3])
         root = math.sqrt(half * half + system[1] * system[1])
         mean = 0.5 * (system[0] + system[3])
