@@ -53,6 +53,7 @@ def find_corners(
     lows = np.zeros(m, dtype=np.int64)
     highs = np.zeros(m, dtype=np.int64)
     min_bend = 1.0 - math.cos(min_turn)
+    straight = math.cos(min_turn) * abs(math.cos(min_turn))  # squared, its sign kept
     for a in range(arms.size - 1, -1, -1):
         arm2 = arms[a] * arms[a]
         least2 = 0.49 * arm2
@@ -84,15 +85,15 @@ def find_corners(
                 dx, dy = surfels[high, 0] - x, surfels[high, 1] - y
                 if dx * dx + dy * dy < least2:
                     continue
-                # chords from the middle of each arm: their ends are means, and half as noisy
-                inx = x - (sums[i, 0] - sums[low, 0]) / (i - low)
-                iny = y - (sums[i, 1] - sums[low, 1]) / (i - low)
-                outx = (sums[high + 1, 0] - sums[i + 1, 0]) / (high - i) - x
-                outy = (sums[high + 1, 1] - sums[i + 1, 1]) / (high - i) - y
+                # chords to the middle of each arm, times its readings: a mean's end is half as noisy
+                inx = (i - low) * x - (sums[i, 0] - sums[low, 0])
+                iny = (i - low) * y - (sums[i, 1] - sums[low, 1])
+                outx = sums[high + 1, 0] - sums[i + 1, 0] - (high - i) * x
+                outy = sums[high + 1, 1] - sums[i + 1, 1] - (high - i) * y
                 dot = inx * outx + iny * outy
-                bend[i] = 1.0 - dot / math.sqrt(
-                    (inx * inx + iny * iny) * (outx * outx + outy * outy)
-                )
+                squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
+                if dot * abs(dot) <= straight * squares:  # rarely: most need no root
+                    bend[i] = 1.0 - dot / math.sqrt(squares)
             for i in range(start + 1, stop - 1):
                 height = bend[i]
                 if height < min_bend or bend[i - 1] > height or bend[i + 1] >= height:

@@ -52,8 +52,9 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
         Sums of squared distances from the line and, along it, from the centre.
     """
     n = high - low + 1
-    cx = (sums[high + 1, 0] - sums[low, 0]) / n
-    cy = (sums[high + 1, 1] - sums[low, 1]) / n
+    share = 1.0 / n
+    cx = (sums[high + 1, 0] - sums[low, 0]) * share
+    cy = (sums[high + 1, 1] - sums[low, 1]) * share
     sxx = sums[high + 1, 2] - sums[low, 2] - n * cx * cx
     sxy = sums[high + 1, 3] - sums[low, 3] - n * cx * cy
     syy = sums[high + 1, 4] - sums[low, 4] - n * cy * cy

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import View
+from curvescan.consensus.polar import View, bearing
 from curvescan.consensus.refinement import accumulate
 from curvescan.types import Floats
 
@@ -26,7 +26,7 @@ def direction_histogram(surfels: Floats, step: float) -> Floats:
             continue
         r, nx, ny = surfels[i, 2], surfels[i, 5], surfels[i, 6]
         facing = abs(nx * surfels[i, 0] + ny * surfels[i, 1]) / r
-        place = (math.atan2(ny, nx) + math.pi) * 120.0 / (2.0 * math.pi)
+        place = (bearing(nx, ny) + math.pi) * 120.0 / (2.0 * math.pi)
         k = int(place)
         share = place - k
         length = min(r * step / max(facing, 0.1), 0.3)
