@@ -41,7 +41,8 @@ def test_lines_of_a_noise_free_room_are_its_walls():
 
 def fit(scan):
     _, readings, bounds = run_sweep(scan)
-    return fit_surfels(readings, moments(readings), bounds, CONFIG.arm, CONFIG.range_sigma_min)
+    sums, step = moments(readings), abs(scan.angle_increment)
+    return fit_surfels(readings, sums, bounds, step, CONFIG.arm, CONFIG.range_sigma_min)
 
 
 @pytest.mark.parametrize("sigma", [0.005, 0.01, 0.015, 0.04])

@@ -79,7 +79,9 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         surfaces.max_gap,
     )
     sums = moments(readings)
-    surfels, sigma = fit_surfels(readings, sums, bounds, surfaces.arm, surfaces.range_sigma_min)
+    surfels, sigma = fit_surfels(
+        readings, sums, bounds, step, surfaces.arm, surfaces.range_sigma_min
+    )
     corners = find_corners(
         surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames
     )
@@ -92,9 +94,7 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
     fan = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
-    few, many = choose_probes(
-        surfels, step, config.verification.n_probes, config.verification.n_wide
-    )
+    few, many = choose_probes(surfels, config.verification.n_probes, config.verification.n_wide)
     return ConsensusFeatures(
         n_beams=n,
         beam_idx=beam_idx,
@@ -103,5 +103,5 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         wide=View(many, surfels, fan, lookup),
         whole=View(surfels, surfels, fan, lookup),
         frames=np.concatenate((corners, ends)),
-        directions=direction_histogram(surfels, step),
+        directions=direction_histogram(surfels),
     )

@@ -16,9 +16,9 @@ class View(NamedTuple):
 
     Attributes
     ----------
-    probes : (p, 9) float64
+    probes : (p, 10) float64
         Surfels that are compared with the other scan: a few that stand for all, or all.
-    surfels : (m, 9) float64
+    surfels : (m, 10) float64
         Surfels that the other scan is compared with: all.
     fan : (3,) float64
         Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.

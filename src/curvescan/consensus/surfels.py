@@ -13,14 +13,19 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
 
-X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT = range(9)
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH = range(10)
 """Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
-through it, facing the sensor, the variance of the reading across the line and of the line's direction."""
+through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
+of surface that it stands for. Without a line the variance is negative and the length 0."""
 
-N_COLUMNS = 9
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 two readings, none of it lose what the surface does within an arm."""
+
+_SPREAD = 2.0 / (9.0 * np.maximum(np.arange(65) - 2, 3))
+_RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
+"""Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
+Wilson and Hilferty."""
 
 
 @kernel
@@ -68,7 +73,8 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
         ux, uy = sxy, root - half
     norm = math.sqrt(ux * ux + uy * uy)
     if norm > 0.0:
-        ux, uy = ux / norm, uy / norm
+        scale = 1.0 / norm
+        ux, uy = ux * scale, uy * scale
     else:
         ux, uy = 1.0, 0.0
     return cx, cy, ux, uy, max(mean - root, 0.0), mean + root
@@ -91,13 +97,6 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     """
     m = readings.shape[0]
     fits = np.zeros((m, 8))
-    # two fifths of the variances of n residuals lie below this share of the true one: the chi-square quantile by
-    # Wilson and Hilferty
-    share = np.empty(65)
-    for n in range(5, 65):
-        spread = 2.0 / (9.0 * (n - 2))
-        root = 1.0 - spread - 0.2533 * math.sqrt(spread)
-        share[n] = root * root * root
     histogram = np.zeros(96, dtype=np.int64)
     n_fits = 0
     for s in range(bounds.size - 1):
@@ -129,7 +128,7 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
                 facing = (ux * y - uy * x) / readings[i, 2]
                 cos2 = max(facing * facing, 0.05)
                 # bins of a quarter of an octave of variance, from (0.1 mm)^2 to (0.4 m)^2
-                level = 4.0 * math.log2(variance / (cos2 * share[min(n, 64)]) * 1e8 + 1e-4)
+                level = 4.0 * math.log2(1e8 * variance * _RAISED[min(n, 64)] / cos2 + 1e-4)
                 histogram[min(max(int(level), 0), 95)] += 1
                 n_fits += 1
     count = 0
@@ -161,26 +160,31 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
 
 @kernel
 def fit_surfels(
-    readings: Floats, sums: Floats, bounds: Ints, arm: float, sigma_min: float
+    readings: Floats, sums: Floats, bounds: Ints, step: float, arm: float, sigma_min: float
 ) -> tuple[Floats, float]:
-    """Return the readings with the lines through them, as (m, 9) surfels, and the range noise of the sweep."""
+    """Return the readings with the lines through them, as (m, 10) surfels, and the range noise of the sweep.
+
+    A reading stands for the length of surface between it and its neighbours, `step` radians away, but for no more than
+    0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones.
+    """
     m = readings.shape[0]
     fits, sigma2 = fit_lines(readings, sums, bounds, arm)
     sigma2 = max(sigma2, sigma_min * sigma_min)
-    surfels = np.empty((m, 9))
+    surfels = np.empty((m, 10))
     for i in range(m):
         x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
+        bx, by = x / r, y / r
         surfels[i, 0], surfels[i, 1], surfels[i, 2] = x, y, r
         if fits[i, 7] - fits[i, 6] < 2.0:
             # alone: a point that faces the sensor and holds no line
             surfels[i, 3], surfels[i, 4] = x, y
-            surfels[i, 5], surfels[i, 6] = -x / r, -y / r
-            surfels[i, 7], surfels[i, 8] = -1.0, 1.0
+            surfels[i, 5], surfels[i, 6] = -bx, -by
+            surfels[i, 7], surfels[i, 8], surfels[i, 9] = -1.0, 1.0, 0.0
             continue
-        facing = (fits[i, 2] * y - fits[i, 3] * x) / r
+        facing = fits[i, 2] * by - fits[i, 3] * bx
         best = best_fit(fits, i, facing * facing, sigma2)
         nx, ny = -fits[best, 3], fits[best, 2]
-        facing = (nx * x + ny * y) / r
+        facing = nx * bx + ny * by
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
         variance = sigma2 * max(facing * facing, 0.01)
@@ -192,4 +196,5 @@ def fit_surfels(
         surfels[i, 5], surfels[i, 6] = nx, ny
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
+        surfels[i, 9] = min(max(r * step / max(-facing, 0.1), 0.03), 0.3)
     return surfels, math.sqrt(sigma2)
