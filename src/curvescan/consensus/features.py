@@ -12,7 +12,7 @@ from curvescan.consensus.frames import find_corners, find_ends
 from curvescan.consensus.polar import View, polar_lookup, uneven_lookup
 from curvescan.consensus.probes import choose_probes
 from curvescan.consensus.surfaces import sweep
-from curvescan.consensus.surfels import fit_surfels, moments
+from curvescan.consensus.surfels import fit_surfels
 from curvescan.consensus.turns import direction_histogram
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
@@ -78,9 +78,8 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         surfaces.incidence_limit,
         surfaces.max_gap,
     )
-    sums = moments(readings)
-    surfels, sigma = fit_surfels(
-        readings, sums, bounds, step, surfaces.arm, surfaces.range_sigma_min
+    surfels, sums, sigma = fit_surfels(
+        readings, bounds, step, surfaces.arm, surfaces.range_sigma_min
     )
     corners = find_corners(
         surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames

@@ -85,7 +85,7 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     """Return the line around each reading, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
-    along the beams; a histogram over the logarithm finds it without sorting.
+    along the beams.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     """
     m = readings.shape[0]
     fits = np.zeros((m, 8))
-    histogram = np.zeros(96, dtype=np.int64)
+    variances = np.empty(m)  # of ranges, by the lines of five readings or more
     n_fits = 0
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
@@ -127,17 +127,28 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
             if n >= 5:
                 facing = (ux * y - uy * x) / readings[i, 2]
                 cos2 = max(facing * facing, 0.05)
-                # bins of a quarter of an octave of variance, from (0.1 mm)^2 to (0.4 m)^2
-                level = 4.0 * math.log2(1e8 * variance * _RAISED[min(n, 64)] / cos2 + 1e-4)
-                histogram[min(max(int(level), 0), 95)] += 1
+                variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
-    count = 0
-    bin_ = 0
-    while bin_ < 95 and 5 * (count + histogram[bin_]) < 2 * n_fits:
-        count += histogram[bin_]
-        bin_ += 1
-    inside = (0.4 * n_fits - count) / max(histogram[bin_], 1)
-    return fits, 1e-8 * 2.0 ** (0.25 * (bin_ + inside)) if n_fits > 0 else 0.0
+    return fits, low_quantile(variances[:n_fits])
+
+
+@kernel
+def low_quantile(variances: Floats) -> float:
+    """Return the variance that two fifths lie below, square metres; 0 of none.
+
+    Found without sorting, in bins of a quarter of an octave from (0.1 mm)^2 to (1 m)^2: a bin is the exponent of the
+    number and the first two bits of its fraction, as they stand in memory.
+    """
+    first, n_bins = (1023 - 27) * 4, 108
+    histogram = np.zeros(n_bins, dtype=np.int64)
+    for bits in variances.view(np.int64):
+        histogram[min(max((bits >> 50) - first, 0), n_bins - 1)] += 1
+    count, k = 0, 0
+    while k < n_bins - 1 and 5 * (count + histogram[k]) < 2 * variances.size:
+        count += histogram[k]
+        k += 1
+    inside = (0.4 * variances.size - count) / max(histogram[k], 1)
+    return 2.0 ** (k // 4 - 27) * (1.0 + 0.25 * (k % 4 + inside)) if variances.size else 0.0
 
 
 @kernel
@@ -160,14 +171,15 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
 
 @kernel
 def fit_surfels(
-    readings: Floats, sums: Floats, bounds: Ints, step: float, arm: float, sigma_min: float
-) -> tuple[Floats, float]:
-    """Return the readings with the lines through them, as (m, 10) surfels, and the range noise of the sweep.
+    readings: Floats, bounds: Ints, step: float, arm: float, sigma_min: float
+) -> tuple[Floats, Floats, float]:
+    """Return the readings with the lines through them, as (m, 10) surfels, their moments, and the sweep's range noise.
 
     A reading stands for the length of surface between it and its neighbours, `step` radians away, but for no more than
     0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones.
     """
     m = readings.shape[0]
+    sums = moments(readings)
     fits, sigma2 = fit_lines(readings, sums, bounds, arm)
     sigma2 = max(sigma2, sigma_min * sigma_min)
     surfels = np.empty((m, 10))
@@ -197,4 +209,4 @@ def fit_surfels(
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
         surfels[i, 9] = min(max(r * step / max(-facing, 0.1), 0.03), 0.3)
-    return surfels, math.sqrt(sigma2)
+    return surfels, sums, math.sqrt(sigma2)
