@@ -76,7 +76,7 @@ def search(
     )
     voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
     found = _best(ref, cur, np.concatenate((turned, voted)), config)
-    if not _is_doubtful(found, config):
+    if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
     reach = round(steps.lattice_reach / steps.lattice_step)
     places = np.concatenate((found.poses, lattice(turned, steps.lattice_step, reach)))
@@ -142,6 +142,14 @@ def explore(
         )
         quick = refine(chosen, ref, cur, slacks)
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], 0.3)
+
+
+def _is_expected(found: Candidates, guess: Pose | None, config: ConsensusConfig) -> bool:
+    """Return whether the best pose lies where the guess has it, and finds some support."""
+    if guess is None or not len(found.scores):
+        return False
+    is_near = distance(found.poses[0], guess) < 2.0 * config.hypotheses.slide_step
+    return bool(is_near and found.scores[0] > config.verification.doubtful_score)
 
 
 def _is_doubtful(found: Candidates, config: ConsensusConfig) -> bool:
