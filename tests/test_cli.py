@@ -16,9 +16,10 @@ import pytest
 from curvescan import __version__
 from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
-from curvescan.cli.options import Method
+from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
+from curvescan.cli.tracker import make_odometry
 from curvescan.matching import MATCHERS
-from curvescan.odometry import Odometry
+from curvescan.odometry import KeysConfig, Odometry, OdometryConfig
 from tests.scenes import room_scan
 
 
@@ -61,6 +62,21 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
     assert run([*arguments, "--cfsma.landmarks.n-neighbours", "12"]) == 0
     record = json.loads((tmp_path / "o" / "run.json").read_text())
     assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 12
+
+
+@pytest.mark.parametrize("method", MATCHERS)
+def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
+    pytest.importorskip("scipy", reason="icp needs SciPy")
+    given = ChainConfigs(odometry=OdometryConfig(keys=KeysConfig(distance=0.3)))
+    last = OdometryConfig.scan_to_scan()
+
+    def config(chain, chain_config=given):
+        return make_odometry(method, chain, MethodConfigs(), chain_config).config
+
+    assert config("keys") == given.odometry
+    assert config("last") == last
+    assert config("auto", ChainConfigs()) == OdometryConfig.of_method(method)
+    assert config("auto") == (given.odometry if method == "curvescan" else last)
 
 
 @pytest.mark.parametrize("method", ["idc", "cox", "histogram", "icp", "plicp"])
