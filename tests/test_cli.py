@@ -79,6 +79,21 @@ def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
     assert config("auto") == (given.odometry if method == "curvescan" else last)
 
 
+def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "curvescan.evaluation.sweeps.lists_beams_backwards", lambda log: asked.append(log) or True
+    )
+    for flags, n_asked in (([], 1), (["--odometry.no-deskew"], 0)):
+        asked.clear()
+        assert run(["odometry", str(log), "--out", str(tmp_path / "o"), *flags]) == 0
+        assert len(asked) == n_asked
+        remark = "seem to be listed against the order they were swept in"
+        assert (remark in " ".join(capsys.readouterr().err.split())) == bool(n_asked)
+        record = json.loads((tmp_path / "o" / "run.json").read_text())
+        assert record["config"]["odometry"]["deskew"] is False
+
+
 @pytest.mark.parametrize("method", ["idc", "cox", "histogram", "icp", "plicp"])
 def test_odometry_and_match_run_every_method(log, tmp_path, capsys, method):
     out = tmp_path / "o"
