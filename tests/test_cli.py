@@ -209,7 +209,7 @@ def test_bench_measures_and_tabulates(log, tmp_path, capsys):
     written = (tmp_path / "bench" / "bench.md").read_text()
     for title in ("Time of a scan of 361 beams", "Experiment 1, cfsma, 3 runs", "real logs"):
         assert title in printed
-        assert f"### {title}" in written or title in written
+        assert title in written
     assert "| room.log | cfsma | 7 |" in written
 
 
@@ -219,11 +219,11 @@ def bad_inputs(tmp_path):
     text.write_text("Dear diary\n" * 20)
     cut.write_text("FLASER 361 1.0 1.0")
     return {
-        "missing": (tmp_path / "nowhere.log", "no"),
-        "empty": (empty, "empty"),
-        "folder": (tmp_path, "folder"),
-        "text": (text, "notes.txt"),
-        "cut": (cut, "cut.log"),
+        "missing": (tmp_path / "nowhere.log", "nowhere.log does not exist"),
+        "empty": (empty, "empty.log is empty"),
+        "folder": (tmp_path, "is a folder"),
+        "text": (text, "text of an unknown format (it begins 'Dear diary')"),
+        "cut": (cut, "line cut short"),
     }
 
 
