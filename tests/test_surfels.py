@@ -41,7 +41,9 @@ def test_lines_of_a_noise_free_room_are_its_walls():
 
 def fit(scan):
     _, readings, bounds = run_sweep(scan)
-    return fit_surfels(readings, moments(readings), bounds, CONFIG.arm, CONFIG.range_sigma_min)
+    step = abs(scan.angle_increment)
+    surfels, _, sigma = fit_surfels(readings, bounds, step, CONFIG.arm, CONFIG.range_sigma_min)
+    return surfels, sigma
 
 
 @pytest.mark.parametrize("sigma", [0.005, 0.01, 0.015, 0.04])

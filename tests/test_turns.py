@@ -54,7 +54,7 @@ def test_turns_are_peaks_of_the_correlation():
 
 
 def test_scans_without_lines_have_an_even_histogram():
-    assert not direction_histogram(np.empty((0, 9)), 0.01).any()
+    assert not direction_histogram(np.empty((0, 10))).any()
 
 
 def test_the_lattice_spreads_around_each_pose():

@@ -52,6 +52,11 @@ class FramesConfig:
     max_frames: int = 96
     """Corners and ends kept of a scan, at most."""
 
+    @cached_property
+    def arm_lengths(self) -> Floats:
+        """`arms` as an array."""
+        return np.array(self.arms, dtype=np.float64)
+
     def __post_init__(self) -> None:
         require(
             len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms

@@ -139,12 +139,11 @@ def slide_to_guess(
     slide = float(along @ offset) / float(along @ along)
     slid = pose + slide * evidence.weakest
     slid = refine(slid[np.newaxis], ref.whole, cur.whole, config.refinement.closer_slacks)
-    views = (ref.wide, cur.wide)
-    both = np.concatenate((pose[np.newaxis], slid))
-    scores = [
-        select(one[np.newaxis], *views, *config.verification.fine, 1, 4096, 0.0)[1] for one in both
-    ]
-    if not len(scores[1]) or scores[1][0] < _SHARE * scores[0][0]:
+    before, after = (
+        select(one, ref.wide, cur.wide, *config.verification.fine, 1, 4096, 0.0)[1]
+        for one in (pose[np.newaxis], slid)
+    )
+    if not len(after) or after[0] < _SHARE * before[0]:
         return pose, evidence
     found = gather_evidence(ref, cur, slid[0], config)
     return (slid[0], found) if found.is_enough(config.verification) else (pose, evidence)

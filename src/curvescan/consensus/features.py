@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +12,13 @@ from curvescan.consensus.frames import find_corners, find_ends
 from curvescan.consensus.polar import View, polar_lookup, uneven_lookup
 from curvescan.consensus.probes import choose_probes
 from curvescan.consensus.surfaces import sweep
-from curvescan.consensus.surfels import fit_surfels, moments
+from curvescan.consensus.surfels import fit_surfels
 from curvescan.consensus.turns import direction_histogram
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ConsensusFeatures:
+class ConsensusFeatures(NamedTuple):
     """Surfels, frames and the polar view of one scan.
 
     Attributes
@@ -79,10 +78,12 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         surfaces.incidence_limit,
         surfaces.max_gap,
     )
-    sums = moments(readings)
-    surfels, sigma = fit_surfels(readings, sums, bounds, surfaces.arm, surfaces.range_sigma_min)
-    arms = np.array(frames.arms)
-    corners = find_corners(surfels, sums, bounds, arms, sigma, frames.min_turn, frames.max_frames)
+    surfels, sums, sigma = fit_surfels(
+        readings, bounds, step, surfaces.arm, surfaces.range_sigma_min
+    )
+    corners = find_corners(
+        surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames
+    )
     ends = find_ends(surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames)
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
@@ -91,19 +92,15 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     else:
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
-    view = View(
-        probes=choose_probes(surfels, step, config.verification.n_probes),
-        surfels=surfels,
-        fan=np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma]),
-        lookup=lookup,
-    )
+    fan = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
+    few, many = choose_probes(surfels, config.verification.n_probes, config.verification.n_wide)
     return ConsensusFeatures(
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
-        view=view,
-        wide=view._replace(probes=choose_probes(surfels, step, config.verification.n_wide)),
-        whole=view._replace(probes=surfels),
+        view=View(few, surfels, fan, lookup),
+        wide=View(many, surfels, fan, lookup),
+        whole=View(surfels, surfels, fan, lookup),
         frames=np.concatenate((corners, ends)),
-        directions=direction_histogram(surfels, step),
+        directions=direction_histogram(surfels),
     )

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.consensus.polar import bearing
 from curvescan.consensus.surfels import fit_line
 from curvescan.types import Floats, Ints
 
@@ -49,20 +50,24 @@ def find_corners(
     m = surfels.shape[0]
     found = np.empty((max_frames, 5))
     n_found = 0
-    bend = np.zeros(m)
-    lows = np.zeros(m, dtype=np.int64)
-    highs = np.zeros(m, dtype=np.int64)
+    bend = np.empty(m)
+    lows = np.empty(m, dtype=np.int64)
+    highs = np.empty(m, dtype=np.int64)
     min_bend = 1.0 - math.cos(min_turn)
+    # square, its sign kept, of the cosine of half the least turn
+    straight = math.cos(0.5 * min_turn) * abs(math.cos(0.5 * min_turn))
     for a in range(arms.size - 1, -1, -1):
         arm2 = arms[a] * arms[a]
         least2 = 0.49 * arm2
+        bend[:] = 0.0
         for s in range(bounds.size - 1):
             start, stop = bounds[s], bounds[s + 1]
             if stop - start < 5:
                 continue
-            low, high = start, start
+            low, high, upcoming = start, start, start
             for i in range(start, stop):
-                bend[i] = 0.0
+                if i < upcoming:
+                    continue
                 x, y = surfels[i, 0], surfels[i, 1]
                 while low < i:
                     dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
@@ -75,7 +80,6 @@ def find_corners(
                     if dx * dx + dy * dy > arm2 and high - i >= 2:
                         break
                     high += 1
-                lows[i], highs[i] = low, high
                 if i - low < 2 or high - i < 2:
                     continue
                 dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
@@ -84,15 +88,18 @@ def find_corners(
                 dx, dy = surfels[high, 0] - x, surfels[high, 1] - y
                 if dx * dx + dy * dy < least2:
                     continue
-                # chords from the middle of each arm: their ends are means, and half as noisy
-                inx = x - (sums[i, 0] - sums[low, 0]) / (i - low)
-                iny = y - (sums[i, 1] - sums[low, 1]) / (i - low)
-                outx = (sums[high + 1, 0] - sums[i + 1, 0]) / (high - i) - x
-                outy = (sums[high + 1, 1] - sums[i + 1, 1]) / (high - i) - y
+                # chords to the middle of each arm, times its readings: a mean's end is half as noisy
+                inx = (i - low) * x - (sums[i, 0] - sums[low, 0])
+                iny = (i - low) * y - (sums[i, 1] - sums[low, 1])
+                outx = sums[high + 1, 0] - sums[i + 1, 0] - (high - i) * x
+                outy = sums[high + 1, 1] - sums[i + 1, 1] - (high - i) * y
                 dot = inx * outx + iny * outy
-                bend[i] = 1.0 - dot / math.sqrt(
-                    (inx * inx + iny * iny) * (outx * outx + outy * outy)
-                )
+                squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
+                if dot * abs(dot) > straight * squares:
+                    upcoming = i + 1 + (high - low) // 8  # no corner within a quarter of an arm
+                    continue
+                lows[i], highs[i] = low, high
+                bend[i] = 1.0 - dot / math.sqrt(squares)
             for i in range(start + 1, stop - 1):
                 height = bend[i]
                 if height < min_bend or bend[i - 1] > height or bend[i + 1] >= height:
@@ -111,7 +118,7 @@ def find_corners(
                     sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
                 )
                 cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
-                turn = math.atan2(cross, dot)
+                turn = bearing(dot, cross)
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
                 doubt = sigma * math.sqrt(12.0 / (i - low) + 12.0 / (high - i)) / arms[a]
                 if abs(turn) < max(min_turn, 3.0 * doubt):

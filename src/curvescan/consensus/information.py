@@ -30,7 +30,7 @@ def add_information(
 
     Parameters
     ----------
-    surfels, surfels_other : (m, 9), (k, 9) float64
+    surfels, surfels_other : (m, 10), (k, 10) float64
         Readings of both scans.
     partner : (m,) int64
         Reading of the other scan, -1 for none.

@@ -25,7 +25,7 @@ def compare_readings(
 
     Parameters
     ----------
-    surfels : (m, 9) float64
+    surfels : (m, 10) float64
         The readings.
     other : View
         The other scan.
@@ -88,7 +88,7 @@ def surfaces_at_rest(
 
     Parameters
     ----------
-    surfels, surfels_other : (m, 9), (k, 9) float64
+    surfels, surfels_other : (m, 10), (k, 10) float64
         Readings of both scans.
     bounds : (s + 1,) int64
         Surface k is surfels[bounds[k]:bounds[k + 1]].

@@ -16,9 +16,9 @@ class View(NamedTuple):
 
     Attributes
     ----------
-    probes : (p, 9) float64
+    probes : (p, 10) float64
         Surfels that are compared with the other scan: a few that stand for all, or all.
-    surfels : (m, 9) float64
+    surfels : (m, 10) float64
         Surfels that the other scan is compared with: all.
     fan : (3,) float64
         Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
@@ -103,10 +103,10 @@ def uneven_lookup(
 
 
 @kernel
-def reading_at(x: float, y: float, view: View) -> int:
-    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup.
+def bearing(x: float, y: float) -> float:
+    """Return the angle of (x, y) from the x axis, radians in [-pi, pi], to 1.4e-8 rad; 0 for the origin.
 
-    The arc tangent is a polynomial, good to 1.4e-8 rad (Abramowitz and Stegun 4.4.49): one good to 2e-5 rad gives some
+    A polynomial (Abramowitz and Stegun 4.4.49), several times as fast as math.atan2. One good to 2e-5 rad gives some
     points to the wrong one of two beams, by another rule in each sensor frame, and that moves poses by 0.01 mm.
     """
     ax, ay = abs(x), abs(y)
@@ -120,10 +120,15 @@ def reading_at(x: float, y: float, view: View) -> int:
     a = z * (low + q4 * (high + q4 * 0.0028662257))
     a = 0.5 * math.pi - a if ay > ax else a
     a = math.pi - a if x < 0.0 else a
-    a = -a if y < 0.0 else a
-    # both angles lie in (-pi, pi], so that their difference is at most one turn off
+    return -a if y < 0.0 else a
+
+
+@kernel
+def reading_at(x: float, y: float, view: View) -> int:
+    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup."""
+    # both angles lie in [-pi, pi], so that their difference is at most one turn off
     turn = 2.0 * math.pi * view.fan[1]
-    place = (a - view.fan[0]) * view.fan[1] + 0.5
+    place = (bearing(x, y) - view.fan[0]) * view.fan[1] + 0.5
     if place < 0.0:
         place += turn
     elif place >= turn:

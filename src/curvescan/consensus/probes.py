@@ -7,33 +7,35 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.consensus.surfels import LENGTH
 from curvescan.types import Floats
 
 
 @kernel
-def choose_probes(surfels: Floats, step: float, n_probes: int) -> Floats:
-    """Return n_probes surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
+def choose_probes(surfels: Floats, n_few: int, n_many: int) -> tuple[Floats, Floats]:
+    """Return n_few and n_many surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
-    A reading stands for the length of surface between it and its neighbours, but for no more than 0.3 m
-    and for no less than 0.03 m: near surfaces, which are dense, do not take all, nor far ones. A reading that stands for much may be chosen more than once. The first few of the
-    probes are spread as evenly as all of them.
+    A reading that stands for much may be chosen more than once. The first few of the probes are spread as evenly as all
+    of them.
     """
     m = surfels.shape[0]
-    weight = np.zeros(m)
-    total = 0.0
+    before = np.zeros(m + 1)  # length of all surfaces before each reading
     for i in range(m):
-        if surfels[i, 7] < 0.0:
-            continue  # holds no line
-        r = surfels[i, 2]
-        facing = abs(surfels[i, 5] * surfels[i, 0] + surfels[i, 6] * surfels[i, 1]) / r
-        weight[i] = min(max(r * step / max(facing, 0.1), 0.03), 0.3)
-        total += weight[i]
+        before[i + 1] = before[i] + surfels[i, LENGTH]
+    return _spread(surfels, before, n_few), _spread(surfels, before, n_many)
+
+
+@kernel
+def _spread(surfels: Floats, before: Floats, n_probes: int) -> Floats:
+    m = surfels.shape[0]
     chosen = np.empty(n_probes, dtype=np.int64)
     count = 0
-    reached = 0.0
     for i in range(m):
-        reached += weight[i]
-        while count < n_probes and weight[i] > 0.0 and reached * n_probes >= (count + 0.5) * total:
+        while (
+            count < n_probes
+            and surfels[i, LENGTH] > 0.0
+            and before[i + 1] * n_probes >= (count + 0.5) * before[m]
+        ):
             chosen[count] = i
             count += 1
     # a stride near the golden section that shares no factor with the count visits each one once

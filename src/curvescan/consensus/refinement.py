@@ -31,7 +31,7 @@ def accumulate(
 
     Parameters
     ----------
-    surfels_a : (p, 9) float64
+    surfels_a : (p, 10) float64
         Readings of scan a.
     view_b : View
         Scan b.

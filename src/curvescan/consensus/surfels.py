@@ -13,14 +13,19 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
 
-X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT = range(9)
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH = range(10)
 """Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
-through it, facing the sensor, the variance of the reading across the line and of the line's direction."""
+through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
+of surface that it stands for. Without a line the variance is negative and the length 0."""
 
-N_COLUMNS = 9
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 two readings, none of it lose what the surface does within an arm."""
+
+_SPREAD = 2.0 / (9.0 * np.maximum(np.arange(65) - 2, 3))
+_RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
+"""Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
+Wilson and Hilferty."""
 
 
 @kernel
@@ -52,8 +57,9 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
         Sums of squared distances from the line and, along it, from the centre.
     """
     n = high - low + 1
-    cx = (sums[high + 1, 0] - sums[low, 0]) / n
-    cy = (sums[high + 1, 1] - sums[low, 1]) / n
+    share = 1.0 / n
+    cx = (sums[high + 1, 0] - sums[low, 0]) * share
+    cy = (sums[high + 1, 1] - sums[low, 1]) * share
     sxx = sums[high + 1, 2] - sums[low, 2] - n * cx * cx
     sxy = sums[high + 1, 3] - sums[low, 3] - n * cx * cy
     syy = sums[high + 1, 4] - sums[low, 4] - n * cy * cy
@@ -67,7 +73,8 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
         ux, uy = sxy, root - half
     norm = math.sqrt(ux * ux + uy * uy)
     if norm > 0.0:
-        ux, uy = ux / norm, uy / norm
+        scale = 1.0 / norm
+        ux, uy = ux * scale, uy * scale
     else:
         ux, uy = 1.0, 0.0
     return cx, cy, ux, uy, max(mean - root, 0.0), mean + root
@@ -78,7 +85,7 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     """Return the line around each reading, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
-    along the beams; a histogram over the logarithm finds it without sorting.
+    along the beams.
 
     Returns
     -------
@@ -90,14 +97,7 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     """
     m = readings.shape[0]
     fits = np.zeros((m, 8))
-    # two fifths of the variances of n residuals lie below this share of the true one: the chi-square quantile by
-    # Wilson and Hilferty
-    share = np.empty(65)
-    for n in range(5, 65):
-        spread = 2.0 / (9.0 * (n - 2))
-        root = 1.0 - spread - 0.2533 * math.sqrt(spread)
-        share[n] = root * root * root
-    histogram = np.zeros(96, dtype=np.int64)
+    variances = np.empty(m)  # of ranges, by the lines of five readings or more
     n_fits = 0
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
@@ -127,17 +127,28 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
             if n >= 5:
                 facing = (ux * y - uy * x) / readings[i, 2]
                 cos2 = max(facing * facing, 0.05)
-                # bins of a quarter of an octave of variance, from (0.1 mm)^2 to (0.4 m)^2
-                level = 4.0 * math.log2(variance / (cos2 * share[min(n, 64)]) * 1e8 + 1e-4)
-                histogram[min(max(int(level), 0), 95)] += 1
+                variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
-    count = 0
-    bin_ = 0
-    while bin_ < 95 and 5 * (count + histogram[bin_]) < 2 * n_fits:
-        count += histogram[bin_]
-        bin_ += 1
-    inside = (0.4 * n_fits - count) / max(histogram[bin_], 1)
-    return fits, 1e-8 * 2.0 ** (0.25 * (bin_ + inside)) if n_fits > 0 else 0.0
+    return fits, low_quantile(variances[:n_fits])
+
+
+@kernel
+def low_quantile(variances: Floats) -> float:
+    """Return the variance that two fifths lie below, square metres; 0 of none.
+
+    Found without sorting, in bins of a quarter of an octave from (0.1 mm)^2 to (1 m)^2: a bin is the exponent of the
+    number and the first two bits of its fraction, as they stand in memory.
+    """
+    first, n_bins = (1023 - 27) * 4, 108
+    histogram = np.zeros(n_bins, dtype=np.int64)
+    for bits in variances.view(np.int64):
+        histogram[min(max((bits >> 50) - first, 0), n_bins - 1)] += 1
+    count, k = 0, 0
+    while k < n_bins - 1 and 5 * (count + histogram[k]) < 2 * variances.size:
+        count += histogram[k]
+        k += 1
+    inside = (0.4 * variances.size - count) / max(histogram[k], 1)
+    return 2.0 ** (k // 4 - 27) * (1.0 + 0.25 * (k % 4 + inside)) if variances.size else 0.0
 
 
 @kernel
@@ -160,26 +171,32 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
 
 @kernel
 def fit_surfels(
-    readings: Floats, sums: Floats, bounds: Ints, arm: float, sigma_min: float
-) -> tuple[Floats, float]:
-    """Return the readings with the lines through them, as (m, 9) surfels, and the range noise of the sweep."""
+    readings: Floats, bounds: Ints, step: float, arm: float, sigma_min: float
+) -> tuple[Floats, Floats, float]:
+    """Return the readings with the lines through them, as (m, 10) surfels, their moments, and the sweep's range noise.
+
+    A reading stands for the length of surface between it and its neighbours, `step` radians away, but for no more than
+    0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones.
+    """
     m = readings.shape[0]
+    sums = moments(readings)
     fits, sigma2 = fit_lines(readings, sums, bounds, arm)
     sigma2 = max(sigma2, sigma_min * sigma_min)
-    surfels = np.empty((m, 9))
+    surfels = np.empty((m, 10))
     for i in range(m):
         x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
+        bx, by = x / r, y / r
         surfels[i, 0], surfels[i, 1], surfels[i, 2] = x, y, r
         if fits[i, 7] - fits[i, 6] < 2.0:
             # alone: a point that faces the sensor and holds no line
             surfels[i, 3], surfels[i, 4] = x, y
-            surfels[i, 5], surfels[i, 6] = -x / r, -y / r
-            surfels[i, 7], surfels[i, 8] = -1.0, 1.0
+            surfels[i, 5], surfels[i, 6] = -bx, -by
+            surfels[i, 7], surfels[i, 8], surfels[i, 9] = -1.0, 1.0, 0.0
             continue
-        facing = (fits[i, 2] * y - fits[i, 3] * x) / r
+        facing = fits[i, 2] * by - fits[i, 3] * bx
         best = best_fit(fits, i, facing * facing, sigma2)
         nx, ny = -fits[best, 3], fits[best, 2]
-        facing = (nx * x + ny * y) / r
+        facing = nx * bx + ny * by
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
         variance = sigma2 * max(facing * facing, 0.01)
@@ -191,4 +208,5 @@ def fit_surfels(
         surfels[i, 5], surfels[i, 6] = nx, ny
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
-    return surfels, math.sqrt(sigma2)
+        surfels[i, 9] = min(max(r * step / max(-facing, 0.1), 0.03), 0.3)
+    return surfels, sums, math.sqrt(sigma2)

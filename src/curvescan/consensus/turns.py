@@ -12,26 +12,22 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import View
+from curvescan.consensus.polar import View, bearing
 from curvescan.consensus.refinement import accumulate
+from curvescan.consensus.surfels import LENGTH, NX, NY
 from curvescan.types import Floats
 
 
 @kernel
-def direction_histogram(surfels: Floats, step: float) -> Floats:
+def direction_histogram(surfels: Floats) -> Floats:
     """Return (120,) the length of surface that faces each direction, smoothed, of unit norm."""
     counts = np.zeros(120)
     for i in range(surfels.shape[0]):
-        if surfels[i, 7] < 0.0:
-            continue
-        r, nx, ny = surfels[i, 2], surfels[i, 5], surfels[i, 6]
-        facing = abs(nx * surfels[i, 0] + ny * surfels[i, 1]) / r
-        place = (math.atan2(ny, nx) + math.pi) * 120.0 / (2.0 * math.pi)
-        k = int(place)
+        place = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * 120.0 / (2.0 * math.pi)
+        k = min(int(place), 119)
         share = place - k
-        length = min(r * step / max(facing, 0.1), 0.3)
-        counts[k % 120] += (1.0 - share) * length
-        counts[(k + 1) % 120] += share * length
+        counts[k] += (1.0 - share) * surfels[i, LENGTH]
+        counts[k + 1 if k < 119 else 0] += share * surfels[i, LENGTH]
     smooth = np.empty(120)
     total = 1e-12
     for k in range(120):

@@ -16,9 +16,10 @@ from itertools import islice
 
 import numpy as np
 
-from curvescan.deskew import deskew, predicted_velocity, step_seconds, sweep_shift
+from curvescan.deskew import deskew, sweep_shift
 from curvescan.io.log import Log
 from curvescan.matching import match, prepare
+from curvescan.odometry.sweeps import Sweeps
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -81,18 +82,17 @@ def judge_sweeps(scans: Iterable[LaserScan]) -> SweepOrder:
         Successive scans with beam times; three are held at a time.
     """
     gains: list[float] = []
-    stamps: deque[float] = deque(maxlen=12)
+    sweeps = Sweeps()
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        stamps.append(scan.stamp)
+        sweeps.tick(scan)
         current = prepare(scan)
         velocity = np.full(3, math.nan)
         if before is not None:
             result = match(before, current)
             if result.ok:
-                seconds = step_seconds(tuple(stamps), scan.scan_time)
-                velocity = predicted_velocity(result.pose, seconds)
+                velocity = sweeps.velocity(result.pose)
         before = current
         held.append((scan, velocity))
         if len(held) == 3:

@@ -76,17 +76,14 @@ def moved_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> It
     is_joined : (n,) bool
         Whether each pose is a motion away from the one before; scans beyond one that is not are not asked.
     """
-    history: deque[tuple[LaserScan, Pose]] = deque(maxlen=max(LAGS))
-    for scan, pose, joined in zip(scans, poses, is_joined, strict=False):
+    seen_from = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
+    history: deque[LaserScan] = deque(maxlen=max(LAGS))
+    for k, (scan, joined) in enumerate(zip(scans, is_joined, strict=False)):
         if not joined:
             history.clear()
-        earlier = [
-            (history[-lag][0], se2.between(history[-lag][1], pose))
-            for lag in LAGS
-            if lag <= len(history)
-        ]
-        yield moved_readings(scan, earlier)
-        history.append((scan, pose))
+        lags = [lag for lag in LAGS if lag <= len(history)]
+        yield moved_readings(scan, [(history[-lag], seen_from[lag][k - lag]) for lag in lags])
+        history.append(scan)
 
 
 def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:

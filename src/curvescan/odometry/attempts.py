@@ -32,11 +32,14 @@ class Attempt(NamedTuple):
     seen: UncertainPose
     is_plausible: bool
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether the match tells all of the motion, with no direction left open."""
+        return self.result.ok and self.result.weak_direction is None
+
     def is_sure(self, min_score: float) -> bool:
         """Return whether nothing speaks against the match. A matcher that tells no score is taken at its word."""
-        result = self.result
-        is_clear = result.ok and result.weak_direction is None
-        return is_clear and self.is_plausible and not result.score < min_score
+        return self.is_clear and self.is_plausible and not self.result.score < min_score
 
     def is_believed(self, least_score: float) -> bool:
         """Return whether the match may decide: one in an unexpected place must at least explain some of the scans."""
@@ -49,8 +52,7 @@ class Attempt(NamedTuple):
     def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
         result = self.result
         score = min(result.score, min_score) if self.is_plausible else result.score
-        is_clear = result.ok and result.weak_direction is None
-        return result.ok, self.is_plausible, is_clear, score
+        return result.ok, self.is_plausible, self.is_clear, score
 
 
 def as_found(result: MatchResult) -> UncertainPose:
@@ -76,6 +78,5 @@ def judge(result: MatchResult, expected: UncertainPose, config: MotionConfig) ->
     fused, distance = fuse(expected, found)
     is_plausible = distance <= config.surprise
     if not is_plausible:
-        lost = np.diag(np.square((config.lost_m, config.lost_m, config.lost_rad)))
-        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + lost), found)
+        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.lost), found)
     return Attempt(result, fused, is_plausible)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from curvescan.errors import require
 from curvescan.matching import DEFAULT_METHOD
+from curvescan.types import Cov
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,9 +83,9 @@ class MotionConfig:
     is_fused: bool = True
     """The expected motion takes part in each pose, weighed by the covariances; else the matches alone decide."""
     lost_m: float = 0.5
-    """The same after a failed match, when earlier key scans are asked where the sensor is, metres."""
+    """How far the sensor may be from where it was expected once a match failed or contradicts, metres and axis."""
     lost_rad: float = 1.0
-    """The same after a failed match, when earlier key scans are asked where the sensor is, radians."""
+    """The same of its direction, radians."""
     max_repeats: int = 5
     """Failures in a row after which the last motion is no longer repeated and the pose is held."""
     wheel_share: float = 0.1
@@ -99,9 +102,8 @@ class MotionConfig:
     """A match this far from what was expected is not believed alone: squared Mahalanobis distance."""
 
     def __post_init__(self) -> None:
-        for name in ("least_sigma_m", "least_sigma_rad", "lost_m", "lost_rad", "surprise"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("wheel_floor_m", "wheel_floor_rad"):
+        sigmas = ("least_sigma_m", "least_sigma_rad", "lost_m", "lost_rad")
+        for name in (*sigmas, "wheel_floor_m", "wheel_floor_rad", "surprise"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("wheel_share", "wheel_turn_share", "wheel_drift"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
@@ -112,6 +114,12 @@ class MotionConfig:
         )
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
+
+    @property
+    def lost(self) -> Cov:
+        """(3, 3) covariance of where the sensor is once a match failed or contradicts what was expected."""
+        sigmas = np.array([self.lost_m, self.lost_m, self.lost_rad])
+        return np.diag(sigmas**2)
 
 
 @dataclass(frozen=True, kw_only=True)

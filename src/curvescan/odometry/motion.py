@@ -114,8 +114,7 @@ class Motion:
         """Return an expected motion as it is believed after a failed match: what was measured still is."""
         if self._is_measured:
             return expected
-        lost = (self._config.lost_m, self._config.lost_m, self._config.lost_rad)
-        return UncertainPose(expected.pose, np.diag(np.square(lost)))
+        return UncertainPose(expected.pose, self._config.lost)
 
     def _stretch(self, stamp: float) -> float:
         """Return how many times longer than usual the time since the last scan is, at least 1."""

@@ -73,6 +73,7 @@ class Odometry:
         self._fix: Fix | None = None
         self._last: PreparedScan | None = None  # the last scan, if it can be a reference
         self._sweeps = Sweeps()
+        self._first: LaserScan | None = None
         self._n_searches = 0  # scans for which a known place is still looked for, after a failure
 
     def add(self, scan: LaserScan, wheels: ArrayLike | None = None) -> OdometryStep:
@@ -99,6 +100,7 @@ class Odometry:
         if not isinstance(scan, LaserScan):
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         motion = self._motion.expect(scan.stamp, None if wheels is None else _as_wheels(wheels))
+        self._sweeps.tick(scan)
         current = self._prepare(
             self._sweeps.deskewed(scan, motion.pose) if self.config.deskew else scan
         )
@@ -144,14 +146,14 @@ class Odometry:
         attempt, current = self._with_better_sweep(scan, current, key, origin, motion, attempt)
         key.used = self._n_scans
         moved = chain(invert(origin), as_found(attempt.result))
-        is_clear = attempt.result.weak_direction is None
         self._motion.tell(
-            fuse(motion, moved)[0], is_plausible=attempt.is_plausible, is_clear=is_clear
+            fuse(motion, moved)[0], is_plausible=attempt.is_plausible, is_clear=attempt.is_clear
         )
-        fix = Fix(key=key, seen=attempt.seen, is_measured=is_clear)
+        fix = Fix(key=key, seen=attempt.seen, is_measured=attempt.is_clear)
         found = _Found(outcome, attempt.result, key.index)
-        if self._n_searches > 0 or self._is_leaving(fix, attempt.result.score):
-            return *self._find_key(current, fix, found, attempt.result.score), current
+        is_due = self._is_leaving(fix, attempt.result.score)
+        if is_due or self._n_searches > 0:
+            return *self._find_key(current, fix, found, is_due), current
         return fix, found, current
 
     def _with_better_sweep(
@@ -169,9 +171,9 @@ class Odometry:
         found = se2.between(origin.pose, attempt.seen.pose)
         if not self._sweeps.is_worth_again(scan, motion.pose, found):
             return attempt, current
-        better = self._prepare(self._sweeps.once_more(scan, found))
-        if self._n_scans == 1:  # nothing was known of the first scan's velocity
-            key.scan = self._prepare(self._sweeps.once_more(self._first, found))
+        better = self._prepare(self._sweeps.deskewed(scan, found))
+        if self._first is not None and self._n_scans == 1:  # its velocity was not known
+            key.scan = self._prepare(self._sweeps.deskewed(self._first, found))
         again = self._attempt(key.scan, better, chain(origin, motion))
         return (again, better) if again.result.ok else (attempt, current)
 
@@ -191,12 +193,11 @@ class Odometry:
         return is_far or score < keys.min_score
 
     def _find_key(
-        self, current: PreparedScan, fix: Fix, found: _Found, score: float
+        self, current: PreparedScan, fix: Fix, found: _Found, is_due: bool
     ) -> tuple[Fix, _Found]:
         """Return the fix by an earlier key scan if one is known here; else the scan becomes a key scan if one is due."""
         turn = math.pi if self._n_searches > 0 else 1.5 * self.config.keys.turn
         self._n_searches = max(self._n_searches - 1, 0)
-        is_due = self._is_leaving(fix, score)
         known = find_known_place(current, fix, self.keys, self.config.keys, turn=turn)
         if known is not None:
             fix, result = known

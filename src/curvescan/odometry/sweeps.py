@@ -22,23 +22,23 @@ class Sweeps:
         self._stamps: deque[float] = deque(maxlen=_N_STAMPS)
         self._seconds = 0.0
 
-    def deskewed(self, scan: LaserScan, motion: Pose) -> LaserScan:
-        """Return the next scan, deskewed as if the sensor moved by `motion` since the last; once for each scan."""
+    def tick(self, scan: LaserScan) -> None:
+        """Take the time of the next scan; once for each."""
         self._stamps.append(scan.stamp)
-        if scan.time_increment == 0.0:
-            return scan
-        self._seconds = step_seconds(tuple(self._stamps), scan.scan_time)
-        return self.once_more(scan, motion)
+        if scan.time_increment != 0.0:
+            self._seconds = step_seconds(tuple(self._stamps), scan.scan_time)
 
-    def once_more(self, scan: LaserScan, motion: Pose) -> LaserScan:
-        """Return the scan of the last call deskewed with another motion."""
-        return deskew(scan, predicted_velocity(motion, self._seconds))
+    def velocity(self, motion: Pose) -> Floats:
+        """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""
+        return predicted_velocity(motion, self._seconds)
+
+    def deskewed(self, scan: LaserScan, motion: Pose) -> LaserScan:
+        """Return the scan, deskewed as if the sensor made a motion since the last."""
+        return deskew(scan, self.velocity(motion)) if scan.time_increment != 0.0 else scan
 
     def is_worth_again(self, scan: LaserScan, expected: Pose, found: Pose) -> bool:
         """Return whether a motion that was found puts readings elsewhere than the expected one did."""
-        if self._seconds == 0.0:
-            return False
-        error: Floats = se2.log(se2.between(expected, found)) / self._seconds
+        error = self.velocity(se2.between(expected, found))
         return sweep_shift(scan, error) > WORTH_AGAIN
 
 
@@ -54,5 +54,6 @@ def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterat
     """
     sweeps, before = Sweeps(), None
     for scan, pose in zip(scans, trajectory.poses, strict=False):
+        sweeps.tick(scan)
         yield sweeps.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
         before = pose
