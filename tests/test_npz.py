@@ -232,10 +232,10 @@ def test_any_damage_gives_a_log_or_an_error_of_ours(tmp_path: Path) -> None:
     n_read = 0
     for k in range(150):
         data = bytearray(whole)
-        for at in rng.integers(0, len(data), 1 + k % 4):
+        for at in rng.integers(0, len(data), 1 + 3 * (k % 2)):
             data[at] = rng.integers(256)
         # the table of contents stands at the end: nothing is read of a file that was cut
-        end = len(data) if k % 2 else rng.integers(4, len(data) + 1)
+        end = rng.integers(4, len(data) + 1) if k % 2 else len(data)
         (tmp_path / "b").write_bytes(data[:end])
         try:
             log = read_log(tmp_path / "b")
@@ -243,7 +243,7 @@ def test_any_damage_gives_a_log_or_an_error_of_ours(tmp_path: Path) -> None:
             continue
         n_read += 1
         assert len(list(log)) == len(log) > 0
-    assert n_read > 5
+    assert n_read > 10
 
 
 def test_no_topics_and_another_limit(tmp_path: Path) -> None:
