@@ -14,7 +14,7 @@ from curvescan.consensus.features import ConsensusFeatures
 from curvescan.consensus.refinement import refine, refine_fully
 from curvescan.consensus.search import Candidates
 from curvescan.consensus.verification import select
-from curvescan.types import Floats, Pose
+from curvescan.types import Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when slides are measured."""
@@ -119,6 +119,17 @@ def nearest_of_ties(
     ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
     nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
     return nearest
+
+
+def spread(pose: Pose, ties: Floats) -> Cov:
+    """Return the (3, 3) second moment about a pose of those that it may as well be, each as likely, itself among them.
+
+    The covariance of a pose is told at one place along an open direction, and knows the direction there to milliradians:
+    a tie a metre along lies beside it by many of its standard deviations.
+    """
+    apart = np.array([difference(tie, pose) for tie in ties])
+    moment: Cov = apart.T @ apart / len(ties)
+    return moment
 
 
 def slide_to_guess(

@@ -21,6 +21,7 @@ from curvescan.consensus.contest import (
     rivals,
     slide_finely,
     slide_to_guess,
+    spread,
     without_movers,
 )
 from curvescan.consensus.evidence import gather_evidence, open_directions
@@ -32,6 +33,7 @@ from curvescan.types import Codes, Floats, Pose
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
 _MIN_PROBES = 6
+_NO_DOUBT = np.zeros((3, 3))
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 
 
@@ -93,17 +95,18 @@ class CurvescanMatcher:
         # a rival along an open direction is no rival: the covariance says as much
         if len(rivals(scores, config)) > (len(on_the_way) if is_open[0] else 0):
             return _silence(Outcome.AMBIGUOUS, ref, cur, found, scores)
-        pose = poses[0]
+        pose, doubt = poses[0], _NO_DOUBT
         if is_open[0] and on_the_way:
             pose = nearest_of_ties(guess, poses, scores, on_the_way, config)
             evidence = gather_evidence(ref, cur, pose, config)
+            doubt = spread(pose, poses[[0, *on_the_way]])
         if is_open[0] and guess is not None:
             pose, evidence = slide_to_guess(ref, cur, guess, pose, evidence, config)
         return MatchResult(
             method="curvescan",
             outcome=Outcome.MATCHED,
             pose=pose,
-            covariance=evidence.covariance(is_open, config.information),
+            covariance=evidence.covariance(is_open, config.information) + doubt,
             n_matched=evidence.n_agree,
             trace=CurvescanTrace(reference=ref, current=cur, candidates=found),
             labels_reference=_labels(ref, evidence.codes_ref),
