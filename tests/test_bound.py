@@ -124,10 +124,12 @@ def test_the_median_error_of_a_bound_is_that_of_its_normal():
 
 
 def test_cells_are_scored_on_the_same_pairs():
-    [score] = score_cell(CELLS[0], ["cfsma"], n_pairs=4)
-    assert 0.0 <= score.success <= 1.0
-    assert score.success + score.confidently_wrong <= 1.0
-    assert 0.0003 < score.bound < 0.005
+    [alone] = score_cell(CELLS[0], ["cfsma"], n_pairs=4)
+    ours, beside = score_cell(CELLS[0], ["curvescan", "cfsma"], n_pairs=4)
+    assert beside == alone
+    assert (ours.success, ours.confidently_wrong) == (1.0, 0.0)
+    assert alone.success + alone.confidently_wrong <= 1.0
+    assert 0.0003 < alone.bound == ours.bound < 0.005
 
 
 @pytest.mark.slow

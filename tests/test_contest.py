@@ -90,7 +90,9 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
 def test_a_fine_slide_stays_on_the_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     poses, scores = slide_finely(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
+    assert len(poses) == len(scores) > 1
     assert (np.diff(scores) <= 0).all()
+    assert np.ptp(poses[:, 0]) > 0.3
     assert np.abs(poses[:, 1]).max() < 0.02
     assert np.abs(poses[:, 2]).max() < 0.02
 

@@ -15,7 +15,7 @@ from curvescan.cli.main import run
 from curvescan.cli.odometry import FurtherName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
-from curvescan.io.further import FURTHER_FILES, RunData, write_further
+from curvescan.io.further import FURTHER_FILES, RunData, takes_edges, write_further
 from curvescan.io.g2o import write_g2o
 from curvescan.io.kitti import write_kitti
 from curvescan.io.odometry_bag import write_odometry_mcap
@@ -249,14 +249,19 @@ def test_an_unknown_name(tmp_path: Path) -> None:
         write_further(tmp_path, ["ply"], data)
 
 
-def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def write_room_log(path: Path) -> None:
+    """Write a log of four scans of a sensor that moves on by 5 cm each time."""
     scans = [room_scan((0.05 * k, 0.0, 0.0), seed=k) for k in range(4)]
     log = log_from_arrays(
         [(0.1 * k, scan.ranges) for k, scan in enumerate(scans)],
         angle_min=scans[0].angle_min,
         angle_increment=scans[0].angle_increment,
     )
-    write_log(tmp_path / "log.csv", log)
+    write_log(path, log)
+
+
+def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_room_log(tmp_path / "log.csv")
     out = tmp_path / "out"
     command = [
         "odometry",
@@ -273,6 +278,20 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert len((out / "trajectory.kitti").read_text().splitlines()) == 4
     assert len(read_g2o(out / "graph.g2o")[1]) == 3
     assert len(read_log(out / "run.mcap")) == 4
+
+
+def test_the_graph_is_gathered_for_those_that_take_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert [name for name in FURTHER_FILES if takes_edges([name])] == ["g2o"]
+    write_room_log(tmp_path / "log.csv")
+    added: list[int] = []
+    monkeypatch.setattr(PoseGraph, "add", lambda _, step: added.append(step.index))
+    command = ["odometry", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out"), "--also"]
+    assert run([*command, "kitti"]) == 0
+    assert added == []
+    assert run([*command, "kitti", "g2o"]) == 0
+    assert added == [0, 1, 2, 3]
 
 
 def test_a_file_that_cannot_be_made_costs_no_results(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
-import pytest
 
 from curvescan.odometry.keys import Fix, Keys
 from curvescan.odometry.uncertain_pose import UncertainPose, chain, invert
@@ -18,6 +19,11 @@ def grow(keys, n, start=None, **kwargs):
         fix = None if not made else Fix(key=made[-1], seen=STEP, **kwargs)
         made.append(keys.add(None, len(keys) + k, fix))
     return made
+
+
+def steps(n):
+    """The way of n steps."""
+    return functools.reduce(chain, [STEP] * n)
 
 
 def test_the_error_between_two_is_that_of_the_way_between_them():
@@ -85,12 +91,19 @@ def test_what_a_forgotten_one_placed_keeps_its_place_and_error():
     np.testing.assert_array_equal(after.cov, before.cov)
 
 
-@pytest.mark.parametrize("n_left", [0, 2])
-def test_without_a_common_ancestor_the_first_frame_is_one(n_left):
+def test_without_a_common_ancestor_the_first_frame_is_one():
     keys = Keys(max_keys=50, kept=1.0)
-    made = grow(keys, 5)
-    for key in made[: 5 - n_left - 1]:
+    trunk = grow(keys, 3)
+    one, other = grow(keys, 2, start=trunk[-1])[1:], grow(keys, 3, start=trunk[-1])[1:]
+    fix = Fix(key=other[-1], seen=STEP)
+    before = fix.seen_from(one[-1])
+    for key in trunk:
         keys.forget(key)
-    assert len(keys) == n_left + 1
-    seen = Fix(key=made[4], seen=STEP).seen_from(made[4])
-    assert seen is STEP
+    assert one[0].parent is None
+    assert other[0].parent is None
+    # back to the first frame and out again on the other branch: the trunk's two steps err on either way
+    way = chain(invert(steps(4)), steps(6))
+    seen = fix.seen_from(one[-1])
+    np.testing.assert_allclose(seen.pose, before.pose, atol=1e-12)
+    np.testing.assert_allclose(seen.cov, way.cov, rtol=1e-9)
+    assert np.trace(seen.cov) > 1.5 * np.trace(before.cov)

@@ -51,6 +51,7 @@ def test_a_room_has_the_walls_it_has():
 def test_lines_are_total_least_squares_fits():
     sweep = sweep_of(room_scan(sigma=0.01, seed=3))
     lines = extract_lines(sweep, EVERY)
+    assert len(lines) >= 3
     for k in range(len(lines)):
         points = sweep.points[lines.readings(sweep, np.array([k]))]
         centre, direction, _ = twin.fit(points)

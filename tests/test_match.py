@@ -175,6 +175,7 @@ def test_the_outcome_names_the_gate_that_left_nothing():
 def test_gates_tell_what_became_of_every_reading():
     a, b = room_scan(sigma=0.005, seed=1), room_scan(MOTION, sigma=0.005, seed=2)
     result = cs.match(a, b, method="cfsma")
+    assert result.ok
     gates = result.trace.gates_current
     np.testing.assert_array_equal(gates == Gate.MATCHED, result.labels_current == Label.MATCHED)
     np.testing.assert_array_equal(

@@ -126,10 +126,10 @@ def test_a_run_collects_every_step():
     assert not run.is_partial
     assert run.n_matched[0] == 0
     assert (run.seconds > 0).all()
-    # pairs by index are off by up to 2 cm and half a degree where the sensor moves on by 5 cm
+    # 3 mm of noise on 361 readings: half a millimetre a match, and two key scans on the way
     error = cs.se2.between(truth[-1], run.trajectory.poses[-1])
-    assert np.hypot(*error[:2]) < 0.22
-    assert abs(error[2]) < math.radians(11 * 0.5)
+    assert np.hypot(*error[:2]) < 0.003
+    assert abs(error[2]) < math.radians(0.1)
 
 
 def test_a_run_repeats_to_the_bit():
@@ -307,11 +307,19 @@ def test_memory_does_not_grow_with_the_drive():
 @pytest.mark.slow
 def test_guesses_do_not_push_out_what_is_known():
     scans, _ = in_the_office(2, 40)
-    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=12)))
+    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=4)))
     for scan in scans:
         odometry.add(scan)
     known = {key.index for key in odometry.keys}
+    assert len(known) == 4  # no room for more
     for seed in range(12):  # carried through places that have nothing to do with each other
-        elsewhere = cs.simulate("clutter", n_scans=1, seed=seed)
-        odometry.add(next(iter(elsewhere)))
-    assert len(known & {key.index for key in odometry.keys}) >= len(known) - 1
+        step = odometry.add(elsewhere(seed))
+        assert step.outcome in (StepOutcome.PREDICTED, StepOutcome.HELD)
+    assert len(known & {key.index for key in odometry.keys}) == 3
+
+
+def elsewhere(seed):
+    """A place like no other: twelve pieces of wall, each at some distance."""
+    distances = np.random.default_rng(seed).uniform(1.0, 7.0, 12)
+    ranges = np.repeat(distances, 31)[:361]
+    return cs.LaserScan(ranges, angle_min=-math.pi / 2, angle_increment=math.pi / 360)

@@ -81,7 +81,7 @@ def test_wheels_and_scans_agree_whatever_the_mount(tmp_path, yaw_deg, flip):
     assert shift < 0.005
     assert turn < 0.003
     assert any("mirrored" in note for note in log.notes) is flip
-    assert next(iter(log)).angle_increment < 0 if flip else True
+    assert (next(iter(log)).angle_increment < 0) is flip
 
 
 def test_a_mount_that_the_log_does_not_tell_is_taken_from_the_user(tmp_path):

@@ -113,6 +113,7 @@ def test_steps_of_a_grazed_wall_still_break_it():
         shifted, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=30.0
     )
     _, readings, bounds = run_sweep(stepped)
+    assert len(bounds) > 2
     for a, b in itertools.pairwise(bounds):
         y = readings[a:b, 1]
         assert np.ptp(y) < 0.05  # 1 m of range at 8 degrees is 0.14 m off the wall

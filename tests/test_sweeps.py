@@ -8,9 +8,8 @@ from dataclasses import replace
 import pytest
 
 import curvescan as cs
-from curvescan.evaluation.sweeps import SweepOrder, judge_sweeps
-from curvescan.io import read_log
-from curvescan.scan import swept_backwards
+from curvescan.evaluation.sweeps import SweepOrder, judge_sweeps, lists_beams_backwards
+from curvescan.io import LaserSetup, read_log, set_up
 from curvescan.simulation import SENSORS
 from curvescan.simulation.pursuit import Drive
 
@@ -23,7 +22,7 @@ def test_a_lively_drive_tells_the_order_of_the_beams():
     drive = Drive(turn_rate=2.0, acceleration=1.5)
     log = cs.simulate("office", sensor=SWEPT, n_scans=200, seed=1, drive=drive)
     assert judge_sweeps(log).is_forwards
-    assert judge_sweeps(map(swept_backwards, log)).is_backwards
+    assert lists_beams_backwards(set_up(log, LaserSetup(backwards=True)))
 
 
 def test_what_cannot_tell_says_nothing():
@@ -33,6 +32,7 @@ def test_what_cannot_tell_says_nothing():
         assert math.isnan(order.gain)
         assert not order.is_backwards
         assert not order.is_forwards
+    assert not lists_beams_backwards(still)
     one = SweepOrder(n_pairs=1, gain=-1.0, standard_error=math.nan)
     assert not one.is_backwards
 

@@ -46,10 +46,16 @@ def test_the_truth_scores_best_and_a_scan_agrees_with_itself():
 def test_a_hopeless_pose_is_given_up_early():
     ref, cur = pair()
     wrong = np.array([1.0, 1.0, 2.0])
-    early = verify(wrong, ref.view, cur.view, 0.04, 0.005, 6, 0.8)
-    late = verify(wrong, ref.view, cur.view, 0.04, 0.005, 64, -1.0)
-    assert early < 0.8
+    first = [view._replace(probes=view.probes[:6]) for view in (ref.view, cur.view)]
+    early, late, right, whole = (
+        verify(pose, ref.view, cur.view, 0.04, 0.005, n_first, least)
+        for pose in (wrong, MOTION)
+        for n_first, least in ((6, 0.8), (64, -1.0))
+    )
+    assert early == verify(wrong, *first, 0.04, 0.005, 64, -1.0)
+    assert early != late
     assert late < 0.8
+    assert right == pytest.approx(whole, abs=1e-12)
 
 
 def test_the_best_poses_are_chosen_best_first_and_differ():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from curvescan.cli.options import (
     Chain,
@@ -22,6 +22,10 @@ from curvescan.cli.options import (
     open_log,
 )
 from curvescan.mapping.config import OccupancyConfig
+
+if TYPE_CHECKING:
+    from curvescan.io import Log
+    from curvescan.odometry import OdometryStep
 
 FurtherName: TypeAlias = Literal["kitti", "g2o", "mcap"]
 """Names of the table of further files, written out so that --help loads none of their writers."""
@@ -86,30 +90,25 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
-    from curvescan.evaluation.sweeps import lists_beams_backwards
     from curvescan.io import output_folder
-    from curvescan.io.further import RunData, write_further
+    from curvescan.io.further import RunData, takes_edges, write_further
     from curvescan.io.prior import prior_of
-    from curvescan.odometry import OdometryStep, run_odometry
+    from curvescan.odometry import run_odometry
     from curvescan.view.graph import PoseGraph
     from curvescan.view.run import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     wheels = prior_of(source) if odometry_prior else None
-    graph = PoseGraph()
+    graph, is_graph_wanted = PoseGraph(), takes_edges(also)
     with output_folder(out) as folder:
         load_kernels(method)
-        is_backwards = lists_beams_backwards(source)
-        if is_backwards:
-            ERR.print(
-                "the beams of each scan seem to be listed against the order they were swept in: "
-                "sweeps are not deskewed; with --backwards they are"
-            )
-        tracker = make_odometry(method, chain, configs, chain_config, deskew=not is_backwards)
+        deskew = chain_config.odometry.deskew and not _lists_beams_backwards(source)
+        tracker = make_odometry(method, chain, configs, chain_config, deskew=deskew)
         with progress_bar("odometry", len(source)) as advance:
 
             def on_step(step: OdometryStep) -> None:
-                graph.add(step)
+                if is_graph_wanted:
+                    graph.add(step)
                 advance()
 
             run = run_odometry(source, tracker, wheels=wheels, on_step=on_step)
@@ -134,3 +133,20 @@ def odometry(
             files = write_further(folder, also, data)
         OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0
+
+
+def _lists_beams_backwards(source: Log) -> bool:
+    """Return whether the log's sweeps must not be deskewed as they are, and print it."""
+    from curvescan.cli.console import ERR
+    from curvescan.evaluation.sweeps import lists_beams_backwards
+
+    # with the default matcher, whatever method runs: its kernels may not be there yet
+    what = "asking in which order the beams were swept (kernels are compiled in the first run only)"
+    with ERR.status(what):
+        is_backwards = lists_beams_backwards(source)
+    if is_backwards:
+        ERR.print(
+            "the beams of each scan seem to be listed against the order they were swept in: "
+            "sweeps are not deskewed; with --backwards they are"
+        )
+    return is_backwards

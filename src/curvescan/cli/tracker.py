@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from curvescan.cli.options import Chain, ChainConfigs, Method, MethodConfigs
-from curvescan.matching import DEFAULT_METHOD
 from curvescan.odometry import Odometry, OdometryConfig
 
 
@@ -17,8 +16,8 @@ def make_odometry(
     *,
     deskew: bool = True,
 ) -> Odometry:
-    """Return a fresh odometry; "auto" chains by key scans where the default matcher is asked for."""
-    uses_keys = chain == "keys" or (chain == "auto" and method == DEFAULT_METHOD)
+    """Return a fresh odometry; "auto" chains by key scans where they suit the matcher."""
+    uses_keys = chain == "keys" or (chain == "auto" and OdometryConfig.keys_suit(method))
     given = chain_config.odometry
     config = given if uses_keys else OdometryConfig.scan_to_scan()
     config = replace(config, deskew=deskew and given.deskew)

@@ -17,25 +17,16 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.shown import shown_text
-from curvescan.io.stream import NO_POSE, PoseRow, Record
+from curvescan.io.stream import NO_POSE, OPTIONAL, PoseRow, Record
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-COLUMNS = (
-    "stamp",
-    "angle_min",
-    "angle_increment",
-    "range_min",
-    "range_max",
-    "time_increment",
-    "scan_time",
-)
+COLUMNS = ("stamp", "angle_min", "angle_increment", *OPTIONAL)
 POSE_COLUMNS = ("x", "y", "theta")
 """Wheel odometry: pose of the laser at the scan."""
 
 RANGES, ANGLES, INTENSITIES = "ranges", "angles", "intensities"
 
-_DEFAULTS = {"range_min": 0.0, "range_max": math.inf, "time_increment": 0.0, "scan_time": 0.0}
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -132,7 +123,8 @@ def parse_scan(
         raise BrokenRowError("line cut short: fewer fields than the header names")
     numbers = parse_numbers(fields)
     given = dict(zip(names, numbers[:n_columns].tolist(), strict=False))
-    value = _DEFAULTS | {name: number for name, number in given.items() if not math.isnan(number)}
+    told = {name: number for name, number in given.items() if not math.isnan(number)}
+    value = {**OPTIONAL, **told}
     if not math.isfinite(value.get("stamp", math.nan)):
         raise BrokenRowError("time stamp not finite")
     limit = value["range_max"] if range_max is None else range_max

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -38,25 +38,10 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the results cannot be written there.
     """
-    made: list[Path] = []
-    temporary: Path | None = None
-    try:
-        try:
-            target = Path(os.path.realpath(path))
-            _check_is_free(target)
-            made = _make_parents(target)
-            temporary = _make_temporary(target)
-        except (OSError, ValueError) as error:
-            raise _cannot_write(path, error) from error
+    with _temporary(path, _check_is_free, _make_temporary) as (temporary, target):
         yield temporary
-        try:
+        with _one_sentence(path):
             _move_all(temporary, target)
-        except OSError as error:
-            raise _cannot_write(path, error) from error
-    except BaseException:
-        _remove(temporary, made)
-        raise
-    _remove(temporary, [])
 
 
 @contextmanager
@@ -81,30 +66,44 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the file cannot be written there.
     """
+    with _temporary(path, _check_takes_file, _make_beside) as (temporary, target):
+        yield temporary / target.name
+        with _one_sentence(path):
+            (temporary / target.name).replace(target)
+
+
+@contextmanager
+def _temporary(
+    path: str | os.PathLike[str], check: Callable[[Path], None], make: Callable[[Path], Path]
+) -> Iterator[tuple[Path, Path]]:
+    """Yield a temporary folder, gone when the block ends, and the target; an error takes the new parents along."""
     made: list[Path] = []
     temporary: Path | None = None
     try:
-        try:
+        with _one_sentence(path):
             target = Path(os.path.realpath(path))
-            _check_is_free(target.parent)
-            if target.exists() and not target.is_file():
-                kind = "folder" if target.is_dir() else "device or a pipe"
-                raise OutputError(
-                    f"{target} is a {kind}: a result needs a file, choose another name"
-                )
-            made = _make_parents(target)
-            temporary = _new_hidden_folder(target.parent)
-        except (OSError, ValueError) as error:
-            raise _cannot_write(path, error) from error
-        yield temporary / target.name
-        try:
-            (temporary / target.name).replace(target)
-        except OSError as error:
-            raise _cannot_write(path, error) from error
+            check(target)
+            _make_parents(target, made)
+            temporary = make(target)
+        yield temporary, target
     except BaseException:
         _remove(temporary, made)
         raise
     _remove(temporary, [])
+
+
+@contextmanager
+def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say as an OutputError why results cannot be written to `path`."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(
+            f"cannot write results to {os.fspath(path)!r}: {reason}; choose another folder"
+        ) from error
 
 
 def _check_is_free(target: Path) -> None:
@@ -112,17 +111,18 @@ def _check_is_free(target: Path) -> None:
         raise OutputError(f"{target} is a file: results need a folder, choose another name")
 
 
-def _make_parents(target: Path) -> list[Path]:
-    missing = [parent for parent in target.parents if not parent.exists()]
-    made: list[Path] = []
-    try:
-        for parent in reversed(missing):
-            parent.mkdir()
-            made.append(parent)
-    except OSError:
-        _remove(None, made)
-        raise
-    return made
+def _check_takes_file(target: Path) -> None:
+    _check_is_free(target.parent)
+    if target.exists() and not target.is_file():
+        kind = "folder" if target.is_dir() else "device or a pipe"
+        raise OutputError(f"{target} is a {kind}: a result needs a file, choose another name")
+
+
+def _make_parents(target: Path, made: list[Path]) -> None:
+    """Make the folders that are missing above the target, and list each as soon as it is made."""
+    for parent in reversed([parent for parent in target.parents if not parent.exists()]):
+        parent.mkdir()
+        made.append(parent)
 
 
 def _make_temporary(target: Path) -> Path:
@@ -139,6 +139,10 @@ def _make_temporary(target: Path) -> Path:
         return inside
     inside.rmdir()
     return beside
+
+
+def _make_beside(target: Path) -> Path:
+    return _new_hidden_folder(target.parent)
 
 
 def _new_hidden_folder(parent: Path) -> Path:
@@ -190,12 +194,3 @@ def _remove(temporary: Path | None, made: list[Path]) -> None:
             parent.rmdir()
         except OSError:
             return  # no longer empty: somebody else uses it
-
-
-def _cannot_write(path: str | os.PathLike[str], error: Exception) -> OutputError:
-    if isinstance(error, OutputError):
-        return error
-    reason = getattr(error, "strerror", None) or str(error)
-    return OutputError(
-        f"cannot write results to {os.fspath(path)!r}: {reason}; choose another folder"
-    )

@@ -77,6 +77,11 @@ FURTHER_FILES: dict[str, FurtherFile] = {
 """Name of each further file."""
 
 
+def takes_edges(names: Iterable[str]) -> bool:
+    """Return whether any of these further files is written from the matches, which have to be gathered for it."""
+    return any("edges" in FURTHER_FILES[name].takes for name in names)
+
+
 def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
     """Write further files of a run into an existing folder, and return their names.
 

@@ -34,28 +34,14 @@ from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.faults import FaultCounter
 from curvescan.io.npz_file import NpzFile
 from curvescan.io.shown import shown_text
-from curvescan.io.stream import NO_POSE, Record, StreamLog, refuse_topic
+from curvescan.io.stream import NO_POSE, OPTIONAL, Record, StreamLog, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 FORMAT = "NPZ of scans"
 
-SCALARS = (
-    "angle_min",
-    "angle_increment",
-    "range_min",
-    "range_max",
-    "time_increment",
-    "scan_time",
-)
-_DEFAULTS = {
-    "angle_min": math.nan,
-    "angle_increment": math.nan,
-    "range_min": 0.0,
-    "range_max": math.inf,
-    "time_increment": 0.0,
-    "scan_time": 0.0,
-}
+_DEFAULTS = {"angle_min": math.nan, "angle_increment": math.nan, **OPTIONAL}
+SCALARS = tuple(_DEFAULTS)
 _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""

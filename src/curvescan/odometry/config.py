@@ -144,8 +144,13 @@ class OdometryConfig:
 
     @classmethod
     def of_method(cls, method: str) -> OdometryConfig:
-        """Return the configuration that suits a matcher: scan to scan for all but the default one.
+        """Return the configuration that suits a matcher: scan to scan for all but the default one."""
+        return cls() if cls.keys_suit(method) else cls.scan_to_scan()
+
+    @staticmethod
+    def keys_suit(method: str) -> bool:
+        """Return whether a matcher is fit for key scans: the default one alone.
 
         Key scans and returns to earlier ones need a matcher that finds its way from far and says how sure it is.
         """
-        return cls() if method == DEFAULT_METHOD else cls.scan_to_scan()
+        return method == DEFAULT_METHOD

@@ -118,6 +118,27 @@ def _first_at_or_after(angles: Floats, bearing: float) -> tuple[int, float]:
 
 
 @kernel
+def _index_on_the_way(m: int, start: int, step: int, way: int) -> tuple[int, float]:
+    """Return the reading met at a step from `start` on, up (way 1) or down (-1), and the full turn it was met after."""
+    k = start + step if way == 1 else start - 1 - step
+    if k >= m:
+        return k - m, _TWO_PI
+    if k < 0:
+        return k + m, -_TWO_PI
+    return k, 0.0
+
+
+@kernel
+def _stretch_on_the_way(angles: Floats, start: int, step: int, way: int) -> tuple[int, int, float]:
+    """Return both ends of the stretch met at a step, and the angle of the one that is met first."""
+    k, turn = _index_on_the_way(angles.size, start, step, way)
+    following = k + 1 if k + 1 < angles.size else 0
+    if way == 1:
+        return k, following, angles[k] + turn
+    return k, following, angles[following] + (turn + _TWO_PI if following == 0 else turn)
+
+
+@kernel
 def _reach(squared: float, rho: float) -> float:
     """Return the turn beyond which every ray passes a point, at range rho, farther off than a squared distance."""
     if squared >= rho * rho:
@@ -141,14 +162,7 @@ def _nearest_readings(
         reach = _reach(best, rho)
         for way in (1, -1):
             for step in range(m):
-                k = start + step if way == 1 else start - 1 - step
-                turn = 0.0
-                if k >= m:
-                    k -= m
-                    turn = _TWO_PI
-                elif k < 0:
-                    k += m
-                    turn = -_TWO_PI
+                k, turn = _index_on_the_way(m, start, step, way)
                 if way * (ref_angles[k] + turn - bearing) > reach:
                     break
                 dx, dy = ref_points[k, 0] - x, ref_points[k, 1] - y
@@ -185,19 +199,8 @@ def _closest_points(
         for way in (1, -1):
             # the stretch that begins before the bearing may end after it: it belongs to the way down
             for step in range(m):
-                k = start + step if way == 1 else start - 1 - step
-                turn = 0.0
-                if k >= m:
-                    k -= m
-                    turn = _TWO_PI
-                elif k < 0:
-                    k += m
-                    turn = -_TWO_PI
-                following = k + 1 if k + 1 < m else 0
-                near_end = k if way == 1 else following
-                if way == -1 and following == 0:
-                    turn += _TWO_PI
-                if way * (ref_angles[near_end] + turn - bearing) > reach:
+                k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
+                if way * (angle - bearing) > reach:
                     break
                 px, py = ref_points[k, 0], ref_points[k, 1]
                 if is_joined[k]:
@@ -244,19 +247,8 @@ def _matching_range_points(
         reach = min(reach, window)
         for way in (1, -1):
             for step in range(m):
-                k = start + step if way == 1 else start - 1 - step
-                turn = 0.0
-                if k >= m:
-                    k -= m
-                    turn = _TWO_PI
-                elif k < 0:
-                    k += m
-                    turn = -_TWO_PI
-                following = k + 1 if k + 1 < m else 0
-                near_end = k if way == 1 else following
-                if way == -1 and following == 0:
-                    turn += _TWO_PI
-                if way * (ref_angles[near_end] + turn - bearing) > reach:
+                k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
+                if way * (angle - bearing) > reach:
                     break
                 if not is_joined[k]:
                     continue

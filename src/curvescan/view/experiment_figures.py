@@ -6,14 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import se2
 from curvescan.evaluation.experiments import DriveComparison
 from curvescan.evaluation.random_transform import SUCCESS, Moves, RandomTransformRuns
 from curvescan.mapping.cells import occupied_cells
 from curvescan.mapping.drive import map_drive
-from curvescan.types import Points, Pose
 from curvescan.view.canvas import DARK, FAILED, PATH, TRUTH, as_place, drawing, segment_colour
-from curvescan.view.map import draw_map
+from curvescan.view.map import draw_map, from_first
 
 
 def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformRuns]) -> None:
@@ -40,7 +38,7 @@ def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformR
 
 def draw_maps(path: Path, drive: DriveComparison) -> None:
     """Save the maps of all methods side by side, each at the scale that shows all of it (figure 8)."""
-    truth = _true_poses(drive)
+    truth = from_first(drive.log.truth.poses)
     n_columns = min(len(drive.results), 4)
     n_rows = -(-len(drive.results) // n_columns)
     with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5) as figure:
@@ -63,7 +61,7 @@ def draw_maps(path: Path, drive: DriveComparison) -> None:
 
 def draw_trajectories(path: Path, drive: DriveComparison) -> None:
     """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
-    truth = _true_poses(drive)
+    truth = from_first(drive.log.truth.poses)
     with drawing(path, 9.0, 7.0) as figure:
         axes = figure.subplots()
         for k, (method, result) in enumerate(drive.results.items()):
@@ -80,27 +78,11 @@ def draw_trajectories(path: Path, drive: DriveComparison) -> None:
 def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
     """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
     run = drive.results[method].run
-    poses = run.trajectory.poses
-    place = map_drive(drive.log, poses, run.is_joined)
-    wheel_poses = wheel_cells = None
-    if drive.log.odometry is not None and drive.experiment.n_people == 0:
-        wheels = drive.log.odometry.poses
-        wheel_poses = se2.between(wheels[0], wheels)
-        wheel_cells = occupied_cells(drive.log, wheel_poses)
     draw_map(
         path,
+        run,
+        map_drive(drive.log, run.trajectory.poses, run.is_joined),
         title=f"experiment {drive.experiment.number}, {method}",
-        cells=place.standing,
-        moved_cells=place.moved,
-        poses=poses,
-        failed=run.is_failed,
-        wheel_cells=wheel_cells,
-        wheel_poses=wheel_poses,
-        true_poses=_true_poses(drive),
+        wheels=None if drive.experiment.n_people else drive.log,
+        truth=drive.log.truth.poses,
     )
-
-
-def _true_poses(drive: DriveComparison) -> Pose:
-    truth = drive.log.truth.poses
-    seen: Points = se2.between(truth[0], truth)
-    return seen

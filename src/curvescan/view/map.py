@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan.types import Bools, Points, Pose
+from curvescan import se2
+from curvescan.io.log import Log
+from curvescan.mapping.cells import occupied_cells
+from curvescan.mapping.drive import DriveMap
+from curvescan.odometry import OdometryRun
+from curvescan.types import Points, Pose
 from curvescan.view.canvas import (
     DARK,
     FAILED,
@@ -23,15 +28,12 @@ from curvescan.view.canvas import (
 
 def draw_map(
     path: Path,
+    run: OdometryRun,
+    place: DriveMap,
     *,
     title: str,
-    cells: Points,
-    poses: Pose,
-    failed: Bools,
-    moved_cells: Points,
-    wheel_cells: Points | None = None,
-    wheel_poses: Pose | None = None,
-    true_poses: Pose | None = None,
+    wheels: Log | None = None,
+    truth: Pose | None = None,
 ) -> None:
     """Save the map of a run as a picture.
 
@@ -39,23 +41,25 @@ def draw_map(
     ----------
     path : Path
         The PNG to write.
+    run : OdometryRun
+        The trajectory from matching; where its match failed it is marked by crosses.
+    place : DriveMap
+        What stands under that trajectory, and what moved, in grey.
     title : str
         Drawn above the map.
-    cells : (k, 2) float64
-        Cells of what stands, under the trajectory from matching, metres.
-    poses : (n, 3) float64
-        That trajectory.
-    failed : (n,) bool
-        Where its match failed; marked by crosses.
-    moved_cells : (m, 2) float64
-        Cells in which something moved, drawn in grey; may be empty.
-    wheel_cells, wheel_poses : (j, 2), (n, 3) float64 or None
-        The same under wheel odometry, in the frame of the first scan.
-    true_poses : (n, 3) float64 or None
-        True trajectory, in the frame of the first scan.
+    wheels : Log or None
+        The log of the run, where the map under its wheel odometry is to be drawn beneath, if it has any.
+    truth : (>= n, 3) float64 or None
+        True poses, in any frame.
     """
+    poses, failed = run.trajectory.poses, run.is_failed
+    cells, moved_cells = place.standing, place.moved
+    true_poses = None if truth is None else from_first(truth[: len(poses)])
     everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
-    if wheel_cells is not None:
+    wheel_poses = wheel_cells = None
+    if wheels is not None and wheels.odometry is not None:
+        wheel_poses = from_first(wheels.odometry.poses[: len(poses)])
+        wheel_cells = occupied_cells(wheels, wheel_poses)
         everything.append(wheel_cells)
     with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
@@ -75,6 +79,14 @@ def draw_map(
         axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
         axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
         figure.legend(loc="outside lower center", ncols=3)
+
+
+def from_first(poses: Pose) -> Pose:
+    """Return poses seen from the first one that is known."""
+    known = np.flatnonzero(~np.isnan(poses[:, 2]))
+    if known.size == 0:
+        return poses
+    return se2.between(poses[known[0]], poses)
 
 
 def _draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:

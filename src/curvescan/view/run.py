@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import __version__, se2
+from curvescan import __version__
 from curvescan.io.bag_files import storage_files
 from curvescan.io.log import Log
 from curvescan.io.trajectory import write_csv, write_tum
-from curvescan.mapping.cells import occupied_cells
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.drive import DriveMap, map_drive
+from curvescan.mapping.drive import map_drive
 from curvescan.mapping.map_server import write_map
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.odometry.sweeps import deskewed_along
@@ -75,7 +74,7 @@ def save_run(
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
     seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
     place = map_drive(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
-    _save_map(folder / "map.png", run, log, truth, place)
+    draw_map(folder / "map.png", run, place, title=_title(run, log), wheels=log, truth=truth)
     left_out: tuple[str, ...] = ()
     if place.grid is not None:
         write_map(folder, place.grid)
@@ -155,35 +154,8 @@ def _digest(source: Path | None) -> dict[str, object]:
     return {"bytes": source.stat().st_size, "sha256": digest}
 
 
-def _save_map(path: Path, run: OdometryRun, log: Log, truth: Pose | None, place: DriveMap) -> None:
-    poses = run.trajectory.poses
-    wheel_poses = wheel_cells = None
-    if log.odometry is not None:
-        wheel_poses = _from_first(log.odometry.poses[: len(poses)])
-        wheel_cells = occupied_cells(log, wheel_poses)
-    draw_map(
-        path,
-        title=_title(run, log),
-        cells=place.standing,
-        moved_cells=place.moved,
-        poses=poses,
-        failed=run.is_failed,
-        wheel_cells=wheel_cells,
-        wheel_poses=wheel_poses,
-        true_poses=None if truth is None else _from_first(truth[: len(poses)]),
-    )
-
-
 def _title(run: OdometryRun, log: Log) -> str:
     title = f"{log.name}: {len(run.outcomes):,} scans, {run.method}"
     if run.is_partial:
         title += f" (partial: interrupted, {len(log):,} scans in all)"
     return title
-
-
-def _from_first(poses: Pose) -> Pose:
-    """Return poses seen from the first one that is known."""
-    known = np.flatnonzero(~np.isnan(poses[:, 2]))
-    if known.size == 0:
-        return poses
-    return se2.between(poses[known[0]], poses)
