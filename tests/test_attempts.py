@@ -92,3 +92,14 @@ def test_a_matcher_without_scores_is_taken_at_its_word():
     attempt = judge(matched(score=math.nan), EXPECTED, CONFIG)
     assert attempt.is_sure(0.4)
     assert judge(matched((2.0, 0.0, 0.0), score=math.nan), EXPECTED, CONFIG).is_believed(0.25)
+
+
+def test_a_second_match_of_a_sweep_must_not_be_in_doubt_where_the_first_is_not():
+    first = judge(matched(score=0.41), EXPECTED, CONFIG)
+    assert judge(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).stands_like(first)
+    far = judge(matched((-0.09, 0.0, 0.05), score=0.6), EXPECTED, CONFIG)
+    failed = judge(matched(outcome=Outcome.UNSUPPORTED), EXPECTED, CONFIG)
+    weak = judge(matched(**ALONG_X), EXPECTED, CONFIG)
+    for doubtful in (far, failed, weak):
+        assert not doubtful.stands_like(first)
+        assert first.stands_like(doubtful)

@@ -49,10 +49,17 @@ class Attempt(NamedTuple):
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
         return self._rank(min_score) > other._rank(min_score)
 
+    def stands_like(self, other: Attempt) -> bool:
+        """Return whether nothing speaks against this match that does not speak against another of the same scans."""
+        return self._standing >= other._standing
+
+    @property
+    def _standing(self) -> tuple[bool, bool, bool]:
+        return self.result.ok, self.is_plausible, self.is_clear
+
     def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
-        result = self.result
-        score = min(result.score, min_score) if self.is_plausible else result.score
-        return result.ok, self.is_plausible, self.is_clear, score
+        score = self.result.score
+        return *self._standing, min(score, min_score) if self.is_plausible else score
 
 
 def as_found(result: MatchResult) -> UncertainPose:

@@ -175,7 +175,7 @@ class Odometry:
         if self._first is not None and self._n_scans == 1:  # its velocity was not known
             key.scan = self._prepare(self._sweeps.deskewed(self._first, found))
         again = self._attempt(key.scan, better, chain(origin, motion))
-        return (again, better) if again.result.ok else (attempt, current)
+        return (again, better) if again.stands_like(attempt) else (attempt, current)
 
     def _prepare(self, scan: LaserScan) -> PreparedScan:
         return prepare(scan, method=self.method, config=self.matcher_config)
