@@ -146,9 +146,10 @@ class LaserScan:
     @cached_property
     def valid(self) -> Bools:
         """(n,) mask of the readings that are measurements: finite, positive, within the range limits."""
-        ranges = self.ranges
-        # comparisons with NaN are False; an infinite range_max does not make +inf a measurement
-        return (ranges > 0.0) & (ranges >= self.range_min) & (ranges <= min(self.range_max, _HUGE))
+        # comparisons with NaN are False; an infinite range_max does not make +inf a measurement, nor a range_min of 0
+        # a range of 0
+        least, most = max(self.range_min, _TINY), min(self.range_max, _HUGE)
+        return (self.ranges >= least) & (self.ranges <= most)
 
     @property
     def has_uniform_angles(self) -> bool:
@@ -302,6 +303,7 @@ def valid_readings(scan: LaserScan) -> Readings:
     )
 
 
+_TINY = float(np.finfo(np.float64).smallest_subnormal)
 _HUGE = float(np.finfo(np.float64).max)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan.consensus.config import ConsensusConfig
-from curvescan.consensus.frames import find_corners, find_ends
+from curvescan.consensus.frames import find_corners, with_ends
 from curvescan.consensus.polar import View, polar_lookup, uneven_lookup
 from curvescan.consensus.probes import choose_probes
 from curvescan.consensus.surfaces import sweep
@@ -84,7 +84,9 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
     corners = find_corners(
         surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames
     )
-    ends = find_ends(surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames)
+    corners_and_ends = with_ends(
+        corners, surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames
+    )
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
         n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
@@ -101,6 +103,6 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         view=View(few, surfels, fan, lookup),
         wide=View(many, surfels, fan, lookup),
         whole=View(surfels, surfels, fan, lookup),
-        frames=np.concatenate((corners, ends)),
+        frames=corners_and_ends,
         directions=direction_histogram(surfels),
     )

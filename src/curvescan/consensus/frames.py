@@ -46,7 +46,7 @@ def find_corners(
     min_turn: float,
     max_frames: int,
 ) -> Floats:
-    """Return (k, 5) corners at each arm length and physical ends of surfaces."""
+    """Return (k, 5) corners at each arm length, max_frames at most."""
     m = surfels.shape[0]
     found = np.empty((max_frames, 5))
     n_found = 0
@@ -142,13 +142,19 @@ def find_corners(
 
 
 @kernel
-def find_ends(
-    surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_frames: int
+def with_ends(
+    corners: Floats,
+    surfels: Floats,
+    sums: Floats,
+    bounds: Ints,
+    arm: float,
+    is_closed: bool,
+    max_ends: int,
 ) -> Floats:
-    """Return (k, 5) physical ends of surfaces: those that hide nothing nearer than themselves."""
-    m = surfels.shape[0]
-    found = np.empty((max_frames, 5))
-    n_found = 0
+    """Return (k, 5) corners and after them physical ends of surfaces: those that hide nothing nearer than themselves."""
+    m, n_found = surfels.shape[0], corners.shape[0]
+    found = np.empty((n_found + max_ends, 5))
+    found[:n_found] = corners
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
         if stop - start < 4:
@@ -160,7 +166,7 @@ def find_ends(
                 if not is_closed:
                     continue
                 j = m - 1 if j < 0 else 0
-            if surfels[j, 2] < surfels[i, 2] or n_found >= max_frames:
+            if surfels[j, 2] < surfels[i, 2] or n_found >= found.shape[0]:
                 continue
             k = i
             way = 1 if side == 0 else -1

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.surfels import LENGTH
+from curvescan.consensus.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats
 
 
@@ -42,10 +42,10 @@ def _spread(surfels: Floats, before: Floats, n_probes: int) -> Floats:
     stride = max(int(0.618 * count), 1)
     while math.gcd(stride, max(count, 1)) != 1:
         stride += 1
-    probes = np.empty((count, surfels.shape[1]))
+    probes = np.empty((count, N_COLUMNS))
     k = 0
     for i in range(count):
-        for column in range(surfels.shape[1]):
+        for column in range(N_COLUMNS):
             probes[i, column] = surfels[chosen[k], column]
         k = (k + stride) % count
     return probes

@@ -18,6 +18,8 @@ X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH = range(10)
 through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
 of surface that it stands for. Without a line the variance is negative and the length 0."""
 
+N_COLUMNS = LENGTH + 1
+
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 two readings, none of it lose what the surface does within an arm."""
@@ -182,7 +184,7 @@ def fit_surfels(
     sums = moments(readings)
     fits, sigma2 = fit_lines(readings, sums, bounds, arm)
     sigma2 = max(sigma2, sigma_min * sigma_min)
-    surfels = np.empty((m, 10))
+    surfels = np.empty((m, N_COLUMNS))
     for i in range(m):
         x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
         bx, by = x / r, y / r
