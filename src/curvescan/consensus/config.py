@@ -127,7 +127,7 @@ class VerificationConfig:
     n_kept: int = 4
     """Poses that are refined."""
     n_wide: int = 192
-    """The same where a pose is judged."""
+    """Readings of each scan where poses that are nearly as good as each other are told apart."""
     contested: float = 0.75
     """Poses with this share of the best one's score are judged beside it."""
     doubtful_score: float = 0.35

@@ -11,6 +11,7 @@ from curvescan.consensus.apart import difference, distance, is_on_the_way
 from curvescan.consensus.config import ConsensusConfig
 from curvescan.consensus.evidence import Evidence, gather_evidence
 from curvescan.consensus.features import ConsensusFeatures
+from curvescan.consensus.polar import View
 from curvescan.consensus.refinement import refine, refine_fully
 from curvescan.consensus.search import Candidates
 from curvescan.consensus.verification import select
@@ -47,7 +48,7 @@ def slide_finely(
     offsets = np.arange(-n, n + 1) * rules.fine_step
     slid = poses[0] + offsets[:, np.newaxis] * weakest
     slid = slid[np.abs(offsets * weakest[2]) < rules.max_slid_turn]
-    best, _ = select(slid, ref.wide, cur.wide, *config.verification.close, 4, 24, 0.1)
+    best, _ = select(slid, *_wide_views(ref, cur, config), *config.verification.close, 4, 24, 0.1)
     return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 
@@ -57,8 +58,16 @@ def _finish(
     slacks = config.refinement.closer_slacks, config.refinement.full_slacks
     final = refine_fully(poses, ref.view, cur.view, *slacks)
     # one pose has only to be enough; several are told apart by more probes
-    views = (ref.wide, cur.wide) if len(poses) > 1 else (ref.view, cur.view)
+    views = _wide_views(ref, cur, config) if len(poses) > 1 else (ref.view, cur.view)
     return select(final, *views, *config.verification.fine, 3, 4096, 0.1)
+
+
+def _wide_views(
+    ref: ConsensusFeatures, cur: ConsensusFeatures, config: ConsensusConfig
+) -> tuple[View, View]:
+    """Return the views of both scans with more probes, to tell apart poses that are nearly as good as each other."""
+    n_wide = config.verification.n_wide
+    return ref.with_probes(n_wide), cur.with_probes(n_wide)
 
 
 def without_movers(
@@ -150,8 +159,9 @@ def slide_to_guess(
     slide = float(along @ offset) / float(along @ along)
     slid = pose + slide * evidence.weakest
     slid = refine(slid[np.newaxis], ref.whole, cur.whole, config.refinement.closer_slacks)
+    views = _wide_views(ref, cur, config)
     before, after = (
-        select(one, ref.wide, cur.wide, *config.verification.fine, 1, 4096, 0.0)[1]
+        select(one, *views, *config.verification.fine, 1, 4096, 0.0)[1]
         for one in (pose[np.newaxis], slid)
     )
     if not len(after) or after[0] < _SHARE * before[0]:

@@ -31,8 +31,6 @@ class ConsensusFeatures(NamedTuple):
         Surface k is readings bounds[k]:bounds[k + 1].
     view : View
         The readings and the lines through them, and which reading stands in which direction.
-    wide : View
-        The same with more probes.
     whole : View
         The same with all readings for probes.
     frames : (k, 5) float64
@@ -45,10 +43,13 @@ class ConsensusFeatures(NamedTuple):
     beam_idx: Ints
     bounds: Ints
     view: View
-    wide: View
     whole: View
     frames: Floats
     directions: Floats
+
+    def with_probes(self, n_probes: int) -> View:
+        """Return the view with another number of probes."""
+        return self.view._replace(probes=choose_probes(self.view.surfels, n_probes))
 
     @property
     def sigma(self) -> float:
@@ -95,13 +96,12 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
     fan = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
-    few, many = choose_probes(surfels, config.verification.n_probes, config.verification.n_wide)
+    few = choose_probes(surfels, config.verification.n_probes)
     return ConsensusFeatures(
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
         view=View(few, surfels, fan, lookup),
-        wide=View(many, surfels, fan, lookup),
         whole=View(surfels, surfels, fan, lookup),
         frames=corners_and_ends,
         directions=direction_histogram(surfels),

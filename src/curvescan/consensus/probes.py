@@ -12,30 +12,23 @@ from curvescan.types import Floats
 
 
 @kernel
-def choose_probes(surfels: Floats, n_few: int, n_many: int) -> tuple[Floats, Floats]:
-    """Return n_few and n_many surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
+def choose_probes(surfels: Floats, n_probes: int) -> Floats:
+    """Return n_probes surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
     A reading that stands for much may be chosen more than once. The first few of the probes are spread as evenly as all
     of them.
     """
     m = surfels.shape[0]
-    before = np.zeros(m + 1)  # length of all surfaces before each reading
+    total = 0.0
     for i in range(m):
-        before[i + 1] = before[i] + surfels[i, LENGTH]
-    return _spread(surfels, before, n_few), _spread(surfels, before, n_many)
-
-
-@kernel
-def _spread(surfels: Floats, before: Floats, n_probes: int) -> Floats:
-    m = surfels.shape[0]
+        total += surfels[i, LENGTH]
     chosen = np.empty(n_probes, dtype=np.int64)
     count = 0
+    reached = 0.0
     for i in range(m):
-        while (
-            count < n_probes
-            and surfels[i, LENGTH] > 0.0
-            and before[i + 1] * n_probes >= (count + 0.5) * before[m]
-        ):
+        length = surfels[i, LENGTH]
+        reached += length
+        while count < n_probes and length > 0.0 and reached * n_probes >= (count + 0.5) * total:
             chosen[count] = i
             count += 1
     # a stride near the golden section that shares no factor with the count visits each one once

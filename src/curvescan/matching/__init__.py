@@ -88,7 +88,8 @@ def match(
         Name of the matcher; see ``MATCHERS``.
     guess : (3,) array_like or None
         Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
-        faster with a good one and no worse with a wrong one; "cfsma" uses none.
+        faster with a good one and no worse with a wrong one, and follows it along a direction that the scans leave
+        open; "cfsma" uses none.
     config : object or None
         The matcher's configuration; None for its defaults.
 
