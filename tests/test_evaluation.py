@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from curvescan.evaluation.planes import wall_scans
 from curvescan.evaluation.random_transform import random_transforms, run_random_transforms
 from curvescan.evaluation.real_logs import assign_relations, judge_log
 from curvescan.evaluation.speed import measure_speed
+from curvescan.evaluation.stages import REST, measure_stages
 from curvescan.io import Relations
 from curvescan.odometry import run_odometry
 from curvescan.simulation import SENSORS, simulate
@@ -99,6 +101,17 @@ def test_speed_is_measured_for_each_scan_and_pair():
     assert speed.match_seconds.shape == (6,)
     assert (speed.match_seconds > 0).all()
     assert speed.guess_seconds.shape == (6,)
+
+
+def test_the_time_of_each_stage_is_that_of_its_file():
+    stages = {one.stage: one for one in measure_stages("cfsma", n_pairs=2)}
+    assert list(stages)[-1] == REST
+    package = Path(cs.__file__).parent
+    assert all((package / stage).is_file() for stage in stages if stage != REST)
+    # a scan's curvature belongs to it alone, its landmarks are found in it and paired with another's
+    curvature, landmarks = stages["cfsma/curvature.py"], stages["cfsma/landmarks.py"]
+    assert curvature.prepare_seconds > 0 == curvature.match_seconds == curvature.guess_seconds
+    assert min(landmarks.prepare_seconds, landmarks.match_seconds, landmarks.guess_seconds) > 0
 
 
 @pytest.fixture(scope="module")

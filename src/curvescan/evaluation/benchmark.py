@@ -23,13 +23,17 @@ from curvescan.evaluation.random_transform import (
 from curvescan.evaluation.reading import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.evaluation.real_logs import LogJudgement, judge_log
 from curvescan.evaluation.speed import Speed, measure_speed, with_beams
+from curvescan.evaluation.stages import StageTime, measure_stages
 from curvescan.evaluation.turns import TURNS_DEG, success_by_turn
 from curvescan.io.log import Log
-from curvescan.matching import MATCHERS
+from curvescan.matching import DEFAULT_METHOD, MATCHERS
 from curvescan.types import Floats
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
 """Beams over 180 degrees for which times are taken."""
+
+STAGED = (DEFAULT_METHOD, "cfsma")
+"""Methods whose times are told stage by stage."""
 
 EXPERIMENT_1_WORLDS = ("room", "office", "building")
 """Simulated worlds of experiment 1."""
@@ -45,6 +49,8 @@ class Benchmark:
         Pairs of a cell, and runs of experiment 1.
     speeds : tuple of Speed
         Of 361 beams, one a method.
+    stages : tuple of StageTime
+        Of the methods STAGED, stage by stage.
     growth : dict of str to tuple of Speed
         For each method, one a number of BEAM_COUNTS.
     cells : tuple of CellScore
@@ -64,6 +70,7 @@ class Benchmark:
     n_pairs: int
     n_runs: int
     speeds: tuple[Speed, ...]
+    stages: tuple[StageTime, ...]
     growth: dict[str, tuple[Speed, ...]]
     cells: tuple[CellScore, ...]
     open_worlds: tuple[OpenScore, ...]
@@ -99,10 +106,13 @@ def run_benchmark(
     progress : callable
         Tells how far it is; silent by default.
     """
-    speeds, growth = [], {}
+    speeds, stages, growth = [], [], {}
     for method in methods:
-        advance = progress(f"time of {method}", 1 + len(BEAM_COUNTS))
+        advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
         speeds.append(measure_speed(method, n_pairs=min(n_pairs, 200), seed=seed))
+        advance()
+        if method in STAGED:
+            stages += measure_stages(method, n_pairs=min(n_pairs, 200), seed=seed)
         advance()
         series = []
         for n_beams in BEAM_COUNTS:
@@ -162,6 +172,7 @@ def run_benchmark(
         n_pairs=n_pairs,
         n_runs=n_runs,
         speeds=tuple(speeds),
+        stages=tuple(stages),
         growth=growth,
         cells=tuple(cells),
         open_worlds=tuple(open_worlds),

@@ -28,6 +28,7 @@ def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     """Return the tables of a benchmark, in the order in which it was measured."""
     tables = [
         _speed(results),
+        _stages(results),
         _growth(results),
         _cells(results),
         _open_worlds(results),
@@ -70,6 +71,24 @@ def _speed(results: Benchmark) -> ResultTable:
                 _milliseconds(speed.guess_seconds),
             )
             for speed in results.speeds
+        ],
+    )
+
+
+def _stages(results: Benchmark) -> ResultTable:
+    return ResultTable(
+        title="Where the time goes, by file: mean, under a profiler that slows what is not compiled",
+        columns=("method", "stage", "prepare a scan", "match, no guess", "match, good guess"),
+        rows=[
+            (
+                one.method,
+                one.stage,
+                *(
+                    f"{1e6 * seconds:.1f} us" if seconds else "-"
+                    for seconds in (one.prepare_seconds, one.match_seconds, one.guess_seconds)
+                ),
+            )
+            for one in results.stages
         ],
     )
 
