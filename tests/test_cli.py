@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from curvescan import __version__
+from curvescan.cli import console
 from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
@@ -354,3 +358,14 @@ def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypa
 def test_a_real_log_runs_through(real_data: Path, tmp_path, name, n_scans):
     assert run(["odometry", str(real_data / name), "--out", str(tmp_path / "o")]) == 0
     assert np.loadtxt(tmp_path / "o" / "trajectory.tum").shape == (n_scans, 8)
+
+
+def test_a_progress_bar_tells_all_steps_and_runs_no_thread_beside_the_work(monkeypatch):
+    shown = Console(file=io.StringIO(), force_terminal=True, width=120)
+    monkeypatch.setattr(console, "ERR", shown)
+    n_threads = threading.active_count()
+    with console.progress_bar("work", 40) as advance:
+        for _ in range(40):
+            advance()
+        assert threading.active_count() == n_threads
+    assert "40/40" in shown.file.getvalue()

@@ -41,9 +41,14 @@ class _SpeedColumn(ProgressColumn):
         return Text("" if speed is None else f"{speed:,.0f} {self._unit}/s")
 
 
+_REFRESH = 0.1
+"""Least time between two drawings of a progress bar, seconds."""
+
+
 @contextmanager
 def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callable[..., None]]:
     """Yield a function to call after each unit of work; shows speed and time left on a terminal."""
+    # drawn between two units of work: a thread that draws would slow what is measured by a tenth
     with Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -52,13 +57,23 @@ def progress_bar(what: str, total: int, unit: str = "scans") -> Iterator[Callabl
         TimeRemainingColumn(),
         TextColumn("left"),
         console=ERR,
+        auto_refresh=False,
     ) as progress:
         task = progress.add_task(what, total=total)
+        progress.refresh()
+        n_done, drawn = 0, time.monotonic()
 
         def advance(*_: object) -> None:
-            progress.advance(task)
+            nonlocal n_done, drawn
+            n_done += 1
+            if time.monotonic() - drawn > _REFRESH:
+                progress.update(task, completed=n_done, refresh=True)
+                drawn = time.monotonic()
 
-        yield advance
+        try:
+            yield advance
+        finally:
+            progress.update(task, completed=n_done, refresh=True)
 
 
 @contextmanager
