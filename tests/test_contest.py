@@ -13,6 +13,7 @@ from curvescan.consensus.contest import (
     prefer,
     rivals,
     slide_finely,
+    spread,
 )
 from curvescan.consensus.evidence import gather_evidence, open_directions
 from curvescan.consensus.search import Candidates
@@ -109,3 +110,14 @@ def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
         assert abs(result.pose[0] - true[0] - off) < 0.1
         assert abs(result.pose[1] - true[1]) < 0.005
         assert abs(result.pose[2] - true[2]) < 0.002
+
+
+def test_ties_widen_the_covariance_until_it_holds_them():
+    pose = np.array([0.0, 0.0, 3.1])
+    tie = np.array([0.8, 0.02, -3.1])  # 0.083 rad on, across the seam
+    moment = spread(pose, np.array([pose, tie]))
+    apart = np.array([0.8, 0.02, 2 * np.pi - 6.2])
+    np.testing.assert_allclose(moment, np.outer(apart, apart) / 2, atol=1e-12)
+    certain = np.diag([1e-6, 1e-6, 1e-7])
+    assert apart @ np.linalg.solve(certain + moment, apart) < 2.0
+    np.testing.assert_array_equal(spread(pose, pose[np.newaxis]), np.zeros((3, 3)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.consensus.polar import polar_lookup, reading_at, uneven_lookup
+from curvescan.consensus.polar import bearing, polar_lookup, reading_at, uneven_lookup
 from tests.consensus_scenes import features
 from tests.reference import consensus as slow
 
@@ -40,6 +40,15 @@ def test_the_reading_is_that_of_the_nearest_beam(angle_min, increment_deg, n_bea
         assert reading_at(*point, one.view) == expected
         n_told += 1
     assert n_told > 100
+
+
+def test_a_bearing_is_the_arc_tangent():
+    angles = np.linspace(-math.pi, math.pi, 5001)
+    for radius in (1e-9, 1.0, 1e9):
+        found = [bearing(radius * math.cos(a), radius * math.sin(a)) for a in angles.tolist()]
+        errors = np.abs(cs.se2.wrap(np.array(found) - angles))
+        assert errors.max() < 1.5e-8
+    assert bearing(0.0, 0.0) == 0.0
 
 
 def test_a_full_circle_of_one_beam_too_many_or_too_few_closes():

@@ -38,6 +38,21 @@ def test_a_lattice_finds_what_nothing_else_proposes():
     assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
 
 
+def test_no_lattice_is_tried_where_the_best_pose_lies_where_the_guess_has_it():
+    motion = np.array([0.55, -0.45, 0.0])
+    ref, cur = pair(motion=motion)
+    # nothing is ever certain, and nothing but the guess and the lattice proposes the place
+    doubting = ConsensusConfig(
+        hypotheses=HypothesesConfig(max_tried=1, n_turns=1, slide_reach=0.01),
+        verification=VerificationConfig(few_tried=10_000, certain_score=1.0),
+    )
+    right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
+    assert search(ref, cur, right, doubting).n_tried < 10
+    found = search(ref, cur, wrong, doubting)
+    assert found.n_tried > 200
+    assert np.abs(found.poses[0] - motion).max() < 0.02
+
+
 def test_a_guess_is_followed_only_where_it_is_right():
     ref, cur = pair()
     trusted = follow(ref, cur, MOTION + 0.03, CONFIG)

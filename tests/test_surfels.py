@@ -7,7 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.consensus.config import SurfacesConfig
-from curvescan.consensus.surfels import fit_line, fit_surfels, moments
+from curvescan.consensus.surfels import fit_line, fit_surfels, low_quantile, moments
 from tests.consensus_scenes import features
 from tests.reference import consensus as slow
 from tests.scenes import room_scan
@@ -62,3 +62,15 @@ def test_scans_of_few_readings_have_no_lines():
     assert len(surfels) == 2
     assert (surfels[:, 7] < 0).all()  # a reading without a line says so by its variance
     assert np.isfinite(surfels).all()
+
+
+@pytest.mark.parametrize("scale", [1e-7, 1e-4, 0.1])
+def test_the_low_quantile_is_found_without_sorting(scale):
+    variances = scale * np.random.default_rng(0).chisquare(5, size=2000) / 5
+    assert low_quantile(variances) == pytest.approx(np.quantile(variances, 0.4), rel=0.01)
+
+
+def test_the_low_quantile_of_none_is_zero_and_of_what_is_beyond_all_bins_the_end_of_them():
+    assert low_quantile(np.empty(0)) == 0.0
+    assert low_quantile(np.zeros(9)) < 1e-8
+    assert 0.8 < low_quantile(np.full(9, 50.0)) <= 1.0

@@ -65,7 +65,8 @@ def search(
 ) -> Candidates:
     """Return the best poses of all that frames, directions of surfaces and the guess propose.
 
-    Where they find little support, the places of a lattice around standing still are tried as well.
+    Where they find little support, and the best is not where the guess has it, the places of a lattice around standing
+    still are tried as well.
     """
     steps = config.hypotheses
     turned = turns(ref.directions, cur.directions, steps.n_turns, _STAND_STILL)
