@@ -39,9 +39,15 @@ def lost(office, cov, off=(0.0, 0.0, 0.0)):
     return scans[3], Fix(key=far, seen=nowhere_else()), keys, truth[3]
 
 
+def ask(current, fix, keys, agreeing_score=0.45, **config):
+    return find_known_place(
+        current, fix, keys, KeysConfig(**config), turn=math.pi, agreeing_score=agreeing_score
+    )
+
+
 def find(office, cov, off=(0.0, 0.0, 0.0), **config):
     current, fix, keys, truth = lost(office, cov, off)
-    return find_known_place(current, fix, keys, KeysConfig(**config), turn=math.pi), truth
+    return ask(current, fix, keys, **config), truth
 
 
 @pytest.mark.parametrize("cov", [SURE, VAGUE])
@@ -72,12 +78,12 @@ def test_where_the_chain_is_vague_one_key_scan_is_not_enough(office):
     current, fix, keys, _ = lost(office, VAGUE)
     for key in list(keys)[1:3]:
         keys.forget(key)
-    assert find_known_place(current, fix, keys, KeysConfig(), turn=math.pi) is None
+    assert ask(current, fix, keys) is None
     # where it is certain, one is
     current, fix, keys, _ = lost(office, SURE)
     for key in list(keys)[1:3]:
         keys.forget(key)
-    assert find_known_place(current, fix, keys, KeysConfig(), turn=math.pi) is not None
+    assert ask(current, fix, keys) is not None
 
 
 def test_no_more_than_so_many_are_tried(office):
@@ -89,4 +95,12 @@ def test_one_that_drifted_more_puts_nothing_right(office):
     current, fix, keys, _ = lost(office, VAGUE)
     for key in list(keys)[1:3]:
         key.world = UncertainPose(key.world.pose, 100.0 * VAGUE)
-    assert find_known_place(current, fix, keys, KeysConfig(), turn=math.pi) is None
+    assert ask(current, fix, keys) is None
+
+
+def test_two_that_agree_have_a_least_score_of_their_own(office):
+    assert find(office, VAGUE, agreeing_score=1.0)[0] is None
+    assert find(office, VAGUE, sure_score=1.0)[0] is not None
+    # where one is enough, it must be sure
+    assert find(office, SURE, agreeing_score=1.0)[0] is not None
+    assert find(office, SURE, sure_score=1.0)[0] is None

@@ -24,7 +24,8 @@ class KeysConfig:
     max_keys: int = 2000
     """Key scans held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
     least_score: float = 0.25
-    """A match where none was expected is not believed below this score, in [0, 1]."""
+    """A match where none was expected is not believed below this score, in [0, 1]; nor, after a failure, are two with
+    earlier key scans that agree."""
     kept: float = 0.4
     """Share of the variance of a match that stays when the scan becomes a key scan: the rest cancels along the chain,
     for a key scan's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
@@ -42,7 +43,7 @@ class KeysConfig:
     max_reach: float = 2.5
     """An earlier key scan is tried if it may lie this near, metres."""
     sure_score: float = 0.45
-    """Least score of a match with an earlier key scan, in [0, 1]."""
+    """Least score of a match with an earlier key scan, in [0, 1], unless the sensor is lost."""
     same_place: float = 16.0
     """Two estimates may be of one place up to this squared Mahalanobis distance: 99.9 % of those that are."""
     certain_m: float = 0.1

@@ -17,7 +17,13 @@ from curvescan.odometry.uncertain_pose import UncertainPose, fuse
 
 
 def find_known_place(
-    current: PreparedScan, fix: Fix, keys: Keys, config: KeysConfig, *, turn: float
+    current: PreparedScan,
+    fix: Fix,
+    keys: Keys,
+    config: KeysConfig,
+    *,
+    turn: float,
+    agreeing_score: float,
 ) -> tuple[Fix, MatchResult] | None:
     """Return where a scan is by an earlier key scan, and the match that says so; None where none does.
 
@@ -33,6 +39,8 @@ def find_known_place(
         The odometry's.
     turn : float
         Key scans whose direction differs by more are not tried, radians.
+    agreeing_score : float
+        Least score of matches with two key scans that must agree.
     """
     if config.max_tries == 0:
         return None
@@ -51,7 +59,9 @@ def find_known_place(
         # where the chain is vague, it must not talk the matcher into anything
         guess = expected.pose if is_certain else None
         result = current.matcher.match(key.scan.features, current.features, guess)
-        if not result.ok or result.weak_direction is not None or result.score < config.sure_score:
+        if not result.ok or result.weak_direction is not None:
+            continue
+        if result.score < (config.sure_score if is_certain else agreeing_score):
             continue
         found = UncertainPose(result.pose, result.covariance)
         if fuse(expected, found)[1] > config.same_place:

@@ -196,9 +196,12 @@ class Odometry:
         self, current: PreparedScan, fix: Fix, found: _Found, is_due: bool
     ) -> tuple[Fix, _Found]:
         """Return the fix by an earlier key scan if one is known here; else the scan becomes a key scan if one is due."""
-        turn = math.pi if self._n_searches > 0 else 1.5 * self.config.keys.turn
+        keys = self.config.keys
+        turn = math.pi if self._n_searches > 0 else 1.5 * keys.turn
         self._n_searches = max(self._n_searches - 1, 0)
-        known = find_known_place(current, fix, self.keys, self.config.keys, turn=turn)
+        known = find_known_place(
+            current, fix, self.keys, keys, turn=turn, agreeing_score=keys.sure_score
+        )
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
@@ -213,13 +216,16 @@ class Odometry:
     ) -> tuple[Fix, _Found]:
         """Return where a scan is that neither the key scan nor the scan before it shows."""
         lost = last.moved(self._motion.vaguely(motion))
-        known = find_known_place(current, lost, self.keys, self.config.keys, turn=math.pi)
+        keys = self.config.keys
+        known = find_known_place(
+            current, lost, self.keys, keys, turn=math.pi, agreeing_score=keys.least_score
+        )
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
             self._motion.tell(nowhere_else(), is_plausible=False, is_clear=False)
             return fix, _Found(StepOutcome.RECOVERED, result, fix.key.index)
-        self._n_searches = self.config.keys.max_searches
+        self._n_searches = keys.max_searches
         if failed.ok:  # a match that was not believed: something did happen
             motion = self._motion.vaguely(motion)
         motion, is_held = self._motion.without_match(motion)
