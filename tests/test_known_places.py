@@ -39,10 +39,8 @@ def lost(office, cov, off=(0.0, 0.0, 0.0)):
     return scans[3], Fix(key=far, seen=nowhere_else()), keys, truth[3]
 
 
-def ask(current, fix, keys, agreeing_score=0.45, **config):
-    return find_known_place(
-        current, fix, keys, KeysConfig(**config), turn=math.pi, agreeing_score=agreeing_score
-    )
+def ask(current, fix, keys, is_lost=False, **config):
+    return find_known_place(current, fix, keys, KeysConfig(**config), turn=math.pi, is_lost=is_lost)
 
 
 def find(office, cov, off=(0.0, 0.0, 0.0), **config):
@@ -98,9 +96,13 @@ def test_one_that_drifted_more_puts_nothing_right(office):
     assert ask(current, fix, keys) is None
 
 
-def test_two_that_agree_have_a_least_score_of_their_own(office):
-    assert find(office, VAGUE, agreeing_score=1.0)[0] is None
-    assert find(office, VAGUE, sure_score=1.0)[0] is not None
-    # where one is enough, it must be sure
-    assert find(office, SURE, agreeing_score=1.0)[0] is not None
-    assert find(office, SURE, sure_score=1.0)[0] is None
+def test_to_the_lost_two_that_agree_may_score_less_where_the_scan_is_expected(office):
+    unsure = {"sure_score": 1.0, "least_score": 0.3}
+    assert find(office, VAGUE, **unsure)[0] is None
+    assert find(office, VAGUE, is_lost=True, **unsure)[0] is not None
+    # 2.5 standard deviations off: one of twenty lies there, and other places of the same kind
+    off = {"off": (2.5, 0.0, 0.0), "max_reach": 4.0}
+    assert find(office, VAGUE, is_lost=True, **off)[0] is not None
+    assert find(office, VAGUE, is_lost=True, likely_place=4.0, **off, **unsure)[0] is None
+    # one alone must be sure, lost or not
+    assert find(office, SURE, is_lost=True, **unsure)[0] is None

@@ -46,6 +46,8 @@ class KeysConfig:
     """Least score of a match with an earlier key scan, in [0, 1], unless the sensor is lost."""
     same_place: float = 16.0
     """Two estimates may be of one place up to this squared Mahalanobis distance: 99.9 % of those that are."""
+    likely_place: float = 8.0
+    """The same for two matches that agree and score less than `sure_score`: 95 % of those that are."""
     certain_m: float = 0.1
     """Where the chain knows the place of an earlier key scan better than this, metres, one match is enough; else two
     earlier key scans must agree."""
@@ -63,7 +65,7 @@ class KeysConfig:
             require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))
         require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("same_place", "certain_m", "certain_rad"):
+        for name in ("same_place", "likely_place", "certain_m", "certain_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 

@@ -23,7 +23,7 @@ def find_known_place(
     config: KeysConfig,
     *,
     turn: float,
-    agreeing_score: float,
+    is_lost: bool = False,
 ) -> tuple[Fix, MatchResult] | None:
     """Return where a scan is by an earlier key scan, and the match that says so; None where none does.
 
@@ -39,11 +39,14 @@ def find_known_place(
         The odometry's.
     turn : float
         Key scans whose direction differs by more are not tried, radians.
-    agreeing_score : float
-        Least score of matches with two key scans that must agree.
+    is_lost : bool
+        Whether nothing else shows where the scan is. Two matches that agree may then score less, if they lie near where
+        it is thought to be: other places of the same kind are the same to both.
     """
     if config.max_tries == 0:
         return None
+    alone = config.sure_score, config.same_place
+    agreeing = (config.least_score, config.likely_place) if is_lost else alone
     hits: list[tuple[Fix, MatchResult]] = []
     n_tried = 0
     for key in keys.nearest(fix.world.pose, config.max_reach, turn):
@@ -59,12 +62,11 @@ def find_known_place(
         # where the chain is vague, it must not talk the matcher into anything
         guess = expected.pose if is_certain else None
         result = current.matcher.match(key.scan.features, current.features, guess)
-        if not result.ok or result.weak_direction is not None:
-            continue
-        if result.score < (config.sure_score if is_certain else agreeing_score):
+        min_score, max_distance = alone if is_certain else agreeing
+        if not result.ok or result.weak_direction is not None or result.score < min_score:
             continue
         found = UncertainPose(result.pose, result.covariance)
-        if fuse(expected, found)[1] > config.same_place:
+        if fuse(expected, found)[1] > max_distance:
             continue
         hit = (Fix(key=key, seen=found, is_measured=True), result)
         if is_certain:

@@ -199,9 +199,7 @@ class Odometry:
         keys = self.config.keys
         turn = math.pi if self._n_searches > 0 else 1.5 * keys.turn
         self._n_searches = max(self._n_searches - 1, 0)
-        known = find_known_place(
-            current, fix, self.keys, keys, turn=turn, agreeing_score=keys.sure_score
-        )
+        known = find_known_place(current, fix, self.keys, keys, turn=turn)
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
@@ -215,10 +213,12 @@ class Odometry:
         self, current: PreparedScan, last: Fix, motion: UncertainPose, failed: MatchResult
     ) -> tuple[Fix, _Found]:
         """Return where a scan is that neither the key scan nor the scan before it shows."""
-        lost = last.moved(self._motion.vaguely(motion))
         keys = self.config.keys
-        known = find_known_place(
-            current, lost, self.keys, keys, turn=math.pi, agreeing_score=keys.least_score
+        # anywhere around by sure matches, else where the motion leads by any that agree
+        around, ahead = last.moved(self._motion.vaguely(motion)), last.moved(motion)
+        known = find_known_place(current, around, self.keys, keys, turn=math.pi)
+        known = known or find_known_place(
+            current, ahead, self.keys, keys, turn=math.pi, is_lost=True
         )
         if known is not None:
             fix, result = known
