@@ -13,7 +13,6 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import bearing
 from curvescan.consensus.surfels import fit_line
 from curvescan.types import Floats, Ints
 
@@ -118,7 +117,7 @@ def find_corners(
                     sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
                 )
                 cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
-                turn = bearing(dot, cross)
+                turn = math.atan2(cross, dot)
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
                 doubt = sigma * math.sqrt(12.0 / (i - low) + 12.0 / (high - i)) / arms[a]
                 if abs(turn) < max(min_turn, 3.0 * doubt):
