@@ -33,7 +33,6 @@ from curvescan.types import Codes, Floats, Pose
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.MOVED], dtype=np.uint8)
 _MIN_PROBES = 6
-_NO_DOUBT = np.zeros((3, 3))
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 
 
@@ -95,18 +94,20 @@ class CurvescanMatcher:
         # a rival along an open direction is no rival: the covariance says as much
         if len(rivals(scores, config)) > (len(on_the_way) if is_open[0] else 0):
             return _silence(Outcome.AMBIGUOUS, ref, cur, found, scores)
-        pose, doubt = poses[0], _NO_DOUBT
-        if is_open[0] and on_the_way:
+        pose, has_ties = poses[0], bool(is_open[0] and on_the_way)
+        if has_ties:
             pose = nearest_of_ties(guess, poses, scores, on_the_way, config)
             evidence = gather_evidence(ref, cur, pose, config)
-            doubt = spread(pose, poses[[0, *on_the_way]])
         if is_open[0] and guess is not None:
             pose, evidence = slide_to_guess(ref, cur, guess, pose, evidence, config)
+        cov = evidence.covariance(is_open, config.information)
+        if has_ties:
+            cov += spread(pose, poses[[0, *on_the_way]])
         return MatchResult(
             method="curvescan",
             outcome=Outcome.MATCHED,
             pose=pose,
-            covariance=evidence.covariance(is_open, config.information) + doubt,
+            covariance=cov,
             n_matched=evidence.n_agree,
             trace=CurvescanTrace(reference=ref, current=cur, candidates=found),
             labels_reference=_labels(ref, evidence.codes_ref),
