@@ -306,27 +306,6 @@ def test_database_that_is_a_program(tmp_path: Path, statements: tuple[str, ...])
         read_log(path)
 
 
-@pytest.mark.parametrize("value", [7, b"/scan"])
-@pytest.mark.parametrize("column", ["name", "type"])
-def test_database_with_a_topic_that_has_no_name_or_no_type(
-    tmp_path: Path, column: str, value: object
-) -> None:
-    path = bags.storage(bags.write_bag(tmp_path / "bag", "sqlite3", [bags.scan()]))
-    # a column without a type keeps numbers and bytes as they are
-    _change(
-        path, "create table damaged(id, name, type, serialization_format, offered_qos_profiles)"
-    )
-    _change(
-        path,
-        "insert into damaged select id, name, type, serialization_format, offered_qos_profiles from topics",
-    )
-    _change(path, f"update damaged set {column} = ?", value)
-    _change(path, "drop table topics")
-    _change(path, "alter table damaged rename to topics")
-    with pytest.raises(LogFormatError, match="1 of its 1 topics have no name or no type"):
-        read_log(path)
-
-
 def test_database_of_too_many_topics(tmp_path: Path) -> None:
     path = bags.storage(bags.write_bag(tmp_path / "bag", "sqlite3", [bags.scan()]))
     _change(path, "insert into topics with recursive a(n) as (select 5 union all select n + 1 from a limit 5000) "

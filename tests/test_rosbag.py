@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import curvescan.io.unpacking as unpacking
@@ -559,6 +560,22 @@ def test_database_with_values_of_other_types(tmp_path: Path, column: str, value:
     connection.close()
     assert_log_or_sentence(path)
     assert len(list(read_log(path).tag_counts)) >= 1
+
+
+def test_messages_of_a_topic_that_was_not_asked_for_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A damaged table gives two topics one number, and rosbags takes the messages for those of the other one."""
+    path = storage(write_bag(tmp_path / "bag", "sqlite3", [scan(1), scan(2)]))
+    genuine = Sqlite3Reader.messages
+
+    def mistaken(reader, *args, **kwargs):
+        for connection, received, data in genuine(reader, *args, **kwargs):
+            yield connection._replace(topic=None, msgtype=None), received, data
+
+    monkeypatch.setattr(Sqlite3Reader, "messages", mistaken)
+    with pytest.raises(LogFormatError, match="without a scan that can be read on topic /scan"):
+        read_log(path)
 
 
 def test_ros1_bag_of_another_version(tmp_path: Path) -> None:

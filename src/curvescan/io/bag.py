@@ -142,6 +142,10 @@ class Bag:
                     if item is None:
                         break
                     connection, received, data = item
+                    if (
+                        connection.topic not in topics
+                    ):  # a damaged table may give two topics one number
+                        continue
                     limit -= len(data) if isinstance(data, bytes) else 0
                     if limit < 0:  # an index may lead to the same bytes again and again
                         raise self._unreadable(

@@ -70,13 +70,6 @@ def _check(database: sqlite3.Connection) -> None:
     (n_topics,) = database.execute("select count(*) from topics").fetchone()
     if n_topics > _MAX_TOPICS:
         raise LogFormatError(f"it has {n_topics:,} topics, and a bag at most {_MAX_TOPICS:,}")
-    query = "select count(*) from topics where typeof(name) != 'text' or typeof(type) != 'text'"
-    (n_nameless,) = database.execute(query).fetchone()
-    if n_nameless:
-        raise LogFormatError(
-            f"{n_nameless:,} of its {n_topics:,} topics have no name or no type: its table of topics is damaged, "
-            "record again or let `sqlite3 FILE .recover` mend it"
-        )
     columns = database.execute("pragma table_info(topics)").fetchall()
     if any(_text(column[1]) == "offered_qos_profiles" for column in columns):
         query = "select offered_qos_profiles from topics"
