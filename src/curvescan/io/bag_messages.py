@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from curvescan.errors import LogFormatError
+from curvescan.io.unpacking import ZSTD_MAGIC
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -25,7 +26,6 @@ MAX_MESSAGE_BYTES = 8 << 20
 _MAX_DEFINITION_CHARS = 1 << 16
 _MAX_EXPRESSIONS = 400
 _IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
-_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _IDL_RULE = "=" * 80 + "\n"
 
 
@@ -74,7 +74,7 @@ class Decoder:
             return decode(data, msgtype)
         except Exception as error:  # generated code on hostile bytes: any builtin error
             rule = f"{short_name(msgtype)} message that cannot be decoded"
-            if bytes(data[:4]) == _ZSTD_MAGIC:
+            if bytes(data[:4]) == ZSTD_MAGIC:
                 rule += (
                     " (zstd-compressed message by message: convert the bag to an uncompressed one)"
                 )
