@@ -97,6 +97,19 @@ def gather_evidence(
 
 
 @kernel
+def leave_out_movers(codes: Codes, partner: Ints, at_rest: Bools) -> int:
+    """Take their partners from the readings of surfaces that moved, in place, and return how many readings have one left."""
+    n_left = 0
+    for i in range(codes.size):
+        if not at_rest[i]:
+            codes[i] = MOVED if codes[i] == AGREES else codes[i]
+            partner[i] = -1
+        elif partner[i] >= 0:
+            n_left += 1
+    return n_left
+
+
+@kernel
 def weigh(
     ref: View,
     bounds_ref: Ints,
@@ -118,17 +131,8 @@ def weigh(
     at_rest_ref, n_moved_ref = surfaces_at_rest(
         ref.surfels, bounds_ref, partner_ref, cur.surfels, back, limit, least
     )
-    n_agree = 0
-    for i in range(codes_cur.size):
-        if not at_rest_cur[i]:
-            codes_cur[i] = MOVED if codes_cur[i] == AGREES else codes_cur[i]
-            partner_cur[i] = -1
-        elif partner_cur[i] >= 0:
-            n_agree += 1
-    for i in range(codes_ref.size):
-        if not at_rest_ref[i]:
-            codes_ref[i] = MOVED if codes_ref[i] == AGREES else codes_ref[i]
-            partner_ref[i] = -1
+    n_agree = leave_out_movers(codes_cur, partner_cur, at_rest_cur)
+    leave_out_movers(codes_ref, partner_ref, at_rest_ref)
     told, feigned, axes, units = pose_information(
         ref.surfels, partner_ref, cur.surfels, partner_cur, pose
     )
