@@ -153,7 +153,9 @@ def with_ends(
     """Return (k, 5) corners and after them physical ends of surfaces: those that hide nothing nearer than themselves."""
     m, n_found = surfels.shape[0], corners.shape[0]
     found = np.empty((n_found + max_ends, 5))
-    found[:n_found] = corners
+    for i in range(n_found):  # one by one: assigning a slice takes more than a second to compile
+        for column in range(5):
+            found[i, column] = corners[i, column]
     for s in range(bounds.size - 1):
         start, stop = bounds[s], bounds[s + 1]
         if stop - start < 4:
