@@ -39,7 +39,9 @@ _ROOT = Path(__file__).parent
 _LOGGER = logging.getLogger(__package__)
 
 # rooms whose code no kernel calls or reads: an edit there compiles nothing anew
-_ROOMS_WITHOUT_KERNELS = frozenset({"cli", "evaluation", "io", "view"})
+_ROOMS_WITHOUT_KERNELS = frozenset(
+    {"benchmarks", "cli", "diagnostics", "evaluation", "io", "paper", "plots", "runs"}
+)
 _FOLDER_PREFIX = f"{__package__}-kernels-"
 _DIGEST_LENGTH = 16
 _UNUSED_S = 86_400.0
