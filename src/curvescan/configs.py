@@ -76,9 +76,7 @@ def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
         When a key is unknown, or a value of the wrong type or out of range.
     """
     if not isinstance(given, Mapping):
-        raise InvalidArgumentError(
-            f"{where} must be a table, got {given!r:.80}"
-        )
+        raise InvalidArgumentError(f"{where} must be a table, got {given!r:.80}")
     values = {f.name: getattr(default, f.name) for f in fields(cast(Any, default))}
     check_names(given, values, where)
     hints = get_type_hints(type(default))

@@ -156,7 +156,10 @@ class Trajectory:
         return matrices
 
     def write(
-        self, path: str | os.PathLike[str], *, format: TrajectoryFormat | None = None  # noqa: A002
+        self,
+        path: str | os.PathLike[str],
+        *,
+        format: TrajectoryFormat | None = None,  # noqa: A002
     ) -> None:
         """Write the trajectory to a file, atomically.
 

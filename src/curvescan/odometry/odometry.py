@@ -83,7 +83,9 @@ class Odometry:
         self._n_searches = 0  # scans for which a known place is still looked for, after a failure
 
     def __repr__(self) -> str:
-        return f"Odometry({self.method!r}, {self._n_scans:,} scans, {len(self.keyframes):,} keyframes)"
+        return (
+            f"Odometry({self.method!r}, {self._n_scans:,} scans, {len(self.keyframes):,} keyframes)"
+        )
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
         """Return where the sensor was at this scan.
