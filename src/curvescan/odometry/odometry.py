@@ -7,15 +7,17 @@ at rest does not drift; a new keyframe is made when the one in use is left behin
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
-from curvescan.matchers.registry import find_matcher
+from curvescan.matchers.registry import MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.gating import GatedMatch, as_measurement, gate
@@ -40,10 +42,11 @@ class Odometry:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
-        The matcher's configuration; None for its defaults.
-    config : OdometryConfig or None
-        None for what suits the method: see :meth:`OdometryConfig.of_method`.
+    config : OdometryConfig, mapping or None
+        Configuration of the odometry, or a mapping of the fields that differ; None for what suits the method: see
+        :meth:`OdometryConfig.of_method`. In every call ``config=`` configures what is called.
+    matcher : dataclass, mapping or None
+        Configuration of the matcher within: what ``config=`` is for :func:`curvescan.match`.
 
     Attributes
     ----------
@@ -53,20 +56,21 @@ class Odometry:
     Raises
     ------
     InvalidArgumentError
-        When the method is unknown or the config is another method's.
+        When the method is unknown, or a configuration is of another class or has an unknown key.
     """
 
     def __init__(
         self,
-        method: str = DEFAULT_METHOD,
+        method: Method | str = DEFAULT_METHOD,
         *,
-        matcher_config: object | None = None,
-        config: OdometryConfig | None = None,
+        config: OdometryConfig | Mapping[str, Any] | None = None,
+        matcher: MatcherConfig | None = None,
     ) -> None:
         self.method = method
-        self.matcher_config = matcher_config
-        self.config = config or OdometryConfig.of_method(method)
-        self.matcher = find_matcher(method, matcher_config)
+        self.matcher = find_matcher(method, matcher, name="matcher")
+        self.matcher_config = None if matcher is None else self.matcher.config
+        hint = "the configuration of the matcher is given as matcher="
+        self.config = as_config(config, OdometryConfig.of_method(method), hint=hint)
         self._n_scans = 0
         self._motion = MotionModel(self.config.motion)
         self.keyframes = KeyframeGraph(
@@ -77,6 +81,11 @@ class Odometry:
         self._deskewer = Deskewer()
         self._first: LaserScan | None = None
         self._n_searches = 0  # scans for which a known place is still looked for, after a failure
+
+    def __repr__(self) -> str:
+        return (
+            f"Odometry({self.method!r}, {self._n_scans:,} scans, {len(self.keyframes):,} keyframes)"
+        )
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
         """Return where the sensor was at this scan.
