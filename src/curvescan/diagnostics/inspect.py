@@ -10,8 +10,7 @@ from curvescan import se2
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
 from curvescan.diagnostics.rotation_direction import rotation_of_log
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io.log import Log
-from curvescan.io.sensor_setup import MountedLog
+from curvescan.io.log import Log, MountedLog
 from curvescan.types import Floats, Trajectory
 
 _MIN_CODE_SHARE = 0.001
@@ -78,6 +77,7 @@ def inspect_log(log: Log) -> LogReport:
         largest_reading=statistics.largest_reading,
         codes=_codes(statistics),
         suspect=_suspect(statistics),
+        code_band=statistics.top_of_range.code_band(),
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
