@@ -72,15 +72,13 @@ class Odometry:
         hint = "the configuration of the matcher is given as matcher="
         self._matching = Matching(
             method=method,
-            matcher_config=None if matcher is None else found.config,
+            matcher_config=matcher,
             matcher=found,
             config=as_config(config, OdometryConfig.of_method(method), hint=hint),
         )
-        config = self._matching.config
-        self._state = State(motion=MotionModel.at_start(config.motion))
-        self.keyframes = KeyframeGraph(
-            config.keyframes.max_keyframes, config.keyframes.variance_retained
-        )
+        self._state = State(motion=MotionModel.at_start(self.config.motion))
+        keyframes = self.config.keyframes
+        self.keyframes = KeyframeGraph(keyframes.max_keyframes, keyframes.variance_retained)
 
     @property
     def method(self) -> str:
