@@ -8,7 +8,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
-from curvescan.diagnostics.rotation_direction import rotation_of_log
+from curvescan.diagnostics.sensor import judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
 from curvescan.io.log import Log, MountedLog
 from curvescan.types import Floats, Trajectory
@@ -53,6 +53,7 @@ def inspect_log(log: Log) -> LogReport:
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
     odometry = log.odometry
+    sensor = judge_sensor(log)
     return LogReport(
         name=log.name,
         format=log.format,
@@ -81,7 +82,8 @@ def inspect_log(log: Log) -> LogReport:
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
-        sense=rotation_of_log(log),
+        sense=sensor.rotation,
+        beam_order=sensor.beam_order,
         tag_counts=dict(log.tag_counts),
         read_errors=log.read_errors,
         notes=log.notes,

@@ -13,9 +13,12 @@ from curvescan.diagnostics.checks import (
     on_odometry,
     on_readings,
     on_scans,
+    on_sensor,
     on_time,
 )
 from curvescan.diagnostics.report import LogReport
+from curvescan.diagnostics.sensor import SensorJudgement
+from curvescan.io.log import Log, MountedLog
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
 """What an issue is about."""
@@ -46,10 +49,29 @@ class Issue:
     option: str = ""
 
     @property
+    def argument(self) -> str:
+        """The same for :func:`curvescan.read_log`: ``"range_max=8.1"``; empty where there is none."""
+        if not self.option:
+            return ""
+        flag, *values = self.option.split()
+        if flag == "--upright":
+            return "upside_down=False"
+        value = f"({', '.join(values)})" if len(values) > 1 else "".join(values) or "True"
+        return f"{flag.removeprefix('--').replace('-', '_')}={value}"
+
+    @property
     def sentence(self) -> str:
-        """All of it in one sentence."""
+        """All of it in one sentence, with the argument that handles it."""
+        return self._sentence(self.argument)
+
+    @property
+    def sentence_with_option(self) -> str:
+        """The same with the option of the commands."""
+        return self._sentence(self.option)
+
+    def _sentence(self, remedy: str) -> str:
         consequence = f": {self.consequence}" if self.consequence else ""
-        return f"{self.what}{consequence}" + (f"; try {self.option}" if self.option else "")
+        return f"{self.what}{consequence}" + (f"; try {remedy}" if remedy else "")
 
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:
@@ -59,6 +81,13 @@ def find_issues(report: LogReport) -> tuple[Issue, ...]:
         for topic, find in _CHECKS.items()
         for found in find(report)
     )
+
+
+def sensor_issues(log: Log, sensor: SensorJudgement) -> tuple[Issue, ...]:
+    """Return what is wrong with the order and the direction of a log's beams: the same issues as of its report."""
+    is_upside_down = isinstance(log, MountedLog) and log.hangs_upside_down()
+    found = on_sensor(sensor.beam_order, sensor.rotation, is_upside_down=is_upside_down)
+    return tuple(Issue(topic="beams", **problem._asdict()) for problem in found)
 
 
 _CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {
