@@ -178,7 +178,7 @@ def map(  # noqa: A001 - its name in the public contract
     if trajectory is not None:
         poses = _poses(trajectory)[0]
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="way of the sensor")
-    axes.legend(loc="best", fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize="small")
     return axes
 
 
