@@ -111,12 +111,13 @@ class LaserScan:
     def _warn_of_millimetres(self) -> None:
         """Warn where ranges look like millimetres: a scan without a valid reading says only that nothing was seen."""
         limit = _FAR if math.isinf(self.range_max) else 10.0 * self.range_max
-        if (self.ranges <= limit).any() and ((self.ranges > 0.0) & (self.ranges <= limit)).any():
+        if ((self.ranges > 0.0) & (self.ranges <= limit)).any():
             return
         far = self.ranges[(self.ranges > limit) & (self.ranges < 1000.0 * limit)]
-        if (
-            far.size > len(self) // 2 and np.unique(far).size > far.size // 10
-        ):  # not one driver's code
+        is_code = np.unique(far).size < max(
+            far.size // 10, 10
+        )  # one number for all that saw nothing
+        if far.size > len(self) // 2 and not is_code:
             median = float(np.median(far))
             warnings.warn(
                 f"ranges must be metres, got a median of {median:.0f} with range_max {self.range_max:g}: if they are "

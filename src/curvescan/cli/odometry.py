@@ -47,6 +47,9 @@ def odometry(
     map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far,
     marked as partial.
 
+    The last line says whether the trajectory can be trusted and, if not, why. Exit status 0 when it can, 3 when it was
+    written but is not to be trusted.
+
     Parameters
     ----------
     log
@@ -83,7 +86,7 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_config
-    from curvescan.diagnostics.issues import sensor_issues
+    from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.run import run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
@@ -101,8 +104,8 @@ def odometry(
             source=log,
             display=display,
         )
-    for issue in sensor_issues(source, result.sensor):
-        ERR.print(issue.sentence_with_option, markup=False)
+    if not result.sensor.can_deskew:
+        ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
     OUT.print(summarise(result.run, len(source)))
     for remark in result.left_out:
         ERR.print(remark, markup=False)
@@ -110,4 +113,7 @@ def odometry(
     if export:
         exported = ", ".join(EXPORTS[name].filename for name in export)
         OUT.print(f"wrote {out}/{exported}", markup=False)
-    return 0
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
+    return 0 if result.verdict.is_trusted else 3

@@ -71,15 +71,8 @@ def on_beams(report: LogReport) -> Iterator[Problem]:
         )
     if report.fixed_beams:
         yield _on_fixed_beams(report)
-    yield from on_sensor(report.beam_order, report.sense, is_upside_down=report.is_upside_down)
-
-
-def on_sensor(
-    order: BeamOrder | None, sense: RotationDirection | None, *, is_upside_down: bool
-) -> Iterator[Problem]:
-    """Yield what is wrong with the order and the direction in which the beams are listed."""
-    yield from _on_beam_order(order)
-    yield from _on_rotation(sense, is_upside_down=is_upside_down)
+    yield from _on_beam_order(report.beam_order)
+    yield from _on_rotation(report.sense, is_upside_down=report.is_upside_down)
 
 
 def _on_beam_order(order: BeamOrder | None) -> Iterator[Problem]:

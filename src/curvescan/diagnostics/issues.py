@@ -13,12 +13,9 @@ from curvescan.diagnostics.checks import (
     on_odometry,
     on_readings,
     on_scans,
-    on_sensor,
     on_time,
 )
 from curvescan.diagnostics.report import LogReport
-from curvescan.diagnostics.sensor import SensorJudgement
-from curvescan.io.log import Log, MountedLog
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
 """What an issue is about."""
@@ -81,13 +78,6 @@ def find_issues(report: LogReport) -> tuple[Issue, ...]:
         for topic, find in _CHECKS.items()
         for found in find(report)
     )
-
-
-def sensor_issues(log: Log, sensor: SensorJudgement) -> tuple[Issue, ...]:
-    """Return what is wrong with the order and the direction of a log's beams: the same issues as of its report."""
-    is_upside_down = isinstance(log, MountedLog) and log.hangs_upside_down()
-    found = on_sensor(sensor.beam_order, sensor.rotation, is_upside_down=is_upside_down)
-    return tuple(Issue(topic="beams", **problem._asdict()) for problem in found)
 
 
 _CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {

@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from curvescan.configs import as_config
+from curvescan.diagnostics.inspect import inspect_log
+from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.io.log import Log
@@ -57,6 +60,10 @@ class RunResult:
         What ran, in its last state.
     sensor : SensorJudgement
         What the log's scans say of the sensor.
+    issues : tuple of Issue
+        What is wrong or odd with the log, as :func:`curvescan.find_issues` has it.
+    verdict : Verdict
+        Whether the trajectory can be trusted, and if not, why.
     files : tuple of str
         Names of the files written; empty without a folder.
     left_out : tuple of str
@@ -67,6 +74,8 @@ class RunResult:
     run: OdometryRun
     odometry: Odometry
     sensor: SensorJudgement
+    issues: tuple[Issue, ...]
+    verdict: Verdict
     files: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
@@ -157,13 +166,15 @@ def run(
     files: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     with _folder(out) as folder:  # first of all: a place that cannot be written costs no work
-        shown.begin("judging the order and the direction of the beams", 0)
+        shown.begin("looking for what is wrong with the log", 0)
         sensor = judge_sensor(opened, is_order_needed=config.deskew)
+        issues = find_issues(inspect_log(opened, sensor))
         odometry_poses = motion_prior(opened, sensor.rotation) if odometry_prior else None
         config = replace(config, deskew=config.deskew and sensor.can_deskew)
         odometry = Odometry(method, config=config, matcher=matcher)
         shown.begin("odometry", len(opened))
         done = run_odometry(opened, odometry, odometry_poses=odometry_poses, on_step=on_step)
+        verdict = judge_run(done, issues)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_run(
@@ -175,6 +186,7 @@ def run(
                 source=None if source is None else Path(source),
                 occupancy=map_config,
                 truth=truth,
+                verdict=verdict,
             )
             files = tuple(sorted(file.name for file in folder.iterdir()))
     if exports and out is not None:
@@ -184,7 +196,14 @@ def run(
         with output_folder(out) as folder:
             files += write_exports(folder, exports, data)
     return RunResult(
-        log=opened, run=done, odometry=odometry, sensor=sensor, files=files, left_out=left_out
+        log=opened,
+        run=done,
+        odometry=odometry,
+        sensor=sensor,
+        issues=issues,
+        verdict=verdict,
+        files=files,
+        left_out=left_out,
     )
 
 
