@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
+from curvescan.scan import LaserScan
 from curvescan.types import Codes, Cov, Floats, Pose
 
 
@@ -77,6 +78,8 @@ class MatchResult:
     score, runner_up : float
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not tell.
+    reference, current : LaserScan or None
+        The scans, for figures; None in the results within an odometry, which are kept by the thousand.
     """
 
     method: str
@@ -90,6 +93,8 @@ class MatchResult:
     degenerate_direction: Floats | None = None
     score: float = math.nan
     runner_up: float = math.nan
+    reference: LaserScan | None = None
+    current: LaserScan | None = None
 
     @property
     def ok(self) -> bool:
