@@ -146,9 +146,7 @@ class CfSmaTrace:
             "corners unlike their candidates (S_min)": int(np.sum(verdict == Verdict.WEAK)),
             "corners with two candidates": int(np.sum(verdict == Verdict.AMBIGUOUS)),
             "corners without mutual best": int(np.sum(verdict == Verdict.ONE_SIDED)),
-            "corners that do not agree (consistency)": int(
-                np.sum(verdict == Verdict.INCONSISTENT)
-            ),
+            "corners that do not agree (consistency)": int(np.sum(verdict == Verdict.INCONSISTENT)),
         }
 
     def _gates(self, features: CfSmaFeatures, paired: Ints, matched: Ints) -> Codes:
