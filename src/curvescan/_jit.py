@@ -10,12 +10,17 @@ package's machine code is kept in a folder named after a digest of the package's
 NUMBA_CACHE_DIR, else beside the package in its __pycache__, else in the user's cache folder. Folders of
 other digests are removed once they have not been used for a day. Removing one that is in use does no
 harm: what is missing is compiled again.
+
+Compiling takes seconds, once. Whoever waits longer than a second is told, and how long it took; the logger "curvescan"
+says so as a warning, which Python prints on stderr where no logging is set up.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
+import gc
 import hashlib
 import logging
 import os
@@ -28,12 +33,14 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
+from numba.core import event
 from numba.core.registry import CPUDispatcher
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-_njit: Any = functools.partial(numba.njit, error_model="numpy")
+# a C wrapper of each kernel, which nobody calls, would take a fourteenth of the time
+_njit: Any = functools.partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True)
 _numba_config: Any = numba.config
 _ROOT = Path(__file__).parent
 _LOGGER = logging.getLogger(__package__)
@@ -45,6 +52,7 @@ _ROOMS_WITHOUT_KERNELS = frozenset(
 _FOLDER_PREFIX = f"{__package__}-kernels-"
 _DIGEST_LENGTH = 16
 _UNUSED_S = 86_400.0
+_NOTICED_S = 1.0
 
 _kernels: list[Any] = []
 _faults: list[str] = []
@@ -73,6 +81,11 @@ def n_compiled() -> int:
     """
     compiled = [k for k in _kernels if isinstance(k, CPUDispatcher)]
     return sum(sum(k.stats.cache_misses.values()) for k in compiled)
+
+
+def report_compilation() -> None:
+    """Say how long the kernels took that were compiled since the last call, where that began to be said."""
+    _watch.report()
 
 
 def _dispatcher(function: Callable[..., Any]) -> Any:
@@ -199,3 +212,53 @@ def _say_not_kept(reason: str) -> None:
             reason,
         )
     _faults.append(reason)
+
+
+class _CompilationWatch(event.Listener):
+    """Measures how long this package's kernels take to compile, and halts the garbage collector meanwhile.
+
+    A compiler makes millions of objects that live until it is done: looking through them again and again takes a
+    fifth of its time.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._started = 0.0
+        self._seconds = 0.0
+        self._is_said = False
+        self._collects = True
+
+    def on_start(self, event: Any) -> None:
+        if not any(event.data["dispatcher"] is one for one in _kernels):
+            return
+        if self._depth == 0:
+            self._started = time.perf_counter()
+            self._collects = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        if not any(event.data["dispatcher"] is one for one in _kernels):
+            return
+        self._depth -= 1
+        seconds = self._seconds + time.perf_counter() - self._started
+        if self._depth == 0:
+            self._seconds = seconds
+            if self._collects:
+                gc.enable()
+        if seconds > _NOTICED_S and not self._is_said:
+            self._is_said = True
+            _LOGGER.warning("%s compiles its kernels, in the first run only ...", __package__)
+
+    def report(self) -> None:
+        if self._is_said:
+            _LOGGER.warning(
+                "%s compiled %d kernels in %.1f s", __package__, n_compiled(), self._seconds
+            )
+        self._seconds, self._is_said = 0.0, False
+
+
+_watch = _CompilationWatch()
+_register: Any = event.register
+_register("numba:compile", _watch)
+atexit.register(report_compilation)
