@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
     from curvescan.types import Trajectory
+    from curvescan.warmup import warm_up
 
 _HOMES = {
     "CurvescanError": "curvescan.errors",
@@ -54,6 +55,7 @@ _HOMES = {
     "read_log": "curvescan.io",
     "se2": "curvescan",
     "simulate": "curvescan.simulation",
+    "warm_up": "curvescan.warmup",
     "write_log": "curvescan.io",
 }
 
@@ -81,6 +83,7 @@ __all__ = [
     "read_log",
     "se2",
     "simulate",
+    "warm_up",
     "write_log",
 ]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, find_matcher
 from curvescan.matchers.result import Label, MatchResult, Outcome
@@ -105,11 +106,13 @@ def match(
         When an argument is not of the kinds above.
     """
     matcher = find_matcher(method, config)
-    return matcher.match(
+    result = matcher.match(
         _prepared(reference, matcher, "reference").features,
         _prepared(current, matcher, "current").features,
         None if guess is None else _as_guess(guess),
     )
+    watch.report()
+    return result
 
 
 def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import find_matcher
@@ -130,6 +131,7 @@ class Odometry:
         )
         self._last = current if current.matcher.can_be_reference(current.features) else None
         self._n_scans += 1
+        watch.report()
         return step
 
     def _locate(

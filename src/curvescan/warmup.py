@@ -11,10 +11,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from curvescan._jit import report_compilation
+from curvescan._compilation import watch
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
+from curvescan.matchers.curvescan.assessment import assess_pose
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
+from curvescan.matchers.curvescan.sampling import choose_samples
+from curvescan.matchers.curvescan.search import search
+from curvescan.matchers.curvescan.surfels import N_COLUMNS
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -51,7 +60,7 @@ def warm_up(method: str = DEFAULT_METHOD) -> float:
     find_matcher(method, None)
     for part in PARTS:
         part(method)
-    report_compilation()
+    watch.report()
     return time.perf_counter() - started
 
 
@@ -74,6 +83,57 @@ def _warm_up_drive(method: str) -> None:
     for config in (None, OdometryConfig.scan_to_scan()):
         run = run_odometry(scans, Odometry(method, config=config), odometry_poses=wheels)
     build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
+
+
+def help_compile() -> None:
+    """Compile in the order opposite to that of use, for a process that compiles in the order of use; see `_compilation`."""
+    find_matcher(DEFAULT_METHOD, None)
+    compile_backwards()
+    warm_up()
+
+
+def compile_backwards() -> None:
+    """Compile most kernels of the default matcher, those used last first."""
+    nothing, config = _no_features(), CurvescanConfig()
+    image, segments, keypoints = nothing.image, config.segments, config.keypoints
+    sums = np.zeros((1, 5))
+    assess_pose(nothing, nothing, np.zeros(3), config)
+    search(nothing, nothing, None, config)
+    direction_histogram(image.surfels)
+    choose_samples(image.surfels, config.scoring.n_samples)
+    with_ends(
+        nothing.keypoints,
+        image.surfels,
+        sums,
+        nothing.bounds,
+        keypoints.end_arm,
+        False,
+        keypoints.max_keypoints,
+    )
+    find_corners(
+        image.surfels,
+        sums,
+        nothing.bounds,
+        keypoints.arm_lengths,
+        segments.range_sigma_min,
+        keypoints.min_turn,
+        keypoints.max_keypoints,
+    )
+
+
+def _no_features() -> CurvescanFeatures:
+    """Return the features of a scan without readings: kernels take them, and nothing of a scan has to be compiled."""
+    surfels = np.empty((0, N_COLUMNS))
+    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01]), np.full(1, -2))
+    return CurvescanFeatures(
+        n_beams=0,
+        beam_idx=np.empty(0, dtype=np.int64),
+        bounds=np.zeros(1, dtype=np.int64),
+        image=image,
+        full_image=image,
+        keypoints=np.empty((0, 5)),
+        directions=np.zeros(120),
+    )
 
 
 PARTS: tuple[Callable[[str], None], ...] = (_warm_up_matches, _warm_up_drive)
