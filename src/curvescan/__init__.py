@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         LogFormatError,
         MissingPackageError,
         OutputError,
+        UnitWarning,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
@@ -49,6 +50,7 @@ _HOMES = {
     "PreparedScan": "curvescan.matchers",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "UnitWarning": "curvescan.errors",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "prepare": "curvescan.matchers",
@@ -76,6 +78,7 @@ __all__ = [
     "PreparedScan",
     "StepOutcome",
     "Trajectory",
+    "UnitWarning",
     "__version__",
     "log_from_arrays",
     "match",
