@@ -302,7 +302,11 @@ def _elevator(rng: np.random.Generator, sensor: Sensor) -> Scene:
 def _doors_half_turn(rng: np.random.Generator, sensor: Sensor) -> Scene:
     world = _doored_corridor(rng)
     start = np.array(
-        [rng.uniform(-1.5, 1.5), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.1 * rng.normal()]
+        [
+            rng.uniform(-1.5, 1.5),
+            rng.uniform(-0.3, 0.3),
+            rng.choice([0.0, math.pi]) + 0.1 * rng.normal(),
+        ]
     )
     return _two(world, rng, sensor, 0.5, (170.0, 180.0), start)
 
@@ -310,7 +314,11 @@ def _doors_half_turn(rng: np.random.Generator, sensor: Sensor) -> Scene:
 def _doors(rng: np.random.Generator, sensor: Sensor) -> Scene:
     world = _doored_corridor(rng, rng.uniform(2.5, 4.0))
     start = np.array(
-        [rng.uniform(-1.5, 1.5), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.3 * rng.normal()]
+        [
+            rng.uniform(-1.5, 1.5),
+            rng.uniform(-0.3, 0.3),
+            rng.choice([0.0, math.pi]) + 0.3 * rng.normal(),
+        ]
     )
     return _two(world, rng, sensor, 1.0, (0.0, 40.0), start)
 
@@ -384,7 +392,11 @@ def _crowded_corridor(rng: np.random.Generator, sensor: Sensor) -> Scene:
     left = [n for n in niches if n[2] > 0.0]
     world = corridor(44.0, width, recesses=[*left, *right])
     start = np.array(
-        [rng.uniform(-3.0, 3.0), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.3 * rng.normal()]
+        [
+            rng.uniform(-3.0, 3.0),
+            rng.uniform(-0.3, 0.3),
+            rng.choice([0.0, math.pi]) + 0.3 * rng.normal(),
+        ]
     )
     scene = _two(world, rng, sensor, 0.6, (0.0, 40.0), start)
     body = People(body_radius=0.2)
@@ -421,7 +433,12 @@ def _kinds() -> Iterator[Deception]:
         ("elevator, 180 deg", "The open door of a cabin shows another floor.", HALF, _elevator),
         ("doors, half turn", "Doors every 3 m and a turn by 180 degrees.", FULL, _doors_half_turn),
         ("doors", "Doors at one pitch, up to 1 m and 40 degrees.", HALF, _doors),
-        ("crowded corridor", "Doors at random, other people in each scan.", HALF, _crowded_corridor),
+        (
+            "crowded corridor",
+            "Doors at random, other people in each scan.",
+            HALF,
+            _crowded_corridor,
+        ),
         ("company", "Four people walk with the robot, the corridor is bare.", HALF, _company),
         ("identical offices", "The same room again and again.", HALF, _identical_offices),
         ("bare corridor", "Two walls; the heading may be half a turn off.", FULL, _bare_corridor),

@@ -6,15 +6,17 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment import assess_pose, degenerate_directions
-from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import (
-    along_degenerate_direction,
+from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
-    covariance_of_ties,
-    nearest_of_ties,
     prefer,
     search_degenerate_direction,
     top_candidates,
+)
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.disambiguation import (
+    along_degenerate_direction,
+    covariance_of_ties,
+    nearest_of_ties,
 )
 from curvescan.matchers.curvescan.search import Candidates
 from tests.matchers.curvescan.scenes import MOTION, features, pair

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,25 @@ from curvescan.types import Floats, Pose
 _STAND_STILL = np.zeros(3)
 
 
+class Problem(NamedTuple):
+    """What is to be matched.
+
+    Attributes
+    ----------
+    reference, current : CurvescanFeatures
+        Both scans.
+    guess : (3,) float64 or None
+        Expected pose of the current scan in the reference, metres, metres, radians.
+    config : CurvescanConfig
+        All parameters.
+    """
+
+    reference: CurvescanFeatures
+    current: CurvescanFeatures
+    guess: Pose | None
+    config: CurvescanConfig
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidates:
     """The best poses found.
@@ -41,6 +61,13 @@ class Candidates:
     poses: Floats
     scores: Floats
     n_tried: int
+
+
+def propose(problem: Problem) -> Candidates:
+    """Return the best poses: the guess alone where it is to be trusted, else what a search without it finds, too."""
+    ref, cur, guess, config = problem
+    trusted = None if guess is None else follow_guess(ref, cur, guess, config)
+    return trusted or search(ref, cur, guess, config)
 
 
 def follow_guess(
