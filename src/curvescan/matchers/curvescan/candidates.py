@@ -12,6 +12,7 @@ import numpy as np
 
 from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, explained_share
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.range_image import RangeImage
@@ -33,30 +34,40 @@ class RefinedCandidates:
         How well the scans agree there, at most 1.
     assessment : Assessment or None
         Of the first; None where no pose finds enough support.
+    is_guess_decisive : bool
+        Whether a guess decided between poses that explain the scans.
     """
 
     poses: Floats
     scores: Floats
     assessment: Assessment | None
+    is_guess_decisive: bool = False
 
 
 def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     """Return the candidates refined on all readings, and the best of those along a weakly observable direction.
 
-    Of poses that are as good as each other the one that a guess is clearly nearest to is kept alone.
+    Of poses that explain the scans the one that a guess is clearly nearest to is kept alone.
     """
-    ref, cur, guess, config = problem
+    ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     if not len(poses) or scores[0] < config.scoring.min_score:
         return RefinedCandidates(poses=poses, scores=scores, assessment=None)
     assessment = assess_pose(ref, cur, poses[0], config)
-    is_weak = assessment.is_weakly_observable(config.information)
-    if is_weak:
+    if assessment.is_weakly_observable(config.information):
+        best = poses[0]
         poses, scores = search_degenerate_direction(ref, cur, poses, assessment.weakest, config)
-    if is_weak or len(poses) > 1:
-        poses, scores = prefer(guess, poses, scores, config)
+        if not np.array_equal(best, poses[0]):
+            assessment = assess_pose(ref, cur, poses[0], config)
+    kept = prefer(problem, poses, scores, assessment)
+    if kept is None:
+        return RefinedCandidates(poses=poses, scores=scores, assessment=assessment)
+    poses, scores = poses[kept : kept + 1], scores[kept : kept + 1]
+    if kept > 0:
         assessment = assess_pose(ref, cur, poses[0], config)
-    return RefinedCandidates(poses=poses, scores=scores, assessment=assessment)
+    return RefinedCandidates(
+        poses=poses, scores=scores, assessment=assessment, is_guess_decisive=True
+    )
 
 
 def top_candidates(
@@ -95,7 +106,7 @@ def _finish(
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
     # one pose has only to be enough; several are told apart by more probes
     images = wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
-    return select(final, *images, *config.scoring.fine, 3, 4096, 0.1)
+    return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, 0.1)
 
 
 def wide_range_images(
@@ -113,16 +124,20 @@ def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:
     return [k for k in range(1, len(scores)) if scores[k] > least]
 
 
-def prefer(
-    guess: Pose | None, poses: Floats, scores: Floats, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    """Return the poses, or of those as good as the first the one that a guess is clearly nearest to, alone."""
-    rows = [0, *competing_hypotheses(scores, config)]
-    if guess is None or len(rows) == 1:
-        return poses, scores
-    distances = [distance(poses[k], guess) for k in rows]
+def prefer(problem: Problem, poses: Floats, scores: Floats, assessment: Assessment) -> int | None:
+    """Return the row of the one of several poses that explain the scans that a guess is clearly nearest to, or None."""
+    if problem.guess is None or len(poses) == 1:
+        return None
+    competing = competing_hypotheses(scores, problem.config)
+    least = GUESSED_REPETITION
+    rows = [
+        k
+        for k in range(1, len(poses))
+        if k in competing or explained_share(problem, poses[k], poses[0], assessment) > least
+    ]
+    if not rows:
+        return None
+    rows = [0, *rows]
+    distances = [distance(poses[k], problem.guess) for k in rows]
     first, second = np.argsort(distances, kind="stable")[:2].tolist()
-    if 2.0 * distances[first] > distances[second]:
-        return poses, scores
-    kept = rows[first]
-    return poses[kept : kept + 1], scores[kept : kept + 1]
+    return None if 2.0 * distances[first] > distances[second] else rows[first]

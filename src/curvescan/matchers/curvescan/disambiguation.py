@@ -18,6 +18,7 @@ from curvescan.matchers.curvescan.candidates import (
     wide_range_images,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.confidence import Support, support_of
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.refinement import refine
@@ -28,6 +29,9 @@ from curvescan.types import Bools, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
+
+_OTHER = 0.25
+"""Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
 
 _SHARE = 0.7
 """Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
@@ -50,6 +54,10 @@ class AssessedPose:
         Principal directions of the information that the scans leave open, the least informed first.
     ties : list of int
         Rows of the candidates that are as good and differ by a motion along the least informed direction.
+    support : Support or None
+        What speaks for the first and against it; None where too few readings agree.
+    is_guess_decisive : bool
+        Whether a guess decided between poses that explain the scans.
     """
 
     poses: Floats
@@ -57,6 +65,8 @@ class AssessedPose:
     assessment: Assessment | None = None
     is_degenerate: Bools
     ties: list[int]
+    support: Support | None = None
+    is_guess_decisive: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,14 +77,16 @@ class Verdict:
     ----------
     outcome : Outcome
         MATCHED, or why not.
-    pose : (3,) float64
-        Of the current scan in the reference.
+    pose : (3,) float64 or None
+        Of the current scan in the reference; None unless MATCHED, as are all below.
     assessment : Assessment or None
-        What the scans say of it; None unless MATCHED.
+        What the scans say of it.
     covariance : (3, 3) float64 or None
-        Of the pose; None unless MATCHED.
+        Of the pose.
     is_degenerate : bool
         Whether the scans leave a direction open.
+    confidence : float
+        Probability that the pose is right, within what its covariance says.
     """
 
     outcome: Outcome
@@ -82,25 +94,39 @@ class Verdict:
     assessment: Assessment | None = None
     covariance: Cov | None = None
     is_degenerate: bool = False
+    confidence: float = 0.0
 
 
 def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
-    """Return the best candidate refined without what moved, and the directions that the scans leave open there."""
+    """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
     ref, cur, _, config = problem
     poses, scores, assessment = refined.poses, refined.scores, refined.assessment
-    is_degenerate, ties = np.ones(3, dtype=np.bool_), list[int]()
     if assessment is not None:
         poses, assessment = without_dynamic(ref, cur, poses, assessment, config)
-    if assessment is not None and assessment.is_enough(config.scoring):
-        is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
-        ties = along_degenerate_direction(poses, scores, assessment, config)
-        is_degenerate[0] |= assessment.is_weakly_observable(config.information) and len(ties) > 0
+    if assessment is None or not assessment.is_enough(config.scoring):
+        return AssessedPose(
+            poses=poses, scores=scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
+        )
+    is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
+    ties = along_degenerate_direction(poses, scores, assessment, config)
+    is_degenerate[0] |= assessment.is_weakly_observable(config.information) and len(ties) > 0
+    others = [
+        pose
+        for pose in poses[1:]
+        if distance(pose, poses[0]) > _OTHER
+        and not (
+            is_degenerate[0]
+            and is_along(assessment.weakest, poses[0], pose, config.information.along_tolerance)
+        )
+    ]
     return AssessedPose(
         poses=poses,
         scores=scores,
         assessment=assessment,
         is_degenerate=is_degenerate,
         ties=ties,
+        support=support_of(problem, poses[0], assessment, others, bool(is_degenerate.any())),
+        is_guess_decisive=refined.is_guess_decisive,
     )
 
 
@@ -109,34 +135,49 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
 
     A candidate along a degenerate direction does not compete: the covariance holds it.
     """
-    ref, cur, guess, config = problem
-    poses, scores, ties, is_degenerate = (
-        assessed.poses,
-        assessed.scores,
-        assessed.ties,
+    assessment, support, is_degenerate = (
+        assessed.assessment,
+        assessed.support,
         assessed.is_degenerate,
     )
-    assessment = assessed.assessment
-    if assessment is None or is_degenerate.all():
+    config = problem.config
+    if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    if len(competing_hypotheses(scores, config)) > (len(ties) if is_degenerate[0] else 0):
+    if support.unlike_chance < config.scoring.min_confidence:
+        return Verdict(outcome=Outcome.UNSUPPORTED)
+    n_ties = len(assessed.ties) if is_degenerate[0] else 0
+    if (
+        support.confidence < config.scoring.min_confidence
+        or len(competing_hypotheses(assessed.scores, config)) > n_ties
+    ):
         return Verdict(outcome=Outcome.AMBIGUOUS)
-    pose, has_ties = poses[0], bool(is_degenerate[0] and ties)
-    if has_ties:
-        pose = nearest_of_ties(guess, poses, scores, ties, config)
-        assessment = assess_pose(ref, cur, pose, config)
-    if is_degenerate[0] and guess is not None:
-        pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
-    cov = assessment.covariance(is_degenerate, config.information)
-    if has_ties:
-        cov += covariance_of_ties(pose, poses[[0, *ties]])
+    pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,
         pose=pose,
         assessment=assessment,
         covariance=cov,
         is_degenerate=bool(is_degenerate.any()),
+        confidence=support.confidence,
     )
+
+
+def place(
+    problem: Problem, assessed: AssessedPose, assessment: Assessment
+) -> tuple[Pose, Assessment, Cov]:
+    """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
+    ref, cur, guess, config = problem
+    poses, ties, is_degenerate = assessed.poses, assessed.ties, assessed.is_degenerate
+    pose, has_ties = poses[0], bool(is_degenerate[0] and ties)
+    if has_ties:
+        pose = nearest_of_ties(guess, poses, assessed.scores, ties, config)
+        assessment = assess_pose(ref, cur, pose, config)
+    if is_degenerate[0] and guess is not None:
+        pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
+    cov = assessment.covariance(is_degenerate, config.information)
+    if has_ties:
+        cov += covariance_of_ties(pose, poses[[0, *ties]])
+    return pose, assessment, cov
 
 
 def along_degenerate_direction(

@@ -24,15 +24,19 @@ from curvescan.types import Codes, Floats, Pose
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.DYNAMIC], dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
+_NOT_ASSESSED = AssessedPose(
+    poses=_NOTHING.poses, scores=_NOTHING.scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CurvescanTrace:
-    """What the matcher did on the way: the features of both scans, and the poses that came into question."""
+    """What the matcher did on the way: the features of both scans, the poses that came into question, and the best."""
 
     reference: CurvescanFeatures
     current: CurvescanFeatures
     candidates: Candidates
+    assessed: AssessedPose
 
 
 class CurvescanMatcher:
@@ -59,7 +63,7 @@ class CurvescanMatcher:
         """
         problem = Problem(reference, current, guess, self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
-            return report(problem, _NOTHING, _NOTHING, Verdict(outcome=Outcome.NO_SEGMENTS))
+            return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
         candidates = propose(problem)
         refined = refine_candidates(problem, candidates)
         assessed = assess(problem, refined)
@@ -68,7 +72,7 @@ class CurvescanMatcher:
 
 
 def report(
-    problem: Problem, found: Candidates, scored: Candidates | AssessedPose, verdict: Verdict
+    problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict
 ) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
@@ -78,12 +82,14 @@ def report(
         pose=NO_POSE if verdict.pose is None else verdict.pose,
         covariance=NO_COVARIANCE if verdict.covariance is None else verdict.covariance,
         n_matched=assessment.n_inliers if assessment else 0,
-        trace=CurvescanTrace(reference=ref, current=cur, candidates=found),
+        trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
         labels_reference=_labels(ref, assessment.codes_ref if assessment else None),
         labels_current=_labels(cur, assessment.codes_cur if assessment else None),
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(scored.scores, 0),
-        runner_up=_score(scored.scores, 1),
+        score=_score(assessed.scores, 0),
+        runner_up=_score(assessed.scores, 1),
+        confidence=verdict.confidence,
+        is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
     )
 
 

@@ -23,6 +23,7 @@ from curvescan.matchers.curvescan.scoring import select
 from curvescan.types import Floats, Pose
 
 _STAND_STILL = np.zeros(3)
+_SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
 
 class Problem(NamedTuple):
@@ -64,33 +65,55 @@ class Candidates:
 
 
 def propose(problem: Problem) -> Candidates:
-    """Return the best poses: the guess alone where it is to be trusted, else what a search without it finds, too."""
+    """Return the best poses: the guess alone where it is to be trusted, else what a search finds, and the guess."""
     ref, cur, guess, config = problem
-    trusted = None if guess is None else follow_guess(ref, cur, guess, config)
-    return trusted or search(ref, cur, guess, config)
+    if guess is None:
+        return search(ref, cur, None, config)
+    near = refine_guess(ref, cur, guess, config)
+    if is_trusted(ref, cur, guess, near, config):
+        return near
+    found = search(ref, cur, guess, config)
+    if not len(near.scores) or any(distance(near.poses[0], pose) < _SAME for pose in found.poses):
+        return found
+    return Candidates(
+        poses=np.concatenate((found.poses, near.poses)),
+        scores=np.concatenate((found.scores, near.scores)),
+        n_tried=found.n_tried + 1,
+    )
 
 
-def follow_guess(
+def refine_guess(
     ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig
-) -> Candidates | None:
-    """Return the guess refined, where it is to be trusted, else None.
+) -> Candidates:
+    """Return the guess refined, or nothing where no reading agrees."""
+    images = (ref.image, cur.image)
+    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
+    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
+    return Candidates(poses=near, scores=scores, n_tried=1)
+
+
+def is_trusted(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    guess: Pose,
+    near: Candidates,
+    config: CurvescanConfig,
+) -> bool:
+    """Return whether the refined guess is taken without a look at others.
 
     It is when enough readings agree there, the refinement stays near, and both axes are fixed.
     """
     step = config.hypotheses.along_step
-    images = (ref.image, cur.image)
-    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
-    if (
-        len(near)
-        and scores[0] > config.scoring.guess_score
-        and distance(near[0], guess) < 2.0 * step
+    return bool(
+        len(near.scores)
+        and near.scores[0] > config.scoring.guess_score
+        and distance(near.poses[0], guess) < 2.0 * step
         and not len(
-            degenerate_hypotheses(near, *images, step, 1, config.information.degenerate_ratio)
+            degenerate_hypotheses(
+                near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio
+            )
         )
-    ):
-        return Candidates(poses=near, scores=scores, n_tried=1)
-    return None
+    )
 
 
 def search(
