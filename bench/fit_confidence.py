@@ -9,6 +9,7 @@ With --check nothing is fitted: the diagram is that of the constants as they are
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -133,7 +134,6 @@ class Table:
     def __init__(self) -> None:
         self.names: list[str] = []
         self.terms: list[list[float]] = []
-        self.repetition: list[float] = []
         self.right: list[bool] = []
         self.flagged: list[bool] = []
         self.counts: dict[str, int] = {}
@@ -149,35 +149,37 @@ class Table:
                 continue
             self.names.append(name)
             self.terms.append(list(assessed.support.terms.values()))
-            self.repetition.append(assessed.support.repetition)
             self.right.append(is_right(result, true, near))
             self.flagged.append(bool(assessed.is_degenerate.any()))
 
     def weights(self) -> Floats:
         """(n,) weights by which every set counts the same, summing to 1."""
         names = np.array(self.names)
-        weights = np.array([0.0 if one in UNFITTED else 1.0 / np.sum(names == one) for one in names])
+        weights = np.array(
+            [0.0 if one in UNFITTED else 1.0 / np.sum(names == one) for one in names]
+        )
         return weights / weights.sum()
 
 
-def probability(terms: Floats, repetition: Floats, parameters: Floats) -> Floats:
-    """Return the confidence by the model; parameters: midpoint and slope of repetition, then the coefficients."""
-    repeated = np.clip(parameters[1] * (parameters[0] - repetition), -60.0, 60.0)
-    chance = np.clip(terms @ parameters[2:], -60.0, 60.0)
-    return 1.0 / ((1.0 + np.exp(-repeated)) * (1.0 + np.exp(-chance)))
+def probability(terms: Floats, coefficients: Floats) -> Floats:
+    """Return the confidence by the model."""
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(terms @ coefficients, -60.0, 60.0))))
 
 
-def fit(terms: Floats, repetition: Floats, right: Floats, weights: Floats) -> Floats:
-    """Return the parameters of most likelihood, slightly drawn to 0."""
-    start = np.array([model.REPETITION_MIDPOINT, 10.0, *model.CHANCE_COEFFICIENTS.values()])
+def fit(terms: Floats, right: Floats, weights: Floats) -> Floats:
+    """Return the coefficients of most likelihood, slightly drawn to 0.
 
-    def loss(parameters: Floats) -> float:
-        p = np.clip(probability(terms, repetition, parameters), 1e-9, 1.0 - 1e-9)
-        likelihood = weights @ np.where(right, np.log(p), np.log1p(-p))
-        return float(-likelihood + 1e-5 * np.sum(parameters[3:] ** 2))
+    What a guess is worth is bounded: the guesses here are better than those of a robot that slips.
+    """
+    sign = np.where(right, 1.0, -1.0)
 
-    found = minimize(loss, start, method="L-BFGS-B", bounds=[(0.3, 0.5), (5.0, 40.0)] + [(-15, 15)] * len(terms[0]))
-    return np.asarray(found.x)
+    def loss(coefficients: Floats) -> float:
+        misfit = weights @ np.logaddexp(0.0, -sign * (terms @ coefficients))
+        return float(misfit + 2e-5 * np.sum(coefficients[1:] ** 2))
+
+    bounds = [(0.0, 3.0) if name == "guessed" else (-20.0, 20.0) for name in model.COEFFICIENTS]
+    start = np.zeros(terms.shape[1])
+    return np.asarray(minimize(loss, start, method="L-BFGS-B", bounds=bounds).x)
 
 
 def draw(p: Floats, right: Floats, weights: Floats, path: Path) -> None:
@@ -185,11 +187,14 @@ def draw(p: Floats, right: Floats, weights: Floats, path: Path) -> None:
     edges = np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0001])
     figure, ax = plt.subplots(figsize=(5, 4.4))
     ax.plot([0, 1], [0, 1], color="0.7", lw=1)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         rows = (p >= low) & (p < high)
         if rows.sum() < 20:
             continue
-        said, is_so = np.average(p[rows], weights=weights[rows]), np.average(right[rows], weights=weights[rows])
+        said, is_so = (
+            np.average(p[rows], weights=weights[rows]),
+            np.average(right[rows], weights=weights[rows]),
+        )
         print(f"said {said:.3f}, right {is_so:.3f}, {rows.sum()} pairs")
         ax.plot(said, is_so, "o", color="tab:blue", ms=4 + 2 * np.log10(rows.sum()))
     ax.set(xlabel="confidence", ylabel="share that is right", xlim=(0, 1.02), ylim=(0, 1.02))
@@ -209,18 +214,21 @@ def main() -> None:
     table = Table()
     for name, pairs in sets(arguments.n, arguments.seed):
         table.add(name, pairs)
-    terms, repetition = np.array(table.terms), np.array(table.repetition)
-    right, weights, names = np.array(table.right), table.weights(), np.array(table.names)
-    parameters = np.array([model.REPETITION_MIDPOINT, model.REPETITION_SLOPE, *model.CHANCE_COEFFICIENTS.values()])
+    terms, right, names = np.array(table.terms), np.array(table.right), np.array(table.names)
+    is_unique = terms[:, list(model.COEFFICIENTS).index("repetition")] <= model.MAX_REPETITION
+    weights = table.weights() * is_unique
+    weights /= weights.sum()
+    coefficients = np.array(list(model.COEFFICIENTS.values()))
     if not arguments.check:
-        parameters = fit(terms, repetition, right, weights)
-        print(f"REPETITION_MIDPOINT = {parameters[0]:.3f}\nREPETITION_SLOPE = {parameters[1]:.1f}")
-        for key, value in zip(model.CHANCE_COEFFICIENTS, parameters[2:], strict=True):
+        coefficients = fit(terms, right, weights)
+        for key, value in zip(model.COEFFICIENTS, coefficients, strict=True):
             print(f'    "{key}": {value:.2f},')
-    p = probability(terms, repetition, parameters)
+    p = np.where(is_unique, probability(terms, coefficients), 0.0)
     flagged = np.array(table.flagged)
     limits = (0.3, 0.5, 0.6, 0.7, 0.8)
-    print(f"share of all pairs that is right / sure and wrong / flagged and wrong, for least confidences {limits}")
+    print(
+        f"share of all pairs that is right / sure and wrong / flagged and wrong, for least confidences {limits}"
+    )
     for name, count in table.counts.items():
         rows = names == name
         cells = []
@@ -229,7 +237,7 @@ def main() -> None:
             shares = [kept & right, kept & ~right & ~flagged, kept & ~right & flagged]
             cells.append(" ".join(f"{100 * one.sum() / count:5.1f}" for one in shares))
         print(f"{name:34s} {100 * (rows & right).sum() / count:5.1f} | " + " | ".join(cells))
-    fitted = ~np.isin(names, UNFITTED)
+    fitted = ~np.isin(names, UNFITTED) & is_unique
     draw(p[fitted], right[fitted], weights[fitted], arguments.out)
 
 

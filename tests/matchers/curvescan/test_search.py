@@ -10,7 +10,7 @@ from curvescan.matchers.curvescan.config import (
     HypothesesConfig,
     ScoringConfig,
 )
-from curvescan.matchers.curvescan.search import follow_guess, search
+from curvescan.matchers.curvescan.search import Problem, is_trusted, propose, refine_guess, search
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
 
@@ -57,14 +57,28 @@ def test_no_lattice_is_tried_where_the_best_pose_lies_where_the_guess_has_it():
     assert np.abs(found.poses[0] - motion).max() < 0.02
 
 
+def trusted(ref, cur, guess):
+    return is_trusted(ref, cur, guess, refine_guess(ref, cur, guess, CONFIG), CONFIG)
+
+
 def test_a_guess_is_followed_only_where_it_is_right():
     ref, cur = pair()
-    trusted = follow_guess(ref, cur, MOTION + 0.03, CONFIG)
-    assert trusted is not None
-    assert off(trusted.poses[0]) < 0.01
-    assert follow_guess(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]), CONFIG) is None
+    assert trusted(ref, cur, MOTION + 0.03)
+    followed = propose(Problem(ref, cur, MOTION + 0.03, CONFIG))
+    assert followed.n_tried == 1
+    assert off(followed.poses[0]) < 0.01
+    assert not trusted(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]))
 
 
 def test_a_guess_in_a_corridor_is_not_trusted():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    assert follow_guess(ref, cur, np.zeros(3), CONFIG) is None
+    assert not trusted(ref, cur, np.zeros(3))
+
+
+def test_a_guess_that_is_not_trusted_is_one_more_candidate():
+    ref, cur = pair()
+    guess = MOTION + np.array([0.0, 0.4, 0.0])
+    alone = search(ref, cur, guess, CONFIG)
+    found = propose(Problem(ref, cur, guess, CONFIG))
+    assert len(found.poses) >= len(alone.poses)
+    assert off(found.poses[0]) < 0.01

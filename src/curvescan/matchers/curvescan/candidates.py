@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, explained_share
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.range_image import RangeImage

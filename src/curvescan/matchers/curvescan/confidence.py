@@ -1,6 +1,6 @@
 """Confidence: the probability that a pose is right, from how much agrees, what contradicts, and what else explains it.
 
-Two things make a wrong pose look right, and each has a factor of its own. Chance: in a world of right angles a corner of
+Two things make a wrong pose look right. Chance: in a world of right angles a corner of
 two walls fits any other, so only what agrees *beyond* the two longest walls counts in full; and surfaces larger than a
 person that one scan has where the other saw through count against the pose. Repetition: shelves, pillars and bare rooms
 look the same from several places, so another pose that explains much of what agrees, and is not contradicted, takes the
@@ -24,29 +24,29 @@ from curvescan.matchers.curvescan.search import Problem
 from curvescan.matchers.curvescan.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.types import Codes, Floats, Ints, Pose
 
-REPETITION_MIDPOINT = 0.4
-"""Share of the agreement that another pose explains at which that pose and the best are as likely."""
-
-REPETITION_SLOPE = 20.0
-"""How fast the odds fall as another pose explains more: a share of 0.1 more takes them to an eighth."""
+MAX_REPETITION = 0.38
+"""Least share of the agreement that another pose explains at which the match is ambiguous: of shifted shelves and pillars
+and turned rooms 97 in 100 reach it, of right matches in furnished places 2 in 100."""
 
 GUESSED_REPETITION = 0.3
 """Share of the agreement that a pose must explain for a guess to prefer it to the best."""
 
-CHANCE_COEFFICIENTS = {
-    "constant": 2.78,
-    "log10_excess": 1.35,
-    "log10_agreeing": 6.6,
-    "log10_contradicted": -1.46,
-    "contradicted_small": 7.3,
-    "motion": -0.37,
-    "degenerate": -1.7,
-    "guessed": 1.0,
+COEFFICIENTS = {
+    "constant": 4.13,
+    "log10_excess": 1.73,
+    "log10_agreeing": 6.77,
+    "log10_contradicted": -1.33,
+    "contradicted_small": -1.77,
+    "motion": -1.15,
+    "degenerate": -2.72,
+    "guessed": 3.0,
+    "repetition": -7.41,
 }
-"""Log odds that agreement is no chance, by what is called so in `Support`; fitted by bench/fit_confidence.py."""
+"""Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
 _MAX_MOTION = 4.0  # beyond it a motion is as unlikely as any
 _EXCESS_FLOOR = 0.1  # metres: noise of the excess length
+_AGREEING_FLOOR = 0.02  # share: noise of the agreeing share
 _LARGE_FLOOR = 0.2  # metres: noise of the contradicted length
 _LARGE = 0.5  # metres: extent of a surface that is no person's
 _NEAR_GUESS = 0.3  # metres, and radians: a pose within it is where the guess has it
@@ -92,36 +92,37 @@ class Support:
 
     @property
     def terms(self) -> dict[str, float]:
-        """What the chance model weighs, by the names of its coefficients."""
+        """What the model weighs, by the names of its coefficients."""
         return {
             "constant": 1.0,
             "log10_excess": math.log10(max(self.excess, 0.0) + _EXCESS_FLOOR),
-            "log10_agreeing": math.log10(self.agreeing + 0.02),
+            "log10_agreeing": math.log10(self.agreeing + _AGREEING_FLOOR),
             "log10_contradicted": math.log10(self.contradicted + _LARGE_FLOOR),
             "contradicted_small": self.contradicted_small,
             "motion": min(self.motion, _MAX_MOTION),
             "degenerate": float(self.is_degenerate),
             "guessed": float(self.is_guessed),
+            "repetition": self.repetition,
         }
 
     @property
-    def unlike_chance(self) -> float:
-        """Probability that the agreement is no chance."""
-        return _logistic(sum(CHANCE_COEFFICIENTS[k] * v for k, v in self.terms.items()))
-
-    @property
-    def unrepeated(self) -> float:
-        """Probability that no other pose is the right one."""
-        return _logistic(REPETITION_SLOPE * (REPETITION_MIDPOINT - self.repetition))
+    def is_repeated(self) -> bool:
+        """Whether another pose explains so much of the scans that the two cannot be told apart."""
+        return self.repetition > MAX_REPETITION
 
     @property
     def confidence(self) -> float:
-        """Probability that the pose is right, within what its covariance says."""
-        return self.unlike_chance * self.unrepeated
+        """Probability that the pose is right, within what its covariance says, if it is not repeated."""
+        log_odds = sum(COEFFICIENTS[name] * value for name, value in self.terms.items())
+        return 1.0 / (1.0 + math.exp(-max(min(log_odds, 60.0), -60.0)))
 
 
 def support_of(
-    problem: Problem, pose: Pose, assessment: Assessment, others: Sequence[Pose], is_degenerate: bool
+    problem: Problem,
+    pose: Pose,
+    assessment: Assessment,
+    others: Sequence[Pose],
+    is_degenerate: bool,
 ) -> Support:
     """Return what speaks for a pose.
 
@@ -170,11 +171,11 @@ def motion_of(problem: Problem, pose: Pose) -> float:
 def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Assessment) -> float:
     """Return how much of what agrees at the best pose another one explains as well, as a share.
 
-    What agrees there, less what is contradicted there and not at the best pose. A pose that rests on two walls alone
-    counts less the farther it is from where the sensor is expected.
+    The geometric mean of the shares of what agrees and of the excess length, less what is contradicted there and not at
+    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected.
     """
     ref, cur = problem.reference, problem.current
-    agreeing, contradicted, excess, agreeing_best = compare_explanations(
+    agreeing, contradicted, excess, agreeing_best, excess_best = compare_explanations(
         ref.image,
         ref.bounds,
         assessment.codes_ref,
@@ -185,6 +186,7 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
         problem.config.scoring.margin,
     )
     share = agreeing / max(agreeing_best, _EXCESS_FLOOR)
+    share = math.sqrt(share * min(1.0, (excess + _LARGE) / (excess_best + _LARGE)))
     share *= max(0.0, 1.0 - contradicted / (_CONTRADICTED * max(agreeing, _EXCESS_FLOOR)))
     if excess < _TWO_WALLS:
         farther = motion_of(problem, other) - motion_of(problem, best) - _NEARER
@@ -192,16 +194,13 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     return float(share)
 
 
-def _logistic(x: float) -> float:
-    return 1.0 / (1.0 + math.exp(-max(min(x, 60.0), -60.0)))
-
-
 @kernel
 def support_lengths(
     surfels: Floats, bounds: Ints, codes: Codes, codes_best: Codes
 ) -> tuple[float, float, float, float, float]:
-    """Return lengths of surface, metres: that agrees, that is contradicted, of that in runs longer than 0.5 m, of that
-    not contradicted at the best pose, and of all.
+    """Return lengths of surface, metres.
+
+    What agrees, what is contradicted, of that in runs longer than 0.5 m, of that not contradicted at the best pose, all.
     """
     agreeing, contradicted, large, new, total = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(bounds.size - 1):
@@ -291,9 +290,10 @@ def compare_explanations(
     best_cur: Codes,
     pose: Floats,
     margin: float,
-) -> tuple[float, float, float, float]:
-    """Return what agrees at a pose, what is contradicted there and not at the best one, the excess length, and what
-    agrees at the best pose, metres; best_ref and best_cur are the codes there.
+) -> tuple[float, float, float, float, float]:
+    """Return what agrees at a pose, what is contradicted there and not at the best one, the excess length there.
+
+    And what agrees at the best pose and is in excess there; all metres. best_ref and best_cur are the codes there.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
@@ -304,4 +304,8 @@ def compare_explanations(
     best_a = support_lengths(ref.surfels, bounds_ref, best_ref, best_ref)
     best_b = support_lengths(cur.surfels, bounds_cur, best_cur, best_cur)
     excess = 0.5 * (excess_length(ref.surfels, codes_ref) + excess_length(cur.surfels, codes_cur))
-    return 0.5 * (a[0] + b[0]), 0.5 * (a[3] + b[3]), excess, 0.5 * (best_a[0] + best_b[0])
+    excess_best = 0.5 * (
+        excess_length(ref.surfels, best_ref) + excess_length(cur.surfels, best_cur)
+    )
+    agreeing, contradicted = 0.5 * (a[0] + b[0]), 0.5 * (a[3] + b[3])
+    return agreeing, contradicted, excess, 0.5 * (best_a[0] + best_b[0]), excess_best

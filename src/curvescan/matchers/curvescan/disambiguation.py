@@ -17,8 +17,8 @@ from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
     wide_range_images,
 )
-from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.confidence import Support, support_of
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.refinement import refine
@@ -143,14 +143,11 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     config = problem.config
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    if support.unlike_chance < config.scoring.min_confidence:
-        return Verdict(outcome=Outcome.UNSUPPORTED)
     n_ties = len(assessed.ties) if is_degenerate[0] else 0
-    if (
-        support.confidence < config.scoring.min_confidence
-        or len(competing_hypotheses(assessed.scores, config)) > n_ties
-    ):
+    if support.is_repeated or len(competing_hypotheses(assessed.scores, config)) > n_ties:
         return Verdict(outcome=Outcome.AMBIGUOUS)
+    if support.confidence < config.scoring.min_confidence:
+        return Verdict(outcome=Outcome.UNSUPPORTED)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,
