@@ -24,7 +24,7 @@ from curvescan.matchers.curvescan.search import Problem
 from curvescan.matchers.curvescan.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.types import Codes, Floats, Ints, Pose
 
-MAX_REPETITION = 0.38
+MAX_REPETITION = 0.36
 """Least share of the agreement that another pose explains at which the match is ambiguous: of shifted shelves and pillars
 and turned rooms 97 in 100 reach it, of right matches in furnished places 2 in 100."""
 
@@ -32,15 +32,15 @@ GUESSED_REPETITION = 0.3
 """Share of the agreement that a pose must explain for a guess to prefer it to the best."""
 
 COEFFICIENTS = {
-    "constant": 4.13,
-    "log10_excess": 1.73,
-    "log10_agreeing": 6.77,
-    "log10_contradicted": -1.33,
-    "contradicted_small": -1.77,
-    "motion": -1.15,
-    "degenerate": -2.72,
+    "constant": 4.28,
+    "log10_excess": 1.85,
+    "log10_agreeing": 6.65,
+    "log10_contradicted": -1.31,
+    "contradicted_small": -2.31,
+    "motion": -1.27,
+    "degenerate": -2.86,
     "guessed": 3.0,
-    "repetition": -7.41,
+    "repetition": -5.77,
 }
 """Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
