@@ -1,4 +1,4 @@
-"""What is looked for in a report: one function a topic, each finding with its consequence and the option that handles it."""
+"""The checks of a log: one function a topic, each issue with its consequence and the option that handles it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from curvescan.diagnostics.report import LogReport, TimeSummary
 
 
 class Problem(NamedTuple):
-    """A finding whose topic is that of its finder; the fields are those of Finding."""
+    """An issue without its topic, which is that of the check; the fields are those of Issue."""
 
     kind: str
     what: str
@@ -84,7 +84,7 @@ def on_beams(report: LogReport) -> Iterator[Problem]:
         yield Problem(
             "gyro_in_degrees",
             f"the gyroscope turns {sense.ratio:.0f} times as far as the scans",
-            "it gives degrees where REP-103 asks for radians; --odometry-prior takes them for what they are",
+            "it gives degrees where REP-103 requires radians; --odometry-prior takes them for what they are",
         )
 
 

@@ -33,11 +33,11 @@ class LogStatistics:
     stamps : array of float
         Seconds, one a scan.
     n_timed : int
-        Scans that tell the time from a beam to the next.
+        Scans that give the time from one beam to the next.
     sweep_seconds : float
         Longest time from the first to the last beam, by these times; 0 without.
     beams : BeamStatistics
-        What tells beams that do not say what is there now.
+        Statistics of stale beams and of beams that see the robot itself.
     layouts : Counter of Layout
         Scans by arrangement of the beams.
     range_min, range_max : float
