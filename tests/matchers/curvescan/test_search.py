@@ -31,29 +31,30 @@ def test_the_best_candidate_is_near_the_truth():
         assert len(found.poses) == len(found.scores)
 
 
-def test_a_lattice_finds_what_nothing_else_proposes():
+def test_walls_that_coincide_propose_what_nothing_else_does():
     ref, cur = pair(motion=np.array([0.55, -0.45, 0.0]))
     blind = CurvescanConfig(
         hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
         scoring=ScoringConfig(doubtful_score=1.0),
     )
     found = search(ref, cur, None, blind)
-    assert found.n_tried > 200
+    assert found.n_tried > 5
     assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
 
 
-def test_no_lattice_is_tried_where_the_best_pose_lies_where_the_guess_has_it():
+def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
     motion = np.array([0.55, -0.45, 0.0])
     ref, cur = pair(motion=motion)
-    # nothing is ever certain, and nothing but the guess and the lattice proposes the place
+    # nothing is ever certain, and nothing but the guess and the walls propose the place
     doubting = CurvescanConfig(
         hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
         scoring=ScoringConfig(few_tried=10_000, certain_score=1.0),
     )
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
-    assert search(ref, cur, right, doubting).n_tried < 10
+    few = search(ref, cur, right, doubting).n_tried
+    assert few < 10
     found = search(ref, cur, wrong, doubting)
-    assert found.n_tried > 200
+    assert found.n_tried > few
     assert np.abs(found.poses[0] - motion).max() < 0.02
 
 

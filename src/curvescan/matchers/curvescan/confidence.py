@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -148,7 +148,7 @@ def support_of(
         excess_length(ref.image.surfels, codes[0]) + excess_length(cur.image.surfels, codes[1])
     )
     motion = motion_of(problem, pose)
-    return Support(
+    support = Support(
         agreeing=agreeing / max(total, _EXCESS_FLOOR),
         excess=excess,
         contradicted=large,
@@ -156,10 +156,12 @@ def support_of(
         motion=motion,
         is_guessed=problem.guess is not None and motion < _NEAR_GUESS,
         is_degenerate=is_degenerate,
-        repetition=max(
-            (explained_share(problem, one, pose, assessment) for one in others), default=0.0
-        ),
+        repetition=0.0,
     )
+    if support.confidence < problem.config.scoring.min_confidence:
+        return support  # others would make it no better
+    shares = (explained_share(problem, other, pose, assessment) for other in others)
+    return replace(support, repetition=max(shares, default=0.0))
 
 
 def motion_of(problem: Problem, pose: Pose) -> float:

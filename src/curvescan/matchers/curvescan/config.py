@@ -80,10 +80,12 @@ class HypothesesConfig:
     """Most voted poses that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
-    grid_step: float = 0.25
-    """Where no pose finds support, places this far apart are tried, metres."""
-    grid_reach: float = 1.25
-    """How far the places tried lie from the reference's, metres on each axis."""
+    alignment_reach: float = 2.0
+    """Where no pose finds support, places up to this far along each axis are tried at which walls coincide, metres."""
+    alignment_bin: float = 0.1
+    """Walls coincide within this width, metres."""
+    n_alignments: int = 3
+    """Places tried along each axis."""
     along_step: float = 0.15
     """Along corridors places this far apart are tried, metres."""
     along_reach: float = 1.8
@@ -93,13 +95,13 @@ class HypothesesConfig:
         for name in (
             "turn_tolerance",
             "cell",
-            "grid_step",
-            "grid_reach",
+            "alignment_reach",
+            "alignment_bin",
             "along_step",
             "along_reach",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("max_pairs", "max_tried", "n_rotations"):
+        for name in ("max_pairs", "max_tried", "n_rotations", "n_alignments"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 

@@ -15,9 +15,9 @@ from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.rotation_hypotheses import (
+    aligned_translations,
     degenerate_hypotheses,
     rotation_hypotheses,
-    translation_grid,
 )
 from curvescan.matchers.curvescan.scoring import select
 from curvescan.types import Floats, Pose
@@ -121,8 +121,8 @@ def search(
 ) -> Candidates:
     """Return the best poses of all that frames, directions of surfaces and the guess propose.
 
-    Where they find little support, and the best is not where the guess has it, the places of a lattice around standing
-    still are tried as well.
+    Where they find little support, and the best is not where the guess has it, the places where walls of both
+    scans coincide are tried as well.
     """
     steps = config.hypotheses
     rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
@@ -135,9 +135,15 @@ def search(
     found = _best(ref, cur, np.concatenate((rotated, voted)), config)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
-    reach = round(steps.grid_reach / steps.grid_step)
-    places = np.concatenate((found.poses, translation_grid(rotated, steps.grid_step, reach)))
-    return _best(ref, cur, places, config)
+    aligned = aligned_translations(
+        rotated,
+        ref.image.samples,
+        cur.image.samples,
+        steps.alignment_reach,
+        steps.alignment_bin,
+        steps.n_alignments,
+    )
+    return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
 
 
 def _best(
