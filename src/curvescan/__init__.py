@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         LogFormatError,
         MissingPackageError,
         OutputError,
+        UnitWarning,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
@@ -48,6 +49,7 @@ _HOMES = {
     "PreparedScan": "curvescan.matchers",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "UnitWarning": "curvescan.errors",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "prepare": "curvescan.matchers",
@@ -74,6 +76,7 @@ __all__ = [
     "PreparedScan",
     "StepOutcome",
     "Trajectory",
+    "UnitWarning",
     "__version__",
     "log_from_arrays",
     "match",
