@@ -135,3 +135,20 @@ def reading_at(x: float, y: float, view: View) -> int:
         place -= turn
     slot = min(math.floor(place), view.lookup.size - 1)
     return int(view.lookup[slot])
+
+
+@kernel
+def reading_beside(x: float, y: float, view: View) -> int:
+    """Return the reading on the other side of the direction of (x, y) than the nearest one, as `reading_at` does."""
+    turn = 2.0 * math.pi * view.fan[1]
+    place = (bearing(x, y) - view.fan[0]) * view.fan[1]
+    if place < -0.5:
+        place += turn
+    elif place >= turn - 0.5:
+        place -= turn
+    low = math.floor(place)
+    n = view.lookup.size
+    slot = int(low) if place - low >= 0.5 else int(low) + 1
+    if slot < 0 or slot >= n:
+        return -2
+    return int(view.lookup[slot])

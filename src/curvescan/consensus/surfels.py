@@ -13,12 +13,12 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
 
-X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH = range(10)
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING = range(11)
 """Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
 through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
 of surface that it stands for. Without a line the variance is negative and the length 0."""
 
-N_COLUMNS = LENGTH + 1
+N_COLUMNS = SPACING + 1
 
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
@@ -194,6 +194,7 @@ def fit_surfels(
             surfels[i, 3], surfels[i, 4] = x, y
             surfels[i, 5], surfels[i, 6] = -bx, -by
             surfels[i, 7], surfels[i, 8], surfels[i, 9] = -1.0, 1.0, 0.0
+            surfels[i, 10] = r * step
             continue
         facing = fits[i, 2] * by - fits[i, 3] * bx
         best = best_fit(fits, i, facing * facing, sigma2)
@@ -210,5 +211,7 @@ def fit_surfels(
         surfels[i, 5], surfels[i, 6] = nx, ny
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
-        surfels[i, 9] = min(max(r * step / max(-facing, 0.1), 0.03), 0.3)
+        spacing = r * step / max(-facing, 0.1)
+        surfels[i, 9] = min(max(spacing, 0.03), 0.3)
+        surfels[i, 10] = spacing
     return surfels, sums, math.sqrt(sigma2)

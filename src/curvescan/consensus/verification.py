@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.consensus.polar import View, reading_at
+from curvescan.consensus.polar import View, reading_at, reading_beside
 from curvescan.types import Floats
 
 
@@ -44,16 +44,24 @@ def support(
         ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
         nx, ny = surfels[j, 5], surfels[j, 6]
         limit = tolerance + slope * surfels[j, 2]
-        across = (nx * ux + ny * uy) / limit
-        badness = across * across
-        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit * limit:
+        limit2 = max(limit * limit, 4.0 * (abs(probes[k, 7]) + abs(surfels[j, 7])) if surfels[j, 7]>0 else 0.0)
+        across = nx * ux + ny * uy
+        badness = across * across / limit2
+        vx, vy = qx - surfels[j, 0], qy - surfels[j, 1]
+        reach = 0.6 * surfels[j, 10]
+        if badness < 1.0 and vx * vx + vy * vy < 9.0 * limit2 + reach * reach:
             mx, my = probes[k, 5], probes[k, 6]
             alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
             if alike > 0.0:
                 score += (1.0 - badness) * alike
                 continue
-        front = surfels[j, 2] - 2.0 * limit
+        front = surfels[j, 2] - 2.0 * math.sqrt(limit2)
         if front > 0.0 and qx * qx + qy * qy < front * front:
+            i = reading_beside(qx, qy, view)
+            if i >= 0:
+                front = min(front, surfels[i, 2] - 2.0 * math.sqrt(limit2))
+                if front <= 0.0 or qx * qx + qy * qy >= front * front:
+                    continue
             score -= 0.5
     return score
 
