@@ -66,7 +66,7 @@ def score_samples(
         if front <= 0.0 or qx * qx + qy * qy >= front * front:
             continue
         # between two beams the nearer surface may reach as far as the other beam
-        i = reading_beside(qx, qy, image)
+        i = reading_beside(qx, qy, image, j)
         front -= max(surfels[j, 2] - surfels[i, 2], 0.0) if i >= 0 else 0.0
         if front > 0.0 and qx * qx + qy * qy < front * front:
             score -= 0.5
