@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MapTooLargeError,
         MissingPackageError,
         OutputError,
+        UnitWarning,
     )
     from curvescan.io import (
         log_from_arrays,
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
     from curvescan.types import PoseEdge, Trajectory
+    from curvescan.warmup import warm_up
 
 _HOMES = {
     "CfSmaConfig": "curvescan.matchers.cfsma.config",
@@ -136,6 +138,7 @@ _HOMES = {
     "ShrinkConfig": "curvescan.matchers.baselines.config",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "UnitWarning": "curvescan.errors",
     "find_issues": "curvescan.diagnostics.issues",
     "inspect_log": "curvescan.diagnostics.inspect",
     "log_from_arrays": "curvescan.io",
@@ -152,6 +155,7 @@ _HOMES = {
     "run": "curvescan.runs.run",
     "run_odometry": "curvescan.odometry",
     "simulate": "curvescan.simulation",
+    "warm_up": "curvescan.warmup",
     "write_config": "curvescan.io",
     "write_csv": "curvescan.io",
     "write_g2o": "curvescan.io.trajectories.g2o",
@@ -214,6 +218,7 @@ __all__ = [
     "ShrinkConfig",
     "StepOutcome",
     "Trajectory",
+    "UnitWarning",
     "__version__",
     "find_issues",
     "inspect_log",
@@ -233,6 +238,7 @@ __all__ = [
     "run_odometry",
     "se2",
     "simulate",
+    "warm_up",
     "write_config",
     "write_csv",
     "write_g2o",

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.registry import (
     DEFAULT_METHOD,
@@ -125,6 +126,7 @@ def match(
     matcher = find_matcher(method, config)
     ref, cur = _prepared(reference, matcher, "reference"), _prepared(current, matcher, "current")
     result = matcher.match(ref.features, cur.features, None if guess is None else _as_guess(guess))
+    watch.report()
     return replace(result, reference=ref.scan, current=cur.scan)
 
 

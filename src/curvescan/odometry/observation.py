@@ -26,8 +26,8 @@ class Matching:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : dataclass or None
-        The matcher's configuration; None for its defaults.
+    matcher_config : dataclass, mapping or None
+        The matcher's configuration as it was given; None for its defaults.
     matcher : Matcher
         The matcher.
     config : OdometryConfig

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
@@ -70,17 +71,15 @@ class Odometry:
     ) -> None:
         found = find_matcher(method, matcher, name="matcher")
         hint = "the configuration of the matcher is given as matcher="
-        config = as_config(config, OdometryConfig.of_method(method), hint=hint)
         self._matching = Matching(
             method=method,
-            matcher_config=None if matcher is None else found.config,
+            matcher_config=matcher,
             matcher=found,
-            config=config,
+            config=as_config(config, OdometryConfig.of_method(method), hint=hint),
         )
-        self._state = State(motion=MotionModel.at_start(config.motion))
-        self.keyframes = KeyframeGraph(
-            config.keyframes.max_keyframes, config.keyframes.variance_retained
-        )
+        self._state = State(motion=MotionModel.at_start(self.config.motion))
+        keyframes = self.config.keyframes
+        self.keyframes = KeyframeGraph(keyframes.max_keyframes, keyframes.variance_retained)
 
     @property
     def method(self) -> str:
@@ -135,6 +134,7 @@ class Odometry:
         )
         placement = _place(observation)
         self._commit(observation, placement)
+        watch.report()
         return _as_step(observation, placement)
 
     def _commit(self, observation: Observation, placement: Placement) -> None:
