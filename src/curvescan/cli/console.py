@@ -88,6 +88,35 @@ def progress_bars() -> Iterator[Callable[[str, int], Callable[..., None]]]:
         yield begin
 
 
+class _RunDisplay:
+    """Shows a run: a progress bar for a stage of known length, a status line for others."""
+
+    def __init__(self, stages: ExitStack, on_start: Callable[[], None]) -> None:
+        self._stages, self._on_start = stages, on_start
+        self._is_started = False
+        self._advance: Callable[..., None] = lambda: None
+
+    def begin(self, stage: str, n_steps: int) -> None:
+        self._stages.close()
+        if not self._is_started:
+            self._is_started = True
+            self._on_start()
+        if n_steps:
+            self._advance = self._stages.enter_context(progress_bar(stage, n_steps))
+        else:
+            self._stages.enter_context(ERR.status(stage))
+
+    def advance(self) -> None:
+        self._advance()
+
+
+@contextmanager
+def run_display(on_start: Callable[[], None]) -> Iterator[_RunDisplay]:
+    """Yield what shows the stages of :func:`curvescan.run`; `on_start` is called before the first of them."""
+    with ExitStack() as stages:
+        yield _RunDisplay(stages, on_start)
+
+
 def load_kernels(method: str) -> None:
     """Load a matcher's kernels, and say so where they have to be compiled first."""
     with ERR.status("loading kernels (compiled in the first run only)"):
