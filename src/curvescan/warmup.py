@@ -118,7 +118,7 @@ BACKWARDS = (_assess, _search, _find_keypoints)
 def _no_features() -> CurvescanFeatures:
     """Return the features of a scan without readings: kernels take them, and nothing of a scan has to be compiled."""
     surfels = np.empty((0, N_COLUMNS))
-    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01]), np.full(1, -2))
+    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01, 1.0]), np.full(1, -2))
     return CurvescanFeatures(
         n_beams=0,
         beam_idx=np.empty(0, dtype=np.int64),
