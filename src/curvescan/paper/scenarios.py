@@ -307,7 +307,7 @@ def _run_one(
         if on_step:
             on_step(step)
 
-    odometry = Odometry(method, config=OdometryConfig.scan_to_scan(), matcher_config=config)
+    odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
     run = run_odometry(log, odometry, on_step=collect)
     return ScenarioResult(
         run=run,
