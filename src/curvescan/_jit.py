@@ -28,7 +28,7 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
         Takes contiguous arrays and scalars, returns a scalar, an array or a tuple of them. It neither
         validates nor raises.
     """
-    compiled = numba.njit(cache=True, error_model="numpy")(function)
+    compiled = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     _kernels.append(compiled)
     typed: Callable[_P, _R] = compiled
     return typed

@@ -1,0 +1,281 @@
+"""Backend: keyframes in, a pose graph that closes its loops out.
+
+The state of SLAM but for the odometry. A keyframe is tied to the ones before it, candidates for loop closures are queued, a few of
+them are matched with each scan, and what is believed becomes edges; an optimization runs beside.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert, nowhere_else
+from curvescan.scan import LaserScan
+from curvescan.slam.agreement import Waiting
+from curvescan.slam.belief import Belief
+from curvescan.slam.candidates import choose_candidates
+from curvescan.slam.closures import Closure, Verdict, is_certain, judged, vaguely
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.graph import EdgeKind, PoseGraph
+from curvescan.slam.jobs import Job, Problem, Solution
+from curvescan.slam.keyframes import Keyframes
+from curvescan.types import Cov
+
+
+class Candidate(NamedTuple):
+    """Two keyframes to be matched, and where the graph expects j in the frame of i."""
+
+    i: int
+    j: int
+    expected: UncertainPose
+
+
+class Backend:
+    """The graph, its keyframes, and the search for loop closures.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+        Where keyframes are kept.
+    config : SlamConfig
+        The rules.
+    """
+
+    def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
+        self.config = config
+        self.keyframes = keyframes
+        self.graph = PoseGraph()
+        self.current = 0
+        self.since = nowhere_else()  # the current keyframe seen from the one of the belief
+        self.closures: list[Closure] = []
+        self._belief: Belief | None = None
+        self._queue: deque[Candidate] = deque()
+        self._tried: set[tuple[int, int]] = set()
+        self._waiting = Waiting(config)
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
+        self._job: Job | None = None
+        self._job_due = 0
+        self._is_dirty = False
+        self._n_scans = 0
+
+    @property
+    def belief(self) -> Belief:
+        """What the graph knew after the last optimization."""
+        assert self._belief is not None, "there is no keyframe yet"
+        return self._belief
+
+    def start(self, scan: LaserScan, index: int) -> int:
+        """Take the first keyframe, at the origin, and return its number."""
+        k = self.keyframes.add(scan, index)
+        self.graph.add_pose(np.zeros(3))
+        self._belief = Belief.at_start(k, np.zeros(3))
+        self.current, self.since = k, nowhere_else()
+        return k
+
+    def add_keyframe(
+        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
+    ) -> int:
+        """Take the next keyframe and return its number.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Its scan, deskewed.
+        index : int
+            Its number in the stream.
+        motion : UncertainPose
+            Its pose in the frame of the current keyframe by the odometry.
+        is_measured : bool
+            Whether matches measured all of the motion.
+        """
+        before = self.current
+        k = self.keyframes.add(scan, index)
+        motion = self._link(before, k, motion, is_measured)
+        self.since = chain(self.since, motion)
+        self.current = k
+        self._enqueue(k)
+        return k
+
+    def _link(
+        self, before: int, k: int, motion: UncertainPose, is_measured: bool
+    ) -> UncertainPose:
+        """Tie a keyframe to the one before it, and return how it lies to that."""
+        noise, rules = self.config.noise, self.config.closures
+        self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
+        x, y, theta = np.abs(motion.pose).tolist()
+        vague = UncertainPose(
+            motion.pose,
+            motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
+        )
+        self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
+        result = self.keyframes.match(before, k, None)
+        is_clear = result.ok and result.weak_direction is None
+        if is_clear and not result.score < rules.min_score:
+            found = UncertainPose(result.pose, noise.edge(result.covariance))
+            expected = UncertainPose(
+                motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor
+            )
+            if fuse(expected, found)[1] < rules.gate:
+                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
+                return found
+        if is_measured:
+            by_chain = UncertainPose(motion.pose, motion.cov + 4.0 * noise.floor)
+            self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
+            return by_chain
+        return vague
+
+    def _enqueue(self, k: int) -> None:
+        """Queue the keyframes that the newest one is to be matched with."""
+        linked = range(max(k - self.config.keyframes.n_linked, 0), k - 1)
+        relative, covariances = self.belief.seen_from_all(
+            self.graph.poses[: k + 1], self.since, self.current
+        )
+        chosen = choose_candidates(relative, covariances, linked, self.config)
+        for i in chosen:
+            expected = UncertainPose(relative[i], covariances[i])
+            self._queue.append(Candidate(i, k, expected))
+
+    def work(self, index: int) -> tuple[tuple[Closure, ...], bool]:
+        """Do a bounded share of what waits, and return the closures accepted and whether poses were revised.
+
+        Parameters
+        ----------
+        index : int
+            Number of the scan.
+        """
+        self._n_scans += 1
+        accepted: list[Closure] = []
+        for _ in range(min(self.config.closures.matches_per_scan, len(self._queue))):
+            accepted += self._try(self._queue.popleft(), index)
+        is_revised = False
+        if self._job is not None and self._n_scans >= self._job_due:
+            self._adopt(self._job.result(), self._job)
+            self._job, is_revised = None, True
+        if self._job is None and self._is_due():
+            self._begin()
+        return tuple(accepted), is_revised
+
+    def _try(self, candidate: Candidate, index: int) -> list[Closure]:
+        i, j, _ = candidate
+        if (i, j) in self._tried:
+            return []
+        self._tried.add((i, j))
+        expected = UncertainPose(
+            se2.between(self.graph.poses[i], self.graph.poses[j]), candidate.expected.cov
+        )
+        expected = vaguely(expected, self.config)
+        guess = expected.pose if is_certain(expected, self.config) else None
+        result = self.keyframes.match(i, j, guess)
+        closure = judged(result, expected, self.config, scan=index, i=i, j=j)
+        if closure.verdict is Verdict.WAITING:
+            agreed = self._waiting.add(closure, self.graph.poses)
+            if not agreed:
+                self.closures.append(closure)
+                return []
+            agreed = [replace(c, verdict=Verdict.AGREED) for c in agreed]
+            for one in agreed:
+                self._accept(one)
+            return agreed
+        if closure.is_accepted:
+            self._accept(closure)
+            return [closure]
+        self.closures.append(closure)
+        return []
+
+    def _accept(self, closure: Closure) -> None:
+        """Make a closure an edge, and take the newest keyframe to where it says."""
+        self.closures.append(closure)
+        i, j = closure.i, closure.j
+        self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
+        if closure.distance > self.config.optimizer.surprise or closure.verdict is Verdict.AGREED:
+            self._is_dirty = True
+        if j != self.current or not self.belief.knows(i):
+            return
+        by_closure = chain(
+            invert(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
+        )
+        self.since, _ = fuse(self.since, by_closure)
+        self.graph.poses[j] = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
+
+    def _is_due(self) -> bool:
+        n, known = self.graph.n_poses, self.belief.n
+        grown = n - known >= max(10.0, self.config.optimizer.growth * known)
+        return (self._is_dirty and n > 1) or grown
+
+    def _begin(self) -> None:
+        self._is_dirty = False
+        problem = Problem.of(self.graph, self.current)
+        self._job = Job(problem, self.config.optimizer.limit, self._pool)
+        self._job_due = self._n_scans + self.config.optimizer.n_adopt
+
+    def _adopt(self, solution: Solution, job: Job) -> None:
+        """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
+        n, k = job.n_poses, solution.current
+        later = se2.between(self.graph.poses[k], self.graph.poses[n:])
+        onward = se2.between(self.graph.poses[k], self.graph.poses[self.current])
+        self.graph.poses[:n] = solution.poses
+        self.graph.poses[n:] = se2.compose(solution.poses[k], later)
+        self.graph.weights[: job.n_edges] = solution.weights
+        cov = self._chain_covariance(k, self.current)
+        self._belief = Belief(k, solution.poses, solution.diagonal, solution.with_current)
+        self.since = UncertainPose(onward, cov)
+
+    def _chain_covariance(self, k: int, last: int) -> np.ndarray:
+        """Return the covariance of a keyframe seen from an earlier one along the edges that follow each other."""
+        total = nowhere_else()
+        steps = {
+            (int(e[0]), int(e[1])): row
+            for row, e in enumerate(self.graph.ends)
+            if k <= e[0] and e[1] == e[0] + 1 and self.graph.kinds[row] != EdgeKind.CLOSURE
+        }
+        for a in range(k, last):
+            row = steps[(a, a + 1)]  # the last one written: a match where there is one
+            total = chain(
+                total, UncertainPose(self.graph.measured[row], self.graph.covariances[row])
+            )
+        return total.cov
+
+    def finish(self) -> None:
+        """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""
+        if self._belief is None:
+            return
+        if self._job is not None:
+            self._adopt(self._job.result(), self._job)
+            self._job = None
+        while self._queue:
+            self._try(self._queue.popleft(), self._n_scans)
+        self._settle()
+        self._densify()
+        self._settle()
+
+    def _settle(self) -> None:
+        problem = Problem.of(self.graph, self.current)
+        job = Job(problem, self.config.optimizer.limit, self._pool)
+        self._adopt(job.result(), job)
+        self._is_dirty = False
+
+    def _densify(self) -> None:
+        """Match each keyframe with the nearest others that it has not been matched with."""
+        poses = self.graph.poses
+        for k in range(1, self.graph.n_poses):
+            relative = se2.between(poses[:k], poses[k])
+            cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
+            for i in choose_candidates(relative, cov, range(0), self.config):
+                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), self._n_scans)
+
+    def current_in_map(self) -> UncertainPose:
+        """Return where the current keyframe is in the map."""
+        known = UncertainPose(self.graph.poses[self.belief.k], self.belief.diagonal[self.belief.k])
+        return UncertainPose(self.graph.poses[self.current], chain(known, self.since).cov)
+
+    def covariances(self) -> Cov:
+        """Return (n, 3, 3) covariance of each keyframe in the map; of those since the last optimization that of the newest."""
+        found = np.empty((self.graph.n_poses, 3, 3))
+        found[: self.belief.n] = self.belief.diagonal
+        found[self.belief.n :] = self.current_in_map().cov
+        return found

@@ -1,0 +1,48 @@
+"""Candidates: which earlier keyframes may show the place of the newest one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan.slam.config import SlamConfig
+from curvescan.types import Cov, Floats, Pose
+
+
+def choose_candidates(
+    relative: Pose,
+    covariances: Cov,
+    linked: range,
+    config: SlamConfig,
+    similarity: Floats | None = None,
+) -> list[int]:
+    """Return the keyframes to match with the newest one, the most promising first.
+
+    Parameters
+    ----------
+    relative : (n, 3) float64
+        Pose of the newest keyframe seen from each.
+    covariances : (n, 3, 3) float64
+        Its covariance by the graph.
+    linked : range
+        Keyframes that are matched in any case.
+    config : SlamConfig
+        The rules.
+    similarity : (n,) float64 or None
+        How alike each is to the newest one by the place index.
+    """
+    rules, noise = config.closures, config.noise
+    variance = noise.drift**2 * np.diagonal(covariances, axis1=1, axis2=2)
+    variance = variance + 4.0 * np.square([noise.floor_m, noise.floor_m, noise.floor_rad])
+    sigma = np.sqrt(variance[:, :2].max(axis=1))
+    distance = np.hypot(relative[:, 0], relative[:, 1])
+    is_near = distance - rules.sigmas * sigma < rules.reach
+    is_certain = (sigma < rules.certain_m) & (variance[:, 2] < rules.certain_rad**2)
+    cost = distance + 0.7 * np.abs(relative[:, 2])
+    newest = len(relative)
+    is_near[max(newest - 1 - config.keyframes.n_linked, 0) :] = False
+    sure = np.flatnonzero(is_near & is_certain)
+    sure = sure[np.argsort(cost[sure], kind="stable")][: rules.n_certain]
+    vague = np.flatnonzero(is_near & ~is_certain)
+    order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
+    vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]
+    return [*linked, *sure.tolist(), *vague.tolist()]

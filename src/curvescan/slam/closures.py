@@ -1,0 +1,122 @@
+"""Loop closures: a match between keyframes that do not follow each other, and whether it is believed.
+
+Where the graph knows the relative pose of two keyframes well, a match that lies there within its covariance is believed. Where it
+does not, matches wait until enough of them agree: Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set
+maximization for robust multi-robot map merging", ICRA 2018. Two closures agree when the cycle through both and the graph between
+their ends closes within its covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from curvescan.matching import MatchResult
+from curvescan.odometry.attempts import as_found
+from curvescan.odometry.uncertain_pose import UncertainPose, fuse
+from curvescan.slam.config import SlamConfig
+from curvescan.types import Cov, Pose
+
+
+class Verdict(Enum):
+    """What became of a loop-closure candidate; the value is a sentence for people."""
+
+    ACCEPTED = "It lies where the graph expects it."
+    AGREED = "Enough others agree with it."
+    WAITING = "It waits for others that agree with it."
+    FORGOTTEN = "Too few others agreed with it."
+    NO_MATCH = "The scans do not match."
+    LOW_SCORE = "The match explains too little of the scans."
+    DEGENERATE = "The match leaves a direction open where the graph does not know it either."
+    UNEXPECTED = "The match lies where the graph cannot have it."
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Closure:
+    """A loop-closure candidate that was matched.
+
+    Attributes
+    ----------
+    scan : int
+        Number of the scan at which it was tried.
+    i, j : int
+        Keyframes; j is the later one.
+    pose : (3,) float64
+        Pose of j in the frame of i by the match; NaN where it failed.
+    covariance : (3, 3) float64
+        Of the edge that it makes.
+    score : float
+        Of the match.
+    distance : float
+        Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
+    verdict : Verdict
+        What became of it.
+    """
+
+    scan: int
+    i: int
+    j: int
+    pose: Pose
+    covariance: Cov
+    score: float
+    distance: float
+    verdict: Verdict
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether it became an edge of the graph."""
+        return self.verdict in (Verdict.ACCEPTED, Verdict.AGREED)
+
+
+def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
+    """Return whether the graph knows a relative pose so well that one match is enough."""
+    rules = config.closures
+    x, y, theta = np.diagonal(expected.cov).tolist()
+    return bool(max(x, y) < rules.certain_m**2 and theta < rules.certain_rad**2)
+
+
+def vaguely(expected: UncertainPose, config: SlamConfig) -> UncertainPose:
+    """Return a relative pose of the graph with all that its covariance may leave out."""
+    return UncertainPose(
+        expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor
+    )
+
+
+def judged(
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
+) -> Closure:
+    """Return a match held against what the graph expects.
+
+    Parameters
+    ----------
+    result : MatchResult
+        The match of keyframe j with i.
+    expected : UncertainPose
+        Pose of j in i by the graph, as :func:`vaguely` has it.
+    config : SlamConfig
+        The rules.
+    scan, i, j : int
+        For the record.
+    """
+    if not result.ok:
+        return Closure(
+            scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
+            score=result.score, distance=float("nan"), verdict=Verdict.NO_MATCH,
+        )  # fmt: skip
+    found = as_found(result)
+    certain = is_certain(expected, config)
+    distance = fuse(expected, found)[1]
+    if result.score < config.closures.min_score:
+        verdict = Verdict.LOW_SCORE
+    elif result.weak_direction is not None and not certain:
+        verdict = Verdict.DEGENERATE
+    elif distance > config.closures.gate:
+        verdict = Verdict.UNEXPECTED
+    else:
+        verdict = Verdict.ACCEPTED if certain else Verdict.WAITING
+    return Closure(
+        scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
+        score=result.score, distance=distance, verdict=verdict,
+    )  # fmt: skip

@@ -1,0 +1,161 @@
+"""Slam: a stream of scans in, a globally consistent trajectory and a map out.
+
+The odometry follows the sensor; every half metre its scan becomes a keyframe of a pose graph, which closes loops and revises all poses.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.matching import DEFAULT_METHOD
+from curvescan.odometry.odometry import Odometry
+from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.odometry.sweeps import Sweeps
+from curvescan.odometry.uncertain_pose import UncertainPose, chain, nowhere_else
+from curvescan.scan import LaserScan
+from curvescan.slam.backend import Backend
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.records import Records
+from curvescan.slam.step import SlamStep
+from curvescan.types import Trajectory
+
+_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD)
+
+
+class Slam:
+    """Where the sensor is, scan by scan, in a map that closes its loops.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    matcher_config : object or None
+        The matcher's configuration; None for its defaults.
+    config : SlamConfig or None
+        None for the defaults.
+    """
+
+    def __init__(
+        self,
+        method: str = DEFAULT_METHOD,
+        *,
+        matcher_config: object | None = None,
+        config: SlamConfig | None = None,
+    ) -> None:
+        self.config = config or SlamConfig()
+        self.method = method
+        self.odometry = Odometry(
+            method, matcher_config=matcher_config, config=self.config.odometry
+        )
+        keyframes = Keyframes(method, matcher_config, self.config.keyframes.n_prepared)
+        self.backend = Backend(keyframes, self.config)
+        self._records = Records()
+        self._sweeps = Sweeps()
+        self._last: OdometryStep | None = None
+        self._origin: OdometryStep | None = None  # the step of the current keyframe
+        self._is_measured = True
+        self._n_scans = 0
+
+    def add(self, scan: LaserScan, wheels: ArrayLike | None = None) -> SlamStep:
+        """Return where the sensor was at this scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan; the order of the calls is the order.
+        wheels : (3,) array_like or None
+            Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
+
+        Returns
+        -------
+        SlamStep
+            Pose and covariance in the map as it is now, the pose in ``odom``, and the loop closures that were accepted.
+
+        Raises
+        ------
+        InvalidArgumentError
+            As :meth:`Odometry.add` does.
+        """
+        step = self.odometry.add(scan, wheels)
+        self._sweeps.tick(scan)
+        if self._origin is None:
+            self.backend.start(scan, step.index)
+            self._records.begin(0, None)
+            self._origin, seen = step, nowhere_else()
+        else:
+            self._is_measured &= step.outcome not in _UNMEASURED
+            seen = _between(self._origin, step)
+            if self._is_due(seen):
+                seen = self._make_keyframe(scan, step, seen)
+        self._last = step
+        self._n_scans += 1
+        self._records.add(step.stamp, seen)
+        closures, is_revised = self.backend.work(step.index)
+        return self._step(step, seen, closures, is_revised)
+
+    def _step(self, step, seen, closures, is_revised) -> SlamStep:
+        backend = self.backend
+        here = chain(backend.current_in_map(), seen)
+        return SlamStep(
+            index=step.index,
+            stamp=step.stamp,
+            pose=here.pose,
+            covariance=here.cov,
+            pose_odom=step.pose,
+            outcome=step.outcome,
+            match=step.match,
+            reference=step.reference,
+            closures=closures,
+            is_revised=is_revised,
+            keyframe=backend.current,
+            fragment=0,
+        )
+
+    def _is_due(self, seen: UncertainPose) -> bool:
+        rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
+        return math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn
+
+    def _make_keyframe(
+        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
+    ) -> UncertainPose:
+        assert self._last is not None
+        deskewed = self._sweeps.deskewed(scan, se2.between(self._last.pose, step.pose))
+        k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._is_measured)
+        self._records.begin(k, seen.pose)
+        self._origin, self._is_measured = step, True
+        return nowhere_else()
+
+    def trajectory(self) -> Trajectory:
+        """Return every pose so far, in the map as it is now."""
+        return self._records.trajectory(self.backend.graph.poses, self.backend.covariances())
+
+    def finish(self) -> Trajectory:
+        """Match what still waits, optimize to the end, and return every pose."""
+        self.backend.finish()
+        return self.trajectory()
+
+    def __repr__(self) -> str:
+        n_closures = int(np.count_nonzero(self.backend.graph.is_closure))
+        return (
+            f"Slam({self.method}: {self._n_scans:,} scans, {len(self.backend.keyframes):,} keyframes, "
+            f"{n_closures:,} loop closures)"
+        )
+
+
+def _between(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
+    """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
+    pose = se2.between(origin.pose, step.pose)
+    c, s = math.cos(origin.pose[2]), math.sin(origin.pose[2])
+    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    dx, dy = step.pose[:2] - origin.pose[:2]
+    by_origin = np.eye(3)
+    by_origin[0, 2], by_origin[1, 2] = -dy, dx
+    rest = back @ (step.covariance - by_origin @ origin.covariance @ by_origin.T) @ back.T
+    # the two may hang on one keyframe of the odometry, whose error they share
+    values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
+    return UncertainPose(pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
