@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert
+from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.closures import Closure
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.consistency import largest_clique
@@ -68,7 +68,7 @@ class Waiting:
         """Return whether the cycle through two closures closes within its covariance."""
         to_i = self._by_graph(other.i, one.i, poses)
         to_j = self._by_graph(one.j, other.j, poses)
-        around = chain(chain(to_i, UncertainPose(one.pose, one.covariance)), to_j)
+        around = compose(compose(to_i, UncertainPose(one.pose, one.covariance)), to_j)
         there = UncertainPose(other.pose, other.covariance)
         return fuse(around, there)[1] < self._config.closures.gate
 
@@ -81,4 +81,3 @@ class Waiting:
         return UncertainPose(pose, 4.0 * n_edges * self._config.noise.floor)
 
 
-__all__ = ["Waiting", "invert"]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert, nowhere_else
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.scan import LaserScan
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
@@ -51,7 +51,7 @@ class Backend:
         self.keyframes = keyframes
         self.graph = PoseGraph()
         self.current = 0
-        self.since = nowhere_else()  # the current keyframe seen from the one of the belief
+        self.since = identity()  # the current keyframe seen from the one of the belief
         self.closures: list[Closure] = []
         self._belief: Belief | None = None
         self._queue: deque[Candidate] = deque()
@@ -62,6 +62,7 @@ class Backend:
         self._job_due = 0
         self._is_dirty = False
         self._n_scans = 0
+        self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
     @property
     def belief(self) -> Belief:
@@ -74,7 +75,8 @@ class Backend:
         k = self.keyframes.add(scan, index)
         self.graph.add_pose(np.zeros(3))
         self._belief = Belief.at_start(k, np.zeros(3))
-        self.current, self.since = k, nowhere_else()
+        self.current, self.since = k, identity()
+        self._motions.append(identity())
         return k
 
     def add_keyframe(
@@ -96,7 +98,8 @@ class Backend:
         before = self.current
         k = self.keyframes.add(scan, index)
         motion = self._link(before, k, motion, is_measured)
-        self.since = chain(self.since, motion)
+        self._motions.append(motion)
+        self.since = compose(self.since, motion)
         self.current = k
         self._enqueue(k)
         return k
@@ -132,10 +135,12 @@ class Backend:
     def _enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one is to be matched with."""
         linked = range(max(k - self.config.keyframes.n_linked, 0), k - 1)
+        for i in linked:
+            self._queue.append(Candidate(i, k, self._along(i, k)))
         relative, covariances = self.belief.seen_from_all(
             self.graph.poses[: k + 1], self.since, self.current
         )
-        chosen = choose_candidates(relative, covariances, linked, self.config)
+        chosen = choose_candidates(relative, covariances, self.config)
         for i in chosen:
             expected = UncertainPose(relative[i], covariances[i])
             self._queue.append(Candidate(i, k, expected))
@@ -194,13 +199,15 @@ class Backend:
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
         if closure.distance > self.config.optimizer.surprise or closure.verdict is Verdict.AGREED:
             self._is_dirty = True
-        if j != self.current or not self.belief.knows(i):
+        if not self.belief.knows(i) or self.belief.knows(j):
             return
-        by_closure = chain(
-            invert(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
+        by_closure = compose(
+            inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
         )
-        self.since, _ = fuse(self.since, by_closure)
-        self.graph.poses[j] = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
+        self.since, _ = fuse(self.since, compose(by_closure, self._along(j, self.current)))
+        here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
+        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
+        self.graph.poses[j:] = se2.compose(here, onward)
 
     def _is_due(self) -> bool:
         n, known = self.graph.n_poses, self.belief.n
@@ -217,28 +224,19 @@ class Backend:
         """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
         n, k = job.n_poses, solution.current
         later = se2.between(self.graph.poses[k], self.graph.poses[n:])
-        onward = se2.between(self.graph.poses[k], self.graph.poses[self.current])
+        onward = self._along(k, self.current)
         self.graph.poses[:n] = solution.poses
         self.graph.poses[n:] = se2.compose(solution.poses[k], later)
         self.graph.weights[: job.n_edges] = solution.weights
-        cov = self._chain_covariance(k, self.current)
         self._belief = Belief(k, solution.poses, solution.diagonal, solution.with_current)
-        self.since = UncertainPose(onward, cov)
+        self.since = onward
 
-    def _chain_covariance(self, k: int, last: int) -> np.ndarray:
-        """Return the covariance of a keyframe seen from an earlier one along the edges that follow each other."""
-        total = nowhere_else()
-        steps = {
-            (int(e[0]), int(e[1])): row
-            for row, e in enumerate(self.graph.ends)
-            if k <= e[0] and e[1] == e[0] + 1 and self.graph.kinds[row] != EdgeKind.CLOSURE
-        }
-        for a in range(k, last):
-            row = steps[(a, a + 1)]  # the last one written: a match where there is one
-            total = chain(
-                total, UncertainPose(self.graph.measured[row], self.graph.covariances[row])
-            )
-        return total.cov
+    def _along(self, i: int, j: int) -> UncertainPose:
+        """Return keyframe j seen from an earlier one along the keyframes between them."""
+        way = identity()
+        for k in range(i + 1, j + 1):
+            way = compose(way, self._motions[k])
+        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
     def finish(self) -> None:
         """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""
@@ -265,13 +263,13 @@ class Backend:
         for k in range(1, self.graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
-            for i in choose_candidates(relative, cov, range(0), self.config):
+            for i in choose_candidates(relative, cov, self.config):
                 self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), self._n_scans)
 
     def current_in_map(self) -> UncertainPose:
         """Return where the current keyframe is in the map."""
         known = UncertainPose(self.graph.poses[self.belief.k], self.belief.diagonal[self.belief.k])
-        return UncertainPose(self.graph.poses[self.current], chain(known, self.since).cov)
+        return UncertainPose(self.graph.poses[self.current], compose(known, self.since).cov)
 
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map; of those since the last optimization that of the newest."""

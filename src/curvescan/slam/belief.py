@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.uncertain_pose import UncertainPose
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.marginals import relative_poses
 from curvescan.types import Cov, Pose
 

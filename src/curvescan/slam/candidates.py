@@ -11,7 +11,6 @@ from curvescan.types import Cov, Floats, Pose
 def choose_candidates(
     relative: Pose,
     covariances: Cov,
-    linked: range,
     config: SlamConfig,
     similarity: Floats | None = None,
 ) -> list[int]:
@@ -23,8 +22,6 @@ def choose_candidates(
         Pose of the newest keyframe seen from each.
     covariances : (n, 3, 3) float64
         Its covariance by the graph.
-    linked : range
-        Keyframes that are matched in any case.
     config : SlamConfig
         The rules.
     similarity : (n,) float64 or None
@@ -45,4 +42,4 @@ def choose_candidates(
     vague = np.flatnonzero(is_near & ~is_certain)
     order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
     vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]
-    return [*linked, *sure.tolist(), *vague.tolist()]
+    return [*sure.tolist(), *vague.tolist()]

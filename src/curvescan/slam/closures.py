@@ -13,9 +13,9 @@ from enum import Enum
 
 import numpy as np
 
-from curvescan.matching import MatchResult
-from curvescan.odometry.attempts import as_found
-from curvescan.odometry.uncertain_pose import UncertainPose, fuse
+from curvescan.matchers import MatchResult
+from curvescan.odometry.gating import as_found
+from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.types import Cov, Pose
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matching import MatchResult, PreparedScan, prepare
+from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 

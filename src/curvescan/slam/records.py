@@ -7,7 +7,7 @@ from array import array
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.uncertain_pose import UncertainPose
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Ints, Pose, Trajectory
 
 _UPPER = np.triu_indices(3)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.matching import DEFAULT_METHOD
+from curvescan.matchers import DEFAULT_METHOD
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
-from curvescan.odometry.sweeps import Sweeps
-from curvescan.odometry.uncertain_pose import UncertainPose, chain, nowhere_else
+from curvescan.odometry.deskewing import Sweeps
+from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.scan import LaserScan
 from curvescan.slam.backend import Backend
 from curvescan.slam.config import SlamConfig
@@ -86,7 +86,7 @@ class Slam:
         if self._origin is None:
             self.backend.start(scan, step.index)
             self._records.begin(0, None)
-            self._origin, seen = step, nowhere_else()
+            self._origin, seen = step, identity()
         else:
             self._is_measured &= step.outcome not in _UNMEASURED
             seen = _between(self._origin, step)
@@ -100,7 +100,7 @@ class Slam:
 
     def _step(self, step, seen, closures, is_revised) -> SlamStep:
         backend = self.backend
-        here = chain(backend.current_in_map(), seen)
+        here = compose(backend.current_in_map(), seen)
         return SlamStep(
             index=step.index,
             stamp=step.stamp,
@@ -128,7 +128,7 @@ class Slam:
         k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._is_measured)
         self._records.begin(k, seen.pose)
         self._origin, self._is_measured = step, True
-        return nowhere_else()
+        return identity()
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""

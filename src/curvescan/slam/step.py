@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from curvescan.matching import MatchResult
+from curvescan.matchers import MatchResult
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam.closures import Closure
 from curvescan.types import Cov, Pose
