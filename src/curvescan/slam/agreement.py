@@ -25,6 +25,11 @@ class Waiting:
         self._config = config
         self._closures: list[Closure] = []
 
+    def confirm(self, closure: Closure) -> None:
+        """Take a closure that is believed already: others of its scans must agree with it."""
+        self._closures.append(closure)
+        del self._closures[: -self._config.closures.n_waiting]
+
     def add(self, closure: Closure, poses: Pose) -> list[Closure]:
         """Take a closure, and return those that are believed now because they agree; none if too few do.
 
@@ -38,7 +43,7 @@ class Waiting:
         rules = self._config.closures
         self._closures.append(closure)
         del self._closures[: -rules.n_waiting]
-        group = [c for c in self._closures if abs(c.j - closure.j) <= 40]
+        group = [c for c in self._closures if abs(c.j - closure.j) <= 20]
         agrees = np.zeros((len(group), len(group)), dtype=np.bool_)
         for a, one in enumerate(group):
             for b in range(a):
@@ -48,7 +53,7 @@ class Waiting:
         members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
         if not self._is_enough(members, group, agrees):
             return []
-        chosen = [group[k] for k in members.tolist()]
+        chosen = [group[k] for k in members.tolist() if not group[k].is_accepted]
         first, newest = min(c.j for c in chosen), max(c.j for c in chosen)
         self._closures = [c for c in self._closures if not first <= c.j <= newest]
         return chosen
@@ -56,7 +61,9 @@ class Waiting:
     def _is_enough(self, members: np.ndarray, group: list[Closure], agrees: Bools) -> bool:
         rules = self._config.closures
         chosen = [group[k] for k in members.tolist()]
-        if len(chosen) < rules.n_agreeing or len({c.j for c in chosen}) < 2:
+        is_doubtful = any(c.distance > rules.gate for c in chosen)
+        n_least = (2 if is_doubtful else 1) * rules.n_agreeing
+        if len(chosen) < n_least or len({c.j for c in chosen}) < (3 if is_doubtful else 2):
             return False
         others = np.array([k for k in range(len(group)) if k not in set(members.tolist())])
         if not len(others):

@@ -60,7 +60,7 @@ class Backend:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
         self._job: Job | None = None
         self._job_due = 0
-        self._is_dirty = False
+        self._is_dirty = self._is_urgent = False
         self._n_scans = 0
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
@@ -140,7 +140,7 @@ class Backend:
         relative, covariances = self.belief.seen_from_all(
             self.graph.poses[: k + 1], self.since, self.current
         )
-        chosen = choose_candidates(relative, covariances, self.config)
+        chosen = choose_candidates(relative, covariances, self.config, self.keyframes)
         for i in chosen:
             expected = UncertainPose(relative[i], covariances[i])
             self._queue.append(Candidate(i, k, expected))
@@ -188,16 +188,36 @@ class Backend:
             return agreed
         if closure.is_accepted:
             self._accept(closure)
+            if not self._is_linked(i, j):
+                self._waiting.confirm(closure)
             return [closure]
+        if closure.verdict is Verdict.UNEXPECTED and self._is_linked(i, j):
+            self._doubt(expected, closure)
         self.closures.append(closure)
         return []
+
+    def _is_linked(self, i: int, j: int) -> bool:
+        return j - i <= self.config.keyframes.n_linked
+
+    def _doubt(self, expected: UncertainPose, closure: Closure) -> None:
+        """Take the way between two keyframes to be as uncertain as two measurements of it differ."""
+        off = closure.pose - expected.pose
+        off[2] = se2.wrap(off[2])
+        k = closure.j
+        self._motions[k] = UncertainPose(
+            self._motions[k].pose, self._motions[k].cov + np.outer(off, off)
+        )
+        if not self.belief.knows(k):
+            self.since = UncertainPose(self.since.pose, self.since.cov + np.outer(off, off))
 
     def _accept(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
         self.closures.append(closure)
         i, j = closure.i, closure.j
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
-        if closure.distance > self.config.optimizer.surprise or closure.verdict is Verdict.AGREED:
+        if closure.verdict is Verdict.AGREED:
+            self._is_urgent = True
+        elif closure.distance > self.config.optimizer.surprise:
             self._is_dirty = True
         if not self.belief.knows(i) or self.belief.knows(j):
             return
@@ -210,12 +230,12 @@ class Backend:
         self.graph.poses[j:] = se2.compose(here, onward)
 
     def _is_due(self) -> bool:
-        n, known = self.graph.n_poses, self.belief.n
-        grown = n - known >= max(10.0, self.config.optimizer.growth * known)
-        return (self._is_dirty and n > 1) or grown
+        rules, n_new = self.config.optimizer, self.graph.n_poses - self.belief.n
+        least = max(rules.n_least, rules.growth * self.belief.n)
+        return self._is_urgent or n_new >= least or (self._is_dirty and n_new >= rules.n_least)
 
     def _begin(self) -> None:
-        self._is_dirty = False
+        self._is_dirty = self._is_urgent = False
         problem = Problem.of(self.graph, self.current)
         self._job = Job(problem, self.config.optimizer.limit, self._pool)
         self._job_due = self._n_scans + self.config.optimizer.n_adopt
@@ -253,9 +273,9 @@ class Backend:
 
     def _settle(self) -> None:
         problem = Problem.of(self.graph, self.current)
-        job = Job(problem, self.config.optimizer.limit, self._pool)
+        job = Job(problem, self.config.optimizer.limit, self._pool, is_last=True)
         self._adopt(job.result(), job)
-        self._is_dirty = False
+        self._is_dirty = self._is_urgent = False
 
     def _densify(self) -> None:
         """Match each keyframe with the nearest others that it has not been matched with."""
@@ -263,7 +283,7 @@ class Backend:
         for k in range(1, self.graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
-            for i in choose_candidates(relative, cov, self.config):
+            for i in choose_candidates(relative, cov, self.config, self.keyframes):
                 self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), self._n_scans)
 
     def current_in_map(self) -> UncertainPose:

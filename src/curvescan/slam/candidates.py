@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.overlap import foretold_overlap
 from curvescan.types import Cov, Floats, Pose
+
+if TYPE_CHECKING:
+    from curvescan.slam.keyframes import Keyframes
 
 
 def choose_candidates(
     relative: Pose,
     covariances: Cov,
     config: SlamConfig,
+    keyframes: Keyframes,
     similarity: Floats | None = None,
 ) -> list[int]:
     """Return the keyframes to match with the newest one, the most promising first.
@@ -24,6 +31,8 @@ def choose_candidates(
         Its covariance by the graph.
     config : SlamConfig
         The rules.
+    keyframes : Keyframes
+        All of them.
     similarity : (n,) float64 or None
         How alike each is to the newest one by the place index.
     """
@@ -38,7 +47,12 @@ def choose_candidates(
     newest = len(relative)
     is_near[max(newest - 1 - config.keyframes.n_linked, 0) :] = False
     sure = np.flatnonzero(is_near & is_certain)
-    sure = sure[np.argsort(cost[sure], kind="stable")][: rules.n_certain]
+    sure = sure[np.argsort(cost[sure], kind="stable")][: 8 * rules.n_certain]
+    overlap = foretold_overlap(
+        keyframes.profiles, sure, relative[sure], keyframes.profiles[newest]
+    )
+    sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
+    sure = sure[np.argsort(-overlap, kind="stable")][: rules.n_certain]
     vague = np.flatnonzero(is_near & ~is_certain)
     order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
     vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]

@@ -113,7 +113,10 @@ def judged(
     elif result.weak_direction is not None and not certain:
         verdict = Verdict.DEGENERATE
     elif distance > config.closures.gate:
-        verdict = Verdict.UNEXPECTED
+        is_far = distance > config.closures.doubt * config.closures.gate
+        is_linked = j - i <= config.keyframes.n_linked
+        is_open = result.weak_direction is not None
+        verdict = Verdict.UNEXPECTED if is_far or is_linked or is_open else Verdict.WAITING
     else:
         verdict = Verdict.ACCEPTED if certain else Verdict.WAITING
     return Closure(

@@ -93,6 +93,8 @@ class ClosuresConfig:
     """The same for its rotation, radians."""
     n_certain: int = 5
     """Earlier keyframes of a known relative pose that a new one is matched with, at most."""
+    min_overlap: float = 0.4
+    """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
     n_uncertain: int = 6
     """The same for those of a relative pose that is not well known."""
     matches_per_scan: int = 3
@@ -103,6 +105,9 @@ class ClosuresConfig:
     """Least score of a match, in [0, 1]."""
     n_agreeing: int = 3
     """Matches that must agree where the graph does not know the relative pose well."""
+    doubt: float = 9.0
+    """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
+    shows it."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
     n_waiting: int = 200
@@ -122,11 +127,13 @@ class OptimizerConfig:
 
     limit: float = 16.0
     """Squared Mahalanobis distance beyond which an edge loses its weight."""
+    n_least: int = 10
+    """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
     surprise: float = 4.0
     """The graph is optimized when a closure lies this far from where it was expected (squared Mahalanobis distance)."""
     growth: float = 0.1
     """It is also optimized when it has grown by this share since the last time."""
-    n_adopt: int = 40
+    n_adopt: int = 60
     """Scans between the start of an optimization and its result; it runs beside them."""
 
     def __post_init__(self) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 
 from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.scan import LaserScan
-from curvescan.types import Pose
+from curvescan.slam.overlap import N_SECTORS, range_profile
+from curvescan.types import Floats, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,6 +50,7 @@ class Keyframes:
         self._matcher_config = matcher_config
         self._n_prepared = n_prepared
         self._all: list[Keyframe] = []
+        self._profiles = np.zeros((16, 2, N_SECTORS))
         self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
 
     def __len__(self) -> int:
@@ -59,8 +61,18 @@ class Keyframes:
 
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
         """Append a keyframe and return its number."""
-        self._all.append(Keyframe(scan=compact(scan), index=index, session=session))
-        return len(self._all) - 1
+        keyframe = Keyframe(scan=compact(scan), index=index, session=session)
+        k = len(self._all)
+        self._all.append(keyframe)
+        if k == len(self._profiles):
+            self._profiles = np.concatenate((self._profiles, np.zeros_like(self._profiles)))
+        self._profiles[k] = range_profile(keyframe.scan)
+        return k
+
+    @property
+    def profiles(self) -> Floats:
+        """(n, 2, N_SECTORS) float64, a view: range profile of each keyframe."""
+        return self._profiles[: len(self._all)]
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""
