@@ -1,4 +1,4 @@
-"""Where the beams of a sweep point: evenly spaced, or told one by one."""
+"""Where the beams of a sweep point: evenly spaced, or given one by one."""
 
 from __future__ import annotations
 

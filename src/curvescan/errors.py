@@ -25,7 +25,7 @@ class LogFormatError(CurvescanError, ValueError):
 
 
 class OutputError(CurvescanError, OSError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the given place."""
 
 
 class MapTooLargeError(InvalidArgumentError):
@@ -33,7 +33,7 @@ class MapTooLargeError(InvalidArgumentError):
 
 
 class MissingPackageError(CurvescanError, ImportError):
-    """An optional package is needed for what was asked; the message gives the pip command."""
+    """An optional package is missing; the message gives the pip command."""
 
 
 def require(holds: bool, rule: str, value: object) -> None:

@@ -1,4 +1,4 @@
-"""The findings of a report in sentences: what is wrong or odd, what follows from it, and the option that handles it."""
+"""The issues of a log in sentences: what is wrong or odd, its consequence, and the option that handles it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from curvescan.diagnostics.checks import (
-    Found,
+    Problem,
     on_beams,
     on_file,
     on_odometry,
@@ -18,11 +18,11 @@ from curvescan.diagnostics.checks import (
 from curvescan.diagnostics.report import LogReport
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What a finding is about."""
+"""What an issue is about."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Issue:
     """One thing that is wrong or odd with a log.
 
     Attributes
@@ -52,16 +52,16 @@ class Finding:
         return f"{self.what}{consequence}" + (f"; try {self.option}" if self.option else "")
 
 
-def findings_of(report: LogReport) -> tuple[Finding, ...]:
+def find_issues(report: LogReport) -> tuple[Issue, ...]:
     """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
     return tuple(
-        Finding(topic=topic, **found._asdict())
-        for topic, find in _FINDERS.items()
+        Issue(topic=topic, **found._asdict())
+        for topic, find in _CHECKS.items()
         for found in find(report)
     )
 
 
-_FINDERS: dict[Topic, Callable[[LogReport], Iterator[Found]]] = {
+_CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {
     "file": on_file,
     "scans": on_scans,
     "beams": on_beams,

@@ -1,4 +1,4 @@
-"""LogReport: the figures of a log; ``findings.py`` says in sentences what follows from them."""
+"""LogReport: the figures of a log; ``issues.py`` states their consequences."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from curvescan.diagnostics.rotation_direction import RotationSense
-from curvescan.io.log import Fault
+from curvescan.diagnostics.rotation_direction import RotationDirection
+from curvescan.io.log import ReadError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class ReadingCode:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSummary:
-    """Time steps from scan to scan; seconds and hertz, NaN where there are too few scans to tell.
+    """Time steps from scan to scan; seconds and hertz, NaN where there are too few scans.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class LogReport:
     time : TimeSummary
         Time steps.
     n_timed_scans : int
-        Scans that tell the time from a beam to the next, without which the motion within a sweep cannot be undone.
+        Scans that give the time from one beam to the next, without which the motion within a sweep cannot be undone.
     sweep_seconds : float
         Longest time from the first to the last beam of a sweep, by the beams' own times; 0 where they have none.
     valid_share : float
@@ -123,7 +123,7 @@ class LogReport:
         Beams, in the arrangement of the first scan, that never give a valid reading.
     stale_share : float
         Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
-        NaN where the scene does not change enough to tell.
+        NaN where the scene does not change enough.
     fixed_beams : tuple of (int, int)
         Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot.
     largest_reading : float
@@ -135,14 +135,14 @@ class LogReport:
     odometry : OdometrySummary or None
         None when the log has none.
     mount : tuple of 3 float, or None
-        Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not tell.
+        Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not give it.
     is_upside_down : bool
         Whether the log says that the laser hangs upside down.
-    sense : RotationSense or None
+    sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
-    faults : tuple of Fault
+    read_errors : tuple of ReadError
         What is broken in the file.
     notes : tuple of str
         What the reader left out or assumed.
@@ -172,9 +172,9 @@ class LogReport:
     odometry: OdometrySummary | None
     mount: tuple[float, float, float] | None
     is_upside_down: bool
-    sense: RotationSense | None
+    sense: RotationDirection | None
     tag_counts: Mapping[str, int]
-    faults: tuple[Fault, ...]
+    read_errors: tuple[ReadError, ...]
     notes: tuple[str, ...]
 
     @property

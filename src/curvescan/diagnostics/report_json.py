@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from curvescan.diagnostics.issues import findings_of
+from curvescan.diagnostics.issues import find_issues
 from curvescan.diagnostics.report import LogReport, ReadingCode
 
 
 def report_as_plain(report: LogReport) -> dict[str, Any]:
-    """Return a report and its findings as dictionaries, lists, numbers, strings and None.
+    """Return a report and its issues as dictionaries, lists, numbers, strings and None.
 
     Parameters
     ----------
@@ -22,13 +22,13 @@ def report_as_plain(report: LogReport) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``usable``: bool. ``findings``: a list of the fields of Finding. ``report``: the fields of LogReport, by their
+        ``usable``: bool. ``issues``: a list of the fields of Issue. ``report``: the fields of LogReport, by their
         names. A figure that is not known (NaN) or has no limit (an infinity) is None; a code for *no reading* that is no
         number is the string ``"nan"``, ``"inf"`` or ``"-inf"``.
     """
     return {
         "usable": report.is_usable,
-        "findings": [_plain(finding) for finding in findings_of(report)],
+        "issues": [_plain(issue) for issue in find_issues(report)],
         "report": _plain(report),
     }
 

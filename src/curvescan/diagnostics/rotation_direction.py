@@ -1,4 +1,4 @@
-"""Whether the scans turn the way the robot does: the sense of rotation, against wheels or a gyroscope.
+"""The rotation direction of a laser: whether the scans turn as the robot does, by its wheels or gyroscope.
 
 A sensor that turns to the left by an angle sees every wall that much further right: the profile of ranges over beams
 shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
@@ -40,16 +40,16 @@ _MIN_SHARE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class RotationSense:
+class RotationDirection:
     """How the turns of the scans compare with those of the robot.
 
     Attributes
     ----------
     reference : str
-        What tells the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
+        Source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
     n_turns : int
-        Turns between two scans that both tell, of the sharpest of the log.
-    n_against : int
+        Turns between two scans that both sources measured, of the sharpest of the log.
+    n_reversed : int
         Those in which scans and reference turn opposite ways.
     ratio : float
         Median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees.
@@ -57,45 +57,49 @@ class RotationSense:
 
     reference: Reference
     n_turns: int
-    n_against: int
+    n_reversed: int
     ratio: float
 
     @property
-    def is_against(self) -> bool:
+    def is_reversed(self) -> bool:
         """Whether scans and reference clearly turn opposite ways."""
-        return self.n_turns >= _MIN_TURNS and self.n_against >= _MIN_SHARE * self.n_turns
+        return self.n_turns >= _MIN_TURNS and self.n_reversed >= _MIN_SHARE * self.n_turns
 
     @property
     def is_along(self) -> bool:
         """Whether they clearly turn the same way."""
         return (
             self.n_turns >= _MIN_TURNS
-            and self.n_turns - self.n_against >= _MIN_SHARE * self.n_turns
+            and self.n_turns - self.n_reversed >= _MIN_SHARE * self.n_turns
         )
 
     @property
     def is_in_degrees(self) -> bool:
-        """Whether the reference is a gyroscope that gives degrees where REP-103 asks for radians."""
-        is_clear = self.is_against or self.is_along
-        return self.reference == "gyroscope" and is_clear and _DEGREES[0] < self.ratio < _DEGREES[1]
+        """Whether the reference is a gyroscope that gives degrees where REP-103 requires radians."""
+        is_fully_observed = self.is_reversed or self.is_along
+        return (
+            self.reference == "gyroscope"
+            and is_fully_observed
+            and _DEGREES[0] < self.ratio < _DEGREES[1]
+        )
 
 
-def sense_of_log(log: Log) -> RotationSense | None:
+def rotation_of_log(log: Log) -> RotationDirection | None:
     """Return how the scans of a log turn against its wheel odometry, or else its gyroscope; None without either.
 
     Reads the scans once more.
     """
     if (odometry := log.odometry) is not None:
-        return rotation_sense(log, odometry.poses[:, 2], "wheel odometry")
+        return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
     if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
-        return rotation_sense(log, turned, "gyroscope")
+        return compare_rotation(log, turned, "gyroscope")
     return None
 
 
-def rotation_sense(
+def compare_rotation(
     scans: Iterable[LaserScan], headings: Floats, reference: Reference
-) -> RotationSense | None:
-    """Return how scans turn against a reference, told from the sharpest turns between neighbours.
+) -> RotationDirection | None:
+    """Return how scans turn against a reference, from the sharpest turns between consecutive scans.
 
     Parameters
     ----------
@@ -109,7 +113,7 @@ def rotation_sense(
 
     Returns
     -------
-    RotationSense or None
+    RotationDirection or None
         None where the reference never turns.
     """
     turns = np.diff(headings)
@@ -125,26 +129,26 @@ def rotation_sense(
             turn = turn_between(earlier, later)
             if turn != 0.0:
                 ratios.append(turns[k] / turn)
-    return RotationSense(
+    return RotationDirection(
         reference=reference,
         n_turns=len(ratios),
-        n_against=sum(bool(ratio < 0.0) for ratio in ratios),
+        n_reversed=sum(bool(ratio < 0.0) for ratio in ratios),
         ratio=float(np.median(np.abs(ratios))) if ratios else math.nan,
     )
 
 
 def turn_between(earlier: LaserScan, later: LaserScan) -> float:
-    """Return the angle a sensor turned by between two scans, as far as their profiles tell without doubt.
+    """Return the angle a sensor turned by between two scans, where their profiles determine it clearly.
 
     Parameters
     ----------
     earlier, later : LaserScan
-        Scans with the same, evenly spaced beams; others tell nothing.
+        Scans with the same, evenly spaced beams; for others it is undetermined.
 
     Returns
     -------
     float
-        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where they do not tell.
+        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where it is undetermined.
     """
     step, n = earlier.angle_increment, len(earlier)
     if len(later) != n or later.angle_increment != step or not earlier.has_uniform_angles:

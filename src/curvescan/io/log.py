@@ -12,8 +12,8 @@ from curvescan.types import Floats, Pose, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
-    """One kind of fault met while reading a log: counted, reported, not fatal.
+class ReadError:
+    """One kind of error met while reading a log: counted, reported, not fatal.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Log(Protocol):
         ...
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Faults of the whole log, most frequent first; empty for a sound one."""
         ...
 
@@ -86,7 +86,7 @@ class GyroLog(Protocol):
 
 
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
-    """Return the scans of these numbers, in the order asked for; one pass over the log.
+    """Return the scans of these numbers, in the order given; one pass over the log.
 
     Parameters
     ----------

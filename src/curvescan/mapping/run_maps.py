@@ -1,4 +1,4 @@
-"""The maps of a drive from one reading of its scans: what stands, what moved, what is free."""
+"""The maps of a run from one pass over its scans: static cells, dynamic cells, free space."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from itertools import tee
 from curvescan import se2
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.dynamic import moved_along
+from curvescan.mapping.dynamic import dynamic_along
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
-from curvescan.mapping.occupied_cells import Cells
+from curvescan.mapping.occupied_cells import OccupiedCells
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Points, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DriveMap:
-    """What a drive tells of the place.
+class RunMaps:
+    """The maps of a run.
 
     Attributes
     ----------
@@ -26,9 +26,9 @@ class DriveMap:
         Centres of the cells in which a reading ended on what stands, and on what moved while the sensor passed; metres,
         frame of the poses. A cell may be in both.
     grid : OccupancyGrid or None
-        The occupancy map, in which what moved is no obstacle; None where it was not asked for or is left out.
+        The occupancy map, without dynamic readings; None where it was not requested or is left out.
     why_no_grid : str
-        Why an occupancy map that was asked for is left out, a sentence; else empty.
+        Why a requested occupancy map is left out, a sentence; else empty.
     """
 
     standing: Points
@@ -37,15 +37,15 @@ class DriveMap:
     why_no_grid: str = ""
 
 
-def map_drive(
+def build_maps(
     scans: Iterable[LaserScan],
     poses: Pose,
     is_joined: Bools,
     *,
     cell: float = 0.05,
     occupancy: OccupancyConfig | None = None,
-) -> DriveMap:
-    """Return the maps of a drive.
+) -> RunMaps:
+    """Return the maps of a run.
 
     Parameters
     ----------
@@ -54,17 +54,19 @@ def map_drive(
     poses : (n, 3) float64
         Pose of the sensor at each scan, frame of the map; none may be NaN.
     is_joined : (n,) bool
-        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked what moved.
+        Whether each pose is a motion away from the one before; dynamic readings are not searched across one that is not.
     cell : float
         Side of the cells of `standing` and `moved`, metres, > 0.
     occupancy : OccupancyConfig or None
         How to make the occupancy map; None for none. A map that would be too large is left out, and the rest stays.
     """
-    standing, moving = Cells(cell), Cells(cell)
+    standing, moving = OccupiedCells(cell), OccupiedCells(cell)
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
     kept, watched = tee(scans)
-    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
+    for scan, pose, moved in zip(
+        kept, poses, dynamic_along(watched, poses, is_joined), strict=False
+    ):
         points = se2.transform(pose, scan.points)
         standing.add(points[scan.valid & ~moved])
         moving.add(points[moved])
@@ -76,6 +78,6 @@ def map_drive(
     grid = builder.grid() if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
-    return DriveMap(
+    return RunMaps(
         standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid
     )

@@ -24,7 +24,14 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
 from curvescan.slam.jobs import Job, Problem, Solution
 from curvescan.slam.keyframes import Keyframes
-from curvescan.types import Cov
+from curvescan.types import Cov, Pose
+
+
+def difference(one: Pose, other: Pose) -> Pose:
+    """Return the second pose minus the first, angles wrapped."""
+    off = other - one
+    off[2] = se2.wrap(off[2])
+    return off
 
 
 class Candidate(NamedTuple):
@@ -62,6 +69,7 @@ class Backend:
         self._job_due = 0
         self._is_dirty = self._is_urgent = False
         self._n_scans = 0
+        self._missed: dict[int, int] = {}  # of the keyframe tried last
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
     @property
@@ -117,7 +125,7 @@ class Backend:
         )
         self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
         result = self.keyframes.match(before, k, None)
-        is_clear = result.ok and result.weak_direction is None
+        is_clear = result.ok and result.degenerate_direction is None
         if is_clear and not result.score < rules.min_score:
             found = UncertainPose(result.pose, noise.edge(result.covariance))
             expected = UncertainPose(
@@ -126,8 +134,10 @@ class Backend:
             if fuse(expected, found)[1] < rules.gate:
                 self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
                 return found
+            off = difference(expected.pose, found.pose)
+            motion = UncertainPose(motion.pose, motion.cov + np.outer(off, off))
         if is_measured:
-            by_chain = UncertainPose(motion.pose, motion.cov + 4.0 * noise.floor)
+            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
             return by_chain
         return vague
@@ -177,6 +187,8 @@ class Backend:
         guess = expected.pose if is_certain(expected, self.config) else None
         result = self.keyframes.match(i, j, guess)
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
+        if guess is not None and not self._is_linked(i, j):
+            self._count(j, is_found=closure.is_accepted)
         if closure.verdict is Verdict.WAITING:
             agreed = self._waiting.add(closure, self.graph.poses)
             if not agreed:
@@ -201,14 +213,21 @@ class Backend:
 
     def _doubt(self, expected: UncertainPose, closure: Closure) -> None:
         """Take the way between two keyframes to be as uncertain as two measurements of it differ."""
-        off = closure.pose - expected.pose
-        off[2] = se2.wrap(off[2])
-        k = closure.j
-        self._motions[k] = UncertainPose(
-            self._motions[k].pose, self._motions[k].cov + np.outer(off, off)
-        )
+        off = difference(expected.pose, closure.pose)
+        self._widen(closure.j, np.outer(off, off))
+
+    def _widen(self, k: int, more: Cov) -> None:
+        """Add to the covariance of the way to a keyframe."""
+        self._motions[k] = UncertainPose(self._motions[k].pose, self._motions[k].cov + more)
         if not self.belief.knows(k):
-            self.since = UncertainPose(self.since.pose, self.since.cov + np.outer(off, off))
+            self.since = UncertainPose(self.since.pose, self.since.cov + more)
+
+    def _count(self, j: int, *, is_found: bool) -> None:
+        """Count how keyframe j fares with earlier ones that should show its place; if none does, the graph is in doubt."""
+        n_missed = self._missed.get(j, 0)
+        self._missed = {j: -1000 if is_found else n_missed + 1}
+        if self._missed[j] == self.config.closures.n_missed:
+            self._widen(j, self.config.noise.doubt)
 
     def _accept(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""

@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.odometry.gating import as_found
+from curvescan.odometry.gating import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.types import Cov, Pose
@@ -105,17 +105,17 @@ def judged(
             scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
             score=result.score, distance=float("nan"), verdict=Verdict.NO_MATCH,
         )  # fmt: skip
-    found = as_found(result)
+    found = as_measurement(result)
     certain = is_certain(expected, config)
     distance = fuse(expected, found)[1]
     if result.score < config.closures.min_score:
         verdict = Verdict.LOW_SCORE
-    elif result.weak_direction is not None and not certain:
+    elif result.degenerate_direction is not None and not certain:
         verdict = Verdict.DEGENERATE
     elif distance > config.closures.gate:
         is_far = distance > config.closures.doubt * config.closures.gate
         is_linked = j - i <= config.keyframes.n_linked
-        is_open = result.weak_direction is not None
+        is_open = result.degenerate_direction is not None
         verdict = Verdict.UNEXPECTED if is_far or is_linked or is_open else Verdict.WAITING
     else:
         verdict = Verdict.ACCEPTED if certain else Verdict.WAITING

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from curvescan.errors import require
-from curvescan.odometry.config import KeysConfig, OdometryConfig
+from curvescan.odometry import config as odometry_config
+from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov
 
 
@@ -56,11 +57,16 @@ class NoiseConfig:
     """A motion that no match confirmed errs by this much, metres and axis."""
     step_rad: float = 0.3
     """The same of its rotation, radians."""
+    doubt_m: float = 0.1
+    """The way to a keyframe errs by this much where the keyframe does not match the one before it, or earlier ones that should
+    show the same place, metres and axis."""
+    doubt_rad: float = 0.05
+    """The same of its rotation, radians."""
 
     def __post_init__(self) -> None:
         require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("floor_m", "floor_rad", "step_m", "step_rad"):
+        for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
     @property
@@ -72,6 +78,11 @@ class NoiseConfig:
     def step(self) -> Cov:
         """(3, 3) covariance of a motion that no match confirmed."""
         return np.diag(np.square([self.step_m, self.step_m, self.step_rad]))
+
+    @property
+    def doubt(self) -> Cov:
+        """(3, 3) covariance added to a way that later matches do not confirm."""
+        return np.diag(np.square([self.doubt_m, self.doubt_m, self.doubt_rad]))
 
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""
@@ -97,6 +108,8 @@ class ClosuresConfig:
     """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
     n_uncertain: int = 6
     """The same for those of a relative pose that is not well known."""
+    n_missed: int = 3
+    """Keyframes that should show the place of a new one and do not match it, from which on the graph is in doubt."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0
@@ -144,7 +157,9 @@ class OptimizerConfig:
 
 def _front_end() -> OdometryConfig:
     # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(keys=KeysConfig(max_tries=0, max_keys=4))
+    return OdometryConfig(
+        keyframes=odometry_config.KeyframesConfig(max_tries=0, max_keyframes=4)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from curvescan import se2
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
-from curvescan.odometry.deskewing import Sweeps
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.scan import LaserScan
 from curvescan.slam.backend import Backend
@@ -55,20 +55,20 @@ class Slam:
         keyframes = Keyframes(method, matcher_config, self.config.keyframes.n_prepared)
         self.backend = Backend(keyframes, self.config)
         self._records = Records()
-        self._sweeps = Sweeps()
+        self._deskewer = Deskewer()
         self._last: OdometryStep | None = None
         self._origin: OdometryStep | None = None  # the step of the current keyframe
         self._is_measured = True
         self._n_scans = 0
 
-    def add(self, scan: LaserScan, wheels: ArrayLike | None = None) -> SlamStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
         """Return where the sensor was at this scan.
 
         Parameters
         ----------
         scan : LaserScan
             The next scan; the order of the calls is the order.
-        wheels : (3,) array_like or None
+        odometry_pose : (3,) array_like or None
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
 
         Returns
@@ -81,8 +81,8 @@ class Slam:
         InvalidArgumentError
             As :meth:`Odometry.add` does.
         """
-        step = self.odometry.add(scan, wheels)
-        self._sweeps.tick(scan)
+        step = self.odometry.add(scan, odometry_pose)
+        self._deskewer.tick(scan)
         if self._origin is None:
             self.backend.start(scan, step.index)
             self._records.begin(0, None)
@@ -124,7 +124,7 @@ class Slam:
         self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
     ) -> UncertainPose:
         assert self._last is not None
-        deskewed = self._sweeps.deskewed(scan, se2.between(self._last.pose, step.pose))
+        deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
         k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._is_measured)
         self._records.begin(k, seen.pose)
         self._origin, self._is_measured = step, True

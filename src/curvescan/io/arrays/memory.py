@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import Fault
+from curvescan.io.log import ReadError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -28,7 +28,7 @@ class MemoryLog:
         Wheel odometry: pose of the sensor at each scan.
     name, format : str
         For titles and messages.
-    faults, tag_counts, notes
+    read_errors, tag_counts, notes
         Empty: there is no file that could be broken.
     """
 
@@ -36,7 +36,7 @@ class MemoryLog:
     odometry: Trajectory | None = None
     name: str = "arrays"
     format: str = "scans in memory"
-    faults: tuple[Fault, ...] = ()
+    read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -88,7 +88,7 @@ def log_from_arrays(
     Raises
     ------
     InvalidArgumentError
-        When a pair is none, a number breaks the rules of LaserScan (the message tells the scan), or `odometry` has
+        When a pair is none, a number breaks the rules of LaserScan (the message names the scan), or `odometry` has
         another length.
     """
     scans: list[LaserScan] = []

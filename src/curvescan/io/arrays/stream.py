@@ -12,8 +12,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -43,14 +43,14 @@ class Record(NamedTuple):
     pose: PoseRow = NO_POSE
 
 
-ReadRecords: TypeAlias = Callable[[FaultCounter], Iterator[Record]]
+ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 """Reads a source anew, scan by scan, and counts what it skips."""
 
 
 class StreamLog:
     """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
 
-    The source is read through once on opening, to count scans and faults; memory grows by 32 bytes a scan.
+    The source is read through once on opening, to count scans and read errors; memory grows by 32 bytes a scan.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class StreamLog:
     Raises
     ------
     LogFormatError
-        When it holds no scan that can be read; the message tells the most frequent fault.
+        When it holds no scan that can be read; the message gives the most frequent read error.
     """
 
     def __init__(
@@ -89,16 +89,16 @@ class StreamLog:
         self._mount = np.array(mount)
         self._name, self._format, self._notes = name, kind, notes
         self._read, self._unit = read, unit
-        faults = FaultCounter(unit)
+        read_errors = ReadErrorCounter(unit)
         stamps, poses = array("d"), array("d")
-        for record in read(faults):
+        for record in read(read_errors):
             stamps.append(record.scan.stamp)
             poses.extend(record.pose)
-        self._faults = faults.faults()
+        self._read_errors = read_errors.read_errors()
         self._stamps = np.array(stamps)
         self._poses = np.array(poses).reshape(-1, 3)
         if not stamps:
-            raise LogFormatError(_no_scan_message(path, kind, self._faults))
+            raise LogFormatError(_no_scan_message(path, kind, self._read_errors))
 
     @property
     def name(self) -> str:
@@ -120,7 +120,7 @@ class StreamLog:
         return Trajectory(stamps=self._stamps, poses=poses)
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the robot; that of the laser where the source does not tell its mount."""
+        """Return the wheel odometry of the robot; that of the laser where the source does not give its mount."""
         laser = self.odometry
         if laser is None:
             return None
@@ -132,9 +132,9 @@ class StreamLog:
         return False
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """What was skipped, most frequent first."""
-        return self._faults
+        return self._read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
@@ -150,22 +150,22 @@ class StreamLog:
         return len(self._stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return (record.scan for record in self._read(FaultCounter(self._unit)))
+        return (record.scan for record in self._read(ReadErrorCounter(self._unit)))
 
 
 def refuse_topic(path: object, kind: str, topic: str | None) -> None:
-    """Raise InvalidArgumentError when a topic is asked for in a format that has none."""
+    """Raise InvalidArgumentError when a topic is given for a format that has none."""
     if topic is not None:
         raise InvalidArgumentError(
             f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out"
         )
 
 
-def _no_scan_message(path: str, kind: str, faults: tuple[Fault, ...]) -> str:
-    if not faults:
+def _no_scan_message(path: str, kind: str, read_errors: tuple[ReadError, ...]) -> str:
+    if not read_errors:
         return f"{path} is a {kind} without a scan"
-    fault = faults[0]
+    read_error = read_errors[0]
     return (
-        f"{path} is a {kind} without a scan that can be read: {fault.rule} "
-        f"({fault.count} times, first in {fault.first})"
+        f"{path} is a {kind} without a scan that can be read: {read_error.rule} "
+        f"({read_error.count} times, first in {read_error.first})"
     )

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 from curvescan.io.ros.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
@@ -49,22 +49,22 @@ class _Survey:
     """What one reading of all scans found."""
 
     stamps: array[float]
-    faults: tuple[Fault, ...]
+    read_errors: tuple[ReadError, ...]
     n_bad_times: int
 
 
 class RosbagLog:
     """The scans of one laser of a ROS bag, in the order they were received; a Log.
 
-    Opening reads the bag's table of contents and its first scans. The number of scans and the faults are known after
-    one reading of all scans: that of the first complete iteration, or one of its own where they are asked for before.
+    Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known after
+    one reading of all scans: that of the first complete iteration, or one of its own where they are needed earlier.
 
     Parameters
     ----------
     path : Path
         The file, plain or gzip-compressed, or the folder of a ROS 2 bag.
     range_max : float or None
-        Upper limit of a valid reading, metres, in place of what the messages say; None to believe them.
+        Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs.
     topic : str or None
         Topic of sensor_msgs/LaserScan messages; None for the only one.
 
@@ -110,14 +110,14 @@ class RosbagLog:
         """Wheel odometry at the stamps of the scans: the pose of the laser, by its mount, in the odometry's frame.
 
         From nav_msgs/Odometry, else from the transform odom -> base of /tf, interpolated in time; a row of NaN outside
-        the time they cover. ``notes`` tells the mount. None without any.
+        the time they cover. ``notes`` describes the mount. None without any.
         """
         return self._odometry.trajectory
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Scans that were skipped and damage of the bag, most frequent first."""
-        return self._surveyed().faults
+        return self._surveyed().read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
@@ -164,7 +164,7 @@ class RosbagLog:
         return len(self._surveyed().stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        faults, stamps = FaultCounter("message"), array("d")
+        read_errors, stamps = ReadErrorCounter("message"), array("d")
         number, n_bad_times = 0, 0
         try:
             for number, message in enumerate(self._bag.messages([self._topic]), 1):
@@ -172,14 +172,14 @@ class RosbagLog:
                     decoded = self._bag.decode(message)
                     scan = self._scan(decoded, message)
                 except BrokenMessageError as error:
-                    faults.add(str(error), number)
+                    read_errors.add(str(error), number)
                     continue
                 stamps.append(scan.stamp)
                 n_bad_times += has_bad_times(decoded)
                 yield scan
         except LogFormatError:
-            faults.add(BROKEN_BAG, number + 1)
-        self._survey = self._survey or _Survey(stamps, faults.faults(), n_bad_times)
+            read_errors.add(BROKEN_BAG, number + 1)
+        self._survey = self._survey or _Survey(stamps, read_errors.read_errors(), n_bad_times)
 
     def _surveyed(self) -> _Survey:
         if self._survey is None:
@@ -200,7 +200,7 @@ class RosbagLog:
     def _look_at_first(self) -> bool:
         """Learn the scans' frame and whether they are stamped, and return whether one can be read.
 
-        Scans at 0 are not stamped; a single one is believed.
+        Scans at 0 are not stamped; a single one is taken as valid.
         """
         stamps, is_sound = [], False
         for message in islice(self._bag.messages([self._topic]), _N_FIRST):
@@ -216,10 +216,10 @@ class RosbagLog:
         return is_sound
 
     def _no_scan_message(self) -> str:
-        faults = self._surveyed().faults
+        read_errors = self._surveyed().read_errors
         reason = (
-            f"{faults[0].rule} ({faults[0].count} times, first in {faults[0].first})"
-            if faults
+            f"{read_errors[0].rule} ({read_errors[0].count} times, first in {read_errors[0].first})"
+            if read_errors
             else "its table of contents promises messages that are not there"
         )
         return (
