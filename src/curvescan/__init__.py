@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from curvescan.odometry import Odometry, OdometryStep, StepOutcome
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
+    from curvescan.slam import Slam, SlamConfig, SlamMap, SlamStep, load_map
     from curvescan.types import Trajectory
 
 _HOMES = {
@@ -46,8 +47,13 @@ _HOMES = {
     "Outcome": "curvescan.matchers.result",
     "OutputError": "curvescan.errors",
     "PreparedScan": "curvescan.matchers",
+    "Slam": "curvescan.slam",
+    "SlamConfig": "curvescan.slam",
+    "SlamMap": "curvescan.slam",
+    "SlamStep": "curvescan.slam",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "load_map": "curvescan.slam",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "prepare": "curvescan.matchers",
@@ -72,9 +78,14 @@ __all__ = [
     "Outcome",
     "OutputError",
     "PreparedScan",
+    "Slam",
+    "SlamConfig",
+    "SlamMap",
+    "SlamStep",
     "StepOutcome",
     "Trajectory",
     "__version__",
+    "load_map",
     "log_from_arrays",
     "match",
     "prepare",

@@ -22,7 +22,8 @@ from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
-from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.cli.slam import slam
 from curvescan.errors import CurvescanError
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -30,6 +31,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "convert": convert,
     "odometry": odometry,
+    "slam": slam,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,
@@ -37,7 +39,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "bench": bench,
 }
 
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs, "slam_config": SlamConfigs}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, INTERRUPTED = 0, 1, 2, 130

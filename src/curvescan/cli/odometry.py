@@ -102,7 +102,7 @@ def odometry(
     graph, is_graph_wanted = PoseGraph(), takes_edges(also)
     with output_folder(out) as folder:
         load_kernels(method)
-        deskew = chain_config.odometry.deskew and not _lists_beams_backwards(source)
+        deskew = chain_config.odometry.deskew and not lists_beams_backwards(source)
         tracker = make_odometry(method, chain, configs, chain_config, deskew=deskew)
         with progress_bar("odometry", len(source)) as advance:
 
@@ -135,7 +135,7 @@ def odometry(
     return 0
 
 
-def _lists_beams_backwards(source: Log) -> bool:
+def lists_beams_backwards(source: Log) -> bool:
     """Return whether the log's sweeps must not be deskewed as they are, and print it."""
     from curvescan.cli.console import ERR
     from curvescan.diagnostics.beam_order import lists_beams_reversed

@@ -86,5 +86,3 @@ class Waiting:
         pose = se2.between(poses[a], poses[b])
         n_edges = 1.0 + float(np.hypot(pose[0], pose[1])) / self._config.keyframes.distance
         return UncertainPose(pose, 4.0 * n_edges * self._config.noise.floor)
-
-

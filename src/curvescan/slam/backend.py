@@ -14,16 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
 from curvescan.slam.candidates import choose_candidates
 from curvescan.slam.closures import Closure, Verdict, is_certain, judged, vaguely
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
-from curvescan.slam.jobs import Job, Problem, Solution
+from curvescan.slam.jobs import Job, Problem, Solution, components, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.map import SlamMap
+from curvescan.slam.optimization import Edges
 from curvescan.types import Cov, Pose
 
 
@@ -112,9 +114,7 @@ class Backend:
         self._enqueue(k)
         return k
 
-    def _link(
-        self, before: int, k: int, motion: UncertainPose, is_measured: bool
-    ) -> UncertainPose:
+    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
         """Tie a keyframe to the one before it, and return how it lies to that."""
         noise, rules = self.config.noise, self.config.closures
         self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
@@ -128,14 +128,12 @@ class Backend:
         is_clear = result.ok and result.degenerate_direction is None
         if is_clear and not result.score < rules.min_score:
             found = UncertainPose(result.pose, noise.edge(result.covariance))
-            expected = UncertainPose(
-                motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor
-            )
+            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
             if fuse(expected, found)[1] < rules.gate:
                 self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
                 return found
             off = difference(expected.pose, found.pose)
-            motion = UncertainPose(motion.pose, motion.cov + np.outer(off, off))
+            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
         if is_measured:
             by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
@@ -214,7 +212,14 @@ class Backend:
     def _doubt(self, expected: UncertainPose, closure: Closure) -> None:
         """Take the way between two keyframes to be as uncertain as two measurements of it differ."""
         off = difference(expected.pose, closure.pose)
-        self._widen(closure.j, np.outer(off, off))
+        self._widen(closure.j, self._doubt_of(off))
+
+    def _doubt_of(self, off: Pose) -> Cov:
+        """Return the covariance of two measurements that differ, no more than that of no measurement."""
+        noise = self.config.noise
+        length, angle = float(np.hypot(off[0], off[1])), abs(float(off[2]))
+        share = min(1.0, noise.step_m / max(length, 1e-9), noise.step_rad / max(angle, 1e-9))
+        return share**2 * np.outer(off, off)
 
     def _widen(self, k: int, more: Cov) -> None:
         """Add to the covariance of the way to a keyframe."""
@@ -267,7 +272,7 @@ class Backend:
         self.graph.poses[:n] = solution.poses
         self.graph.poses[n:] = se2.compose(solution.poses[k], later)
         self.graph.weights[: job.n_edges] = solution.weights
-        self._belief = Belief(k, solution.poses, solution.diagonal, solution.with_current)
+        self._belief = Belief(k, solution.poses, solution.covariances)
         self.since = onward
 
     def _along(self, i: int, j: int) -> UncertainPose:
@@ -307,12 +312,36 @@ class Backend:
 
     def current_in_map(self) -> UncertainPose:
         """Return where the current keyframe is in the map."""
-        known = UncertainPose(self.graph.poses[self.belief.k], self.belief.diagonal[self.belief.k])
-        return UncertainPose(self.graph.poses[self.current], compose(known, self.since).cov)
+        from_first = compose(self.belief.last_seen_from(0), self.since)
+        first = self.graph.poses[0]
+        in_map = compose(UncertainPose(first, np.zeros((3, 3))), from_first)
+        return UncertainPose(self.graph.poses[self.current], in_map.cov)
 
     def covariances(self) -> Cov:
-        """Return (n, 3, 3) covariance of each keyframe in the map; of those since the last optimization that of the newest."""
-        found = np.empty((self.graph.n_poses, 3, 3))
-        found[: self.belief.n] = self.belief.diagonal
-        found[self.belief.n :] = self.current_in_map().cov
-        return found
+        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
+        graph = self.graph
+        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
+        return covariances_seen_from(graph.poses, edges, graph.weights, 0)
+
+    def map(self) -> SlamMap:
+        """Return the map as it is now."""
+        graph, keyframes = self.graph, self.keyframes
+        return SlamMap(
+            scans=tuple(keyframes[k].scan for k in range(len(keyframes))),
+            poses=graph.poses.copy(),
+            covariances=self.covariances(),
+            indices=np.array([keyframes[k].index for k in range(len(keyframes))], dtype=np.int64),
+            sessions=np.array(
+                [keyframes[k].session for k in range(len(keyframes))], dtype=np.int64
+            ),
+            ends=graph.ends.copy(),
+            measured=graph.measured.copy(),
+            edge_covariances=graph.covariances.copy(),
+            kinds=graph.kinds.copy(),
+            weights=graph.weights.copy(),
+        )
+
+    @property
+    def n_fragments(self) -> int:
+        """Connected components of the graph."""
+        return int(components(self.graph.ends, self.graph.n_poses).max(initial=-1)) + 1

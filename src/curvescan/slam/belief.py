@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.marginals import relative_poses
+from curvescan.slam.marginals import seen_from
 from curvescan.types import Cov, Pose
 
 
@@ -22,23 +22,19 @@ class Belief:
         The keyframe that was current.
     poses : (n, 3) float64
         Optimized poses.
-    diagonal : (n, 3, 3) float64
-        Covariance of each.
-    with_k : (n, 3, 3) float64
-        Covariance of each with keyframe k.
+    covariances : (n, 3, 3) float64
+        Covariance of each with keyframe k known exactly.
     """
 
-    def __init__(self, k: int, poses: Pose, diagonal: Cov, with_k: Cov) -> None:
+    def __init__(self, k: int, poses: Pose, covariances: Cov) -> None:
         self.k = k
         self.n = len(poses)
-        self.diagonal = diagonal
-        self._relative, self._covariances = relative_poses(poses, diagonal, with_k, k)
+        self._relative, self._covariances = seen_from(poses, covariances, k)
 
     @classmethod
     def at_start(cls, k: int, pose: Pose) -> Belief:
         """Return the belief of one keyframe, known exactly."""
-        zero = np.zeros((1, 3, 3))
-        return cls(0, pose[np.newaxis], zero, zero)
+        return cls(k, pose[np.newaxis], np.zeros((1, 3, 3)))
 
     def knows(self, i: int) -> bool:
         """Return whether a keyframe was there."""
@@ -48,9 +44,7 @@ class Belief:
         """Return keyframe k seen from another."""
         return UncertainPose(self._relative[i], self._covariances[i])
 
-    def seen_from_all(
-        self, poses: Pose, since: UncertainPose, newest: int
-    ) -> tuple[Pose, Cov]:
+    def seen_from_all(self, poses: Pose, since: UncertainPose, newest: int) -> tuple[Pose, Cov]:
         """Return (newest, 3) pose of the newest keyframe seen from each before it, and (newest, 3, 3) its covariance.
 
         Parameters

@@ -48,9 +48,7 @@ def choose_candidates(
     is_near[max(newest - 1 - config.keyframes.n_linked, 0) :] = False
     sure = np.flatnonzero(is_near & is_certain)
     sure = sure[np.argsort(cost[sure], kind="stable")][: 8 * rules.n_certain]
-    overlap = foretold_overlap(
-        keyframes.profiles, sure, relative[sure], keyframes.profiles[newest]
-    )
+    overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
     sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
     sure = sure[np.argsort(-overlap, kind="stable")][: rules.n_certain]
     vague = np.flatnonzero(is_near & ~is_certain)

@@ -127,24 +127,6 @@ class PoseGraph:
         self.n_edges += 1
         return k
 
-    def components(self, used: Bools | None = None) -> Ints:
-        """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first.
-
-        Parameters
-        ----------
-        used : (n_edges,) bool or None
-            Edges that count; None for all.
-        """
-        from scipy.sparse import csr_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        ends = self.ends if used is None else self.ends[used]
-        links = csr_matrix(
-            (np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(self.n_poses, self.n_poses)
-        )
-        _, labels = connected_components(links, directed=False)
-        return np.asarray(labels, dtype=np.int64)
-
 
 def _grown(rows: Any) -> Any:
     more = np.empty((len(rows) + len(rows) // 2, *rows.shape[1:]), dtype=rows.dtype)

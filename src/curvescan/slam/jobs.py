@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.slam.graph import EdgeKind, PoseGraph
-from curvescan.slam.marginals import Marginals
+from curvescan.slam.marginals import marginal_covariances
 from curvescan.slam.optimization import Edges, normal_equations
 from curvescan.slam.robust import optimize_robustly
 from curvescan.slam.sparse import block_pattern
@@ -67,10 +67,8 @@ class Solution:
         Revised weights of the edges.
     distances : (m,) float64
         Squared Mahalanobis distance of each edge.
-    diagonal : (n, 3, 3) float64
-        Covariance of each pose.
-    with_current : (n, 3, 3) float64
-        Covariance of each pose with the current keyframe.
+    covariances : (n, 3, 3) float64
+        Covariance of each pose with the current keyframe known exactly.
     current : int
         That keyframe.
     """
@@ -78,8 +76,7 @@ class Solution:
     poses: Pose
     weights: Floats
     distances: Floats
-    diagonal: Cov
-    with_current: Cov
+    covariances: Cov
     current: int
 
 
@@ -113,7 +110,7 @@ class Job:
 def solve(problem: Problem, limit: float, is_last: bool) -> Solution:
     """Return the robust optimum of a pose graph and its covariances."""
     graph_edges = Edges.of(problem.ends, problem.measured, problem.covariances)
-    anchors = anchors_of(problem.ends, len(problem.poses))
+    anchors = anchors_of(components(problem.ends, len(problem.poses)))
     optimum = optimize_robustly(
         problem.poses,
         graph_edges,
@@ -124,19 +121,29 @@ def solve(problem: Problem, limit: float, is_last: bool) -> Solution:
         weights=problem.weights,
         least_convexity=0.05 if is_last else 2.0,
     )
-    used = np.flatnonzero(optimum.weights > 0.0)
-    edges, weights = graph_edges.chosen(used), optimum.weights[used]
-    pattern = block_pattern(len(problem.poses), edges.ends, 3)
-    data, _, _ = normal_equations(optimum.poses, edges, weights, anchors, pattern)
-    marginals = Marginals(optimum.poses, pattern, data)
     return Solution(
         poses=optimum.poses,
         weights=optimum.weights,
         distances=optimum.distances,
-        diagonal=marginals.diagonal,
-        with_current=marginals.with_all(problem.current),
+        covariances=covariances_seen_from(
+            optimum.poses, graph_edges, optimum.weights, problem.current
+        ),
         current=problem.current,
     )
+
+
+def covariances_seen_from(poses: Pose, edges: Edges, weights: Floats, k: int) -> Cov:
+    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components."""
+    used = np.flatnonzero(weights > 0.0)
+    edges, weights = edges.chosen(used), weights[used]
+    labels = components(edges.ends, len(poses))
+    anchors = anchors_of(labels)
+    anchors[labels[k]] = k
+    pattern = block_pattern(len(poses), edges.ends, 3)
+    data, _, _ = normal_equations(poses, edges, weights, anchors, pattern)
+    found = marginal_covariances(pattern, data, anchors)
+    found[labels != labels[k]] = np.diag([1e6, 1e6, 10.0])
+    return found
 
 
 def trusted_edges(kinds: Ints) -> Bools:
@@ -144,12 +151,17 @@ def trusted_edges(kinds: Ints) -> Bools:
     return np.asarray(kinds == EdgeKind.MOTION)
 
 
-def anchors_of(ends: Ints, n_poses: int) -> Ints:
-    """Return the first pose of each connected component."""
+def components(ends: Ints, n_poses: int) -> Ints:
+    """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
     links = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_poses, n_poses))
     _, labels = connected_components(links, directed=False)
+    return np.asarray(labels, dtype=np.int64)
+
+
+def anchors_of(labels: Ints) -> Ints:
+    """Return the first pose of each component, in the order of the components."""
     _, first = np.unique(labels, return_index=True)
-    return np.sort(first).astype(np.int64)
+    return first.astype(np.int64)

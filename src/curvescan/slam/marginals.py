@@ -1,123 +1,67 @@
 """Marginal covariances of a pose graph: how well each pose is known, and how well two are known to each other.
 
 The joint covariance is the inverse of the information matrix, and dense. Of it are needed the diagonal blocks, which the recursion of
-Takahashi, Fagan and Chen (1973; Golub and Plemmons 1980) takes from the factorization without ever forming the rest, and a few
-columns, which are solved for.
+Takahashi, Fagan and Chen (1973) takes from the factorization without ever forming the rest.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
 from curvescan.slam.sparse import BlockPattern, lu_of
 from curvescan.types import Cov, Floats, Ints, Pose
 
 
-class Marginals:
-    """Covariances at the optimum of a pose graph, relative to its anchors.
+def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> Cov:
+    """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
+
+    Anchored at the pose that is asked about, these are the covariances of all others seen from it, with no cancellation of large
+    numbers: what a chain of keyframes has in common is not in them.
 
     Parameters
     ----------
-    poses : (n, 3) float64
-        Poses at which the information matrix was made.
     pattern : BlockPattern
-        Where its blocks lie.
+        Where the blocks of the information matrix lie.
     data : (n_entries,) float64
         Its entries; see :func:`optimization.normal_equations`.
-
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        As given.
-    diagonal : (n, 3, 3) float64
-        Covariance of each pose, x, y, theta.
+    anchors : (k,) int64
+        Poses that are held.
     """
-
-    def __init__(self, poses: Pose, pattern: BlockPattern, data: Floats) -> None:
-        self.poses = poses
-        self._lu: Any = lu_of(pattern, data)
-        self.diagonal = self._diagonal()
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def with_all(self, k: int) -> Cov:
-        """Return (n, 3, 3) covariances of every pose with pose k: rows of the one, columns of the other."""
-        right = np.zeros((3 * len(self.poses), 3))
-        right[3 * k + np.arange(3), np.arange(3)] = 1.0
-        column: Floats = self._lu.solve(right)
-        return np.ascontiguousarray(column.reshape(-1, 3, 3))
-
-    def between(self, k: int) -> tuple[Pose, Cov]:
-        """Return (n, 3) pose of pose k seen from every pose, and (n, 3, 3) its covariance."""
-        return relative_poses(self.poses, self.diagonal, self.with_all(k), k)
-
-    def _diagonal(self) -> Cov:
-        lu = self._lu
-        lower = lu.L.tocsc()
-        lower.sort_indices()
-        # L U = A with U = D L^T: the matrix is symmetric and was not pivoted
-        order = lu.perm_c.astype(np.int64)
-        indptr, indices, values = closed_factor(
-            lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data, order
-        )
-        return inverse_blocks(indptr, indices, values, lu.U.diagonal(), order)
+    lu = lu_of(pattern, data)
+    lower = lu.L.tocsc()
+    lower.sort_indices()
+    # L U = A with U = D L^T: the matrix is symmetric and was not pivoted
+    order = lu.perm_c.astype(np.int64)
+    indptr, indices, values = closed_factor(
+        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data, order
+    )
+    blocks = inverse_blocks(indptr, indices, values, lu.U.diagonal(), order)
+    blocks[anchors] = 0.0
+    return blocks
 
 
-def relative_poses(poses: Pose, diagonal: Cov, with_k: Cov, k: int) -> tuple[Pose, Cov]:
-    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance, from their joint covariance.
+def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
+    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance.
 
     Parameters
     ----------
     poses : (n, 3) float64
         Poses.
-    diagonal : (n, 3, 3) float64
-        Covariance of each.
-    with_k : (n, 3, 3) float64
-        Covariance of each with pose k.
+    covariances : (n, 3, 3) float64
+        Of each, with pose k known exactly.
     k : int
         The pose that is seen.
     """
-    return _relative(np.ascontiguousarray(poses), diagonal, with_k, k)
-
-
-@kernel
-def _relative(poses: Pose, diagonal: Cov, with_k: Cov, k: int) -> tuple[Pose, Cov]:
-    n = len(poses)
-    relative, covariances = np.empty((n, 3)), np.empty((n, 3, 3))
-    jac = np.zeros((3, 6))
-    joint, half = np.empty((6, 6)), np.empty((3, 6))
-    jac[2, 2], jac[2, 5] = -1.0, 1.0
-    for i in range(n):
-        c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
-        dx, dy = poses[k, 0] - poses[i, 0], poses[k, 1] - poses[i, 1]
-        x, y = c * dx + s * dy, -s * dx + c * dy
-        angle = poses[k, 2] - poses[i, 2]
-        relative[i, 0], relative[i, 1] = x, y
-        relative[i, 2] = angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi))
-        jac[0, 0], jac[0, 1], jac[0, 2], jac[0, 3], jac[0, 4] = -c, -s, y, c, s
-        jac[1, 0], jac[1, 1], jac[1, 2], jac[1, 3], jac[1, 4] = s, -c, -x, -s, c
-        for r in range(3):
-            for q in range(3):
-                joint[r, q] = diagonal[i, r, q]
-                joint[r, q + 3] = with_k[i, r, q]
-                joint[q + 3, r] = with_k[i, r, q]
-                joint[r + 3, q + 3] = diagonal[k, r, q]
-        for r in range(3):
-            for q in range(6):
-                half[r, q] = 0.0
-                for p in range(6):
-                    half[r, q] += jac[r, p] * joint[p, q]
-        for r in range(3):
-            for q in range(r, 3):
-                value = 0.0
-                for p in range(6):
-                    value += half[r, p] * jac[q, p]
-                covariances[i, r, q] = covariances[i, q, r] = value
-    return relative, covariances
+    relative = se2.between(poses, poses[k])
+    # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    jac = np.zeros((len(poses), 3, 3))
+    jac[:, 0, 0], jac[:, 0, 1], jac[:, 0, 2] = -c, -s, relative[:, 1]
+    jac[:, 1, 0], jac[:, 1, 1], jac[:, 1, 2] = s, -c, -relative[:, 0]
+    jac[:, 2, 2] = -1.0
+    return relative, jac @ covariances @ jac.transpose(0, 2, 1)
 
 
 @kernel
@@ -186,9 +130,7 @@ def closed_factor(
 
 
 @kernel
-def inverse_blocks(
-    indptr: Ints, indices: Ints, lower: Floats, pivots: Floats, order: Ints
-) -> Cov:
+def inverse_blocks(indptr: Ints, indices: Ints, lower: Floats, pivots: Floats, order: Ints) -> Cov:
     """Return (n, 3, 3) diagonal blocks of the inverse of A, from its factorization P A P^T = L D L^T.
 
     Parameters
@@ -235,7 +177,10 @@ def inverse_blocks(
     for i in range(n):
         for r in range(3):
             for c in range(r, 3):
-                low, high = min(order[3 * i + r], order[3 * i + c]), max(order[3 * i + r], order[3 * i + c])
+                low, high = (
+                    min(order[3 * i + r], order[3 * i + c]),
+                    max(order[3 * i + r], order[3 * i + c]),
+                )
                 p = indptr[low]
                 while indices[p] != high:
                     p += 1

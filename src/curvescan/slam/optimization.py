@@ -13,11 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.slam.sparse import BlockPattern, Factor, block_pattern, factorize
-from curvescan.types import Cov, Floats, Ints, Pose
-
-_ANCHOR = 1e8
-"""Information that holds an anchored pose where it is; its error is zero there, so that it adds none."""
+from curvescan.slam.sparse import BlockPattern, block_pattern, factorize
+from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 
 class Edges(NamedTuple):
@@ -40,7 +37,7 @@ class Edges(NamedTuple):
     @classmethod
     def of(cls, ends: Ints, measured: Pose, covariances: Cov) -> Edges:
         """Return edges from covariances, each positive definite."""
-        return cls(ends, measured, np.linalg.inv(covariances))
+        return cls(ends, measured, np.linalg.inv(covariances).astype(np.float64))
 
     def chosen(self, rows: Ints) -> Edges:
         """Return some of the edges."""
@@ -115,23 +112,16 @@ def normal_equations(
     """Return the entries of the information matrix at the poses, the gradient (3n,), and the cost."""
     data = np.zeros(pattern.n_entries)
     gradient = np.zeros(3 * len(poses))
+    is_held = np.zeros(len(poses), dtype=np.bool_)
+    is_held[anchors] = True
     cost = _accumulate(
-        poses, *edges, weights, pattern.diagonal, pattern.upper, pattern.lower,
+        poses, is_held, *edges, weights, pattern.diagonal, pattern.upper, pattern.lower,
         pattern.first, pattern.stride, data, gradient,
     )  # fmt: skip
     for k in anchors.tolist():
         first, stride = pattern.first[pattern.diagonal[k]], pattern.stride[pattern.diagonal[k]]
-        data[first + np.arange(3) * (stride + 1)] += _ANCHOR
+        data[first + np.arange(3) * (stride + 1)] = 1.0  # its row and column are empty
     return data, gradient, cost
-
-
-def information_factor(
-    poses: Pose, edges: Edges, weights: Floats, anchors: Ints, pattern: BlockPattern | None = None
-) -> Factor:
-    """Return the factorized information matrix at the poses: its inverse is their joint covariance."""
-    pattern = pattern or block_pattern(len(poses), edges.ends, 3)
-    data, _, _ = normal_equations(poses, edges, weights, anchors, pattern)
-    return factorize(pattern, data)
 
 
 def squared_distances(poses: Pose, edges: Edges) -> Floats:
@@ -165,6 +155,7 @@ def _distances(poses: Pose, ends: Ints, measured: Pose, information: Cov) -> Flo
 @kernel
 def _accumulate(
     poses: Pose,
+    is_held: Bools,
     ends: Ints,
     measured: Pose,
     information: Cov,
@@ -179,7 +170,7 @@ def _accumulate(
 ) -> float:
     """Add J^T W J to the matrix and J^T W e to the gradient, and return the cost.
 
-    With A = de/dx_i and B = de/dx_j: blocks (i, i), (j, j), (i, j) and (j, i).
+    With A = de/dx_i and B = de/dx_j: blocks (i, i), (j, j), (i, j) and (j, i); poses that are held have none.
     """
     jac_i, jac_j = np.zeros((3, 3)), np.zeros((3, 3))
     half_i, half_j = np.empty((3, 3)), np.empty((3, 3))
@@ -207,18 +198,28 @@ def _accumulate(
                     half_i[r, k] += weight * information[e, r, q] * jac_i[q, k]
                     half_j[r, k] += weight * information[e, r, q] * jac_j[q, k]
         ii, jj, ij, ji = diagonal[i], diagonal[j], upper[e], lower[e]
+        has_i, has_j = not is_held[i], not is_held[j]
         for r in range(3):
             for q in range(3):
-                gradient[3 * i + r] += jac_i[q, r] * pull[q]
-                gradient[3 * j + r] += jac_j[q, r] * pull[q]
+                if has_i:
+                    gradient[3 * i + r] += jac_i[q, r] * pull[q]
+                if has_j:
+                    gradient[3 * j + r] += jac_j[q, r] * pull[q]
             for k in range(3):
                 to_ii = to_jj = to_ij = 0.0
                 for q in range(3):
                     to_ii += jac_i[q, r] * half_i[q, k]
                     to_jj += jac_j[q, r] * half_j[q, k]
                     to_ij += jac_i[q, r] * half_j[q, k]
-                data[first[ii] + k * stride[ii] + r] += to_ii
-                data[first[jj] + k * stride[jj] + r] += to_jj
-                data[first[ij] + k * stride[ij] + r] += to_ij
-                data[first[ji] + r * stride[ji] + k] += to_ij
+                if has_i and k >= r:  # symmetric to the last bit
+                    data[first[ii] + k * stride[ii] + r] += to_ii
+                    if k > r:
+                        data[first[ii] + r * stride[ii] + k] += to_ii
+                if has_j and k >= r:
+                    data[first[jj] + k * stride[jj] + r] += to_jj
+                    if k > r:
+                        data[first[jj] + r * stride[jj] + k] += to_jj
+                if has_i and has_j:
+                    data[first[ij] + k * stride[ij] + r] += to_ij
+                    data[first[ji] + r * stride[ji] + k] += to_ij
     return cost

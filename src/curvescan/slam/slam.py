@@ -12,14 +12,16 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.matchers import DEFAULT_METHOD
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
-from curvescan.odometry.deskewing import Deskewer
-from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
+from curvescan.slam.closures import Closure
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.map import SlamMap
 from curvescan.slam.records import Records
 from curvescan.slam.step import SlamStep
 from curvescan.types import Trajectory
@@ -38,6 +40,8 @@ class Slam:
         The matcher's configuration; None for its defaults.
     config : SlamConfig or None
         None for the defaults.
+    map : SlamMap or None
+        A map to continue, from anywhere in it; None to begin one.
     """
 
     def __init__(
@@ -46,12 +50,11 @@ class Slam:
         *,
         matcher_config: object | None = None,
         config: SlamConfig | None = None,
+        map: SlamMap | None = None,  # noqa: A002 - what it is
     ) -> None:
         self.config = config or SlamConfig()
         self.method = method
-        self.odometry = Odometry(
-            method, matcher_config=matcher_config, config=self.config.odometry
-        )
+        self.odometry = Odometry(method, matcher_config=matcher_config, config=self.config.odometry)
         keyframes = Keyframes(method, matcher_config, self.config.keyframes.n_prepared)
         self.backend = Backend(keyframes, self.config)
         self._records = Records()
@@ -98,7 +101,13 @@ class Slam:
         closures, is_revised = self.backend.work(step.index)
         return self._step(step, seen, closures, is_revised)
 
-    def _step(self, step, seen, closures, is_revised) -> SlamStep:
+    def _step(
+        self,
+        step: OdometryStep,
+        seen: UncertainPose,
+        closures: tuple[Closure, ...],
+        is_revised: bool,
+    ) -> SlamStep:
         backend = self.backend
         here = compose(backend.current_in_map(), seen)
         return SlamStep(
@@ -133,6 +142,21 @@ class Slam:
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""
         return self._records.trajectory(self.backend.graph.poses, self.backend.covariances())
+
+    @property
+    def map(self) -> SlamMap:
+        """The map as it is now."""
+        return self.backend.map()
+
+    @property
+    def closures(self) -> list[Closure]:
+        """All loop-closure candidates that were matched, and what became of them."""
+        return self.backend.closures
+
+    @property
+    def n_fragments(self) -> int:
+        """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
+        return self.backend.n_fragments
 
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
