@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         LogFormatError,
         MissingPackageError,
         OutputError,
+        UnitWarning,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
@@ -53,6 +54,7 @@ _HOMES = {
     "SlamStep": "curvescan.slam",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "UnitWarning": "curvescan.errors",
     "load_map": "curvescan.slam",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
@@ -84,6 +86,7 @@ __all__ = [
     "SlamStep",
     "StepOutcome",
     "Trajectory",
+    "UnitWarning",
     "__version__",
     "load_map",
     "log_from_arrays",

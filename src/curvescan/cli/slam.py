@@ -79,7 +79,10 @@ def slam(
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise
+    from curvescan.diagnostics.inspect import inspect_log
+    from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.motion_prior import motion_prior
+    from curvescan.diagnostics.verdict import judge_run, propose_commands
     from curvescan.io import output_folder
     from curvescan.runs.slam import save_slam_run
     from curvescan.slam import Slam, load_map, run_slam
@@ -97,9 +100,18 @@ def slam(
             run = run_slam(
                 source, tracker, odometry_poses=odometry_poses, on_step=lambda _: advance()
             )
+        with ERR.status("looking for what is wrong with the log"):
+            issues = find_issues(inspect_log(source))
+        verdict = judge_run(run.revised, issues)
         with ERR.status("drawing the maps"):
             left_out = save_slam_run(
-                folder, run, source, command=sys.argv, source=log, occupancy=occupancy
+                folder,
+                run,
+                source,
+                command=sys.argv,
+                source=log,
+                occupancy=occupancy,
+                verdict=verdict,
             )
     OUT.print(summarise(run.revised, len(source)))
     OUT.print(f"{tracker!r}; finished in {run.seconds_to_finish:.1f} s", markup=False)
@@ -111,4 +123,7 @@ def slam(
         "graph.g2o, closures.csv, map.csmap, run.json",
         markup=False,
     )
-    return 0
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    OUT.print(verdict.sentence, markup=False, soft_wrap=True)
+    return 0 if verdict.is_trusted else 3

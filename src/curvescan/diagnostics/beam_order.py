@@ -86,7 +86,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        deskewer.tick(scan)
+        deskewer = deskewer.ticked(scan)
         current = prepare(scan)
         velocity = np.full(3, math.nan)
         if before is not None:

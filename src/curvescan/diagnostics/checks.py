@@ -194,6 +194,14 @@ def on_readings(report: LogReport) -> Iterator[Problem]:
             "it looks like a code for no reading and would be taken for a wall",
             f"--range-max {0.99 * value:.3g}",
         )
+    elif report.code_band is not None:
+        low, high, share = report.code_band
+        yield Problem(
+            "undeclared_codes",
+            f"{share:.1%} of all readings lie between {low:.2f} and {high:.2f} m, at the top of the range, in beams all around",
+            "they look like codes for no reading and would be drawn as arcs in the map",
+            f"--range-max {0.99 * low:.3g}",
+        )
 
 
 def on_odometry(report: LogReport) -> Iterator[Problem]:

@@ -78,6 +78,7 @@ def inspect_log(log: Log) -> LogReport:
         largest_reading=statistics.largest_reading,
         codes=_codes(statistics),
         suspect=_suspect(statistics),
+        code_band=statistics.top_of_range.code_band(),
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),

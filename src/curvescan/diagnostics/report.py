@@ -132,6 +132,9 @@ class LogReport:
         Values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most.
     suspect : ReadingCode or None
         A valid value that repeats so often at the top of the range that it looks like a code for *no reading*.
+    code_band : (float, float, float) or None
+        Lower and upper end, metres, and share of all readings of a band at the top of the range that looks like several
+        codes for *no reading*.
     odometry : OdometrySummary or None
         None when the log has none.
     mount : tuple of 3 float, or None
@@ -169,6 +172,7 @@ class LogReport:
     largest_reading: float
     codes: tuple[ReadingCode, ...]
     suspect: ReadingCode | None
+    code_band: tuple[float, float, float] | None
     odometry: OdometrySummary | None
     mount: tuple[float, float, float] | None
     is_upside_down: bool

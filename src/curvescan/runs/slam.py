@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from curvescan.diagnostics.verdict import Verdict
 from curvescan.io.log import Log
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
@@ -22,14 +23,14 @@ from curvescan.plots.graph import draw_graph
 from curvescan.plots.map import draw_map
 from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.odometry import as_plain, describe_run
-from curvescan.slam import SlamRun, Verdict
+from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.closures import Closure
 from curvescan.slam.graph import EdgeKind
 from curvescan.slam.map import SlamMap
 from curvescan.types import Pose, Trajectory
 
 CLOSURE_HEADER = (
-    "scan", "keyframe_i", "keyframe_j", "score", "squared_mahalanobis", "x", "y", "theta", "verdict", "meaning",
+    "scan", "keyframe_i", "keyframe_j", "score", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",
 )  # fmt: skip
 
 
@@ -42,6 +43,7 @@ def save_slam_run(
     source: Path | None = None,
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
+    verdict: Verdict | None = None,
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
@@ -64,6 +66,8 @@ def save_slam_run(
         True poses, drawn with the map.
     occupancy : OccupancyConfig or None
         How to make the occupancy map; None for the defaults.
+    verdict : Verdict or None
+        Whether the run can be trusted; None to judge it here.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def save_slam_run(
     save_graph(folder, slam_map)
     draw_graph(folder / "graph.png", slam_map, maps.standing, title=f"{title}: pose graph")
     write_closures(folder / "closures.csv", slam.closures)
-    record = describe_run(revised, log, slam.odometry, command, source)
+    record = describe_run(revised, log, slam.odometry, command, source, verdict)
     record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
     record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
     record["left_out"] = list(left_out)
@@ -120,20 +124,20 @@ def write_closures(path: Path, closures: Sequence[Closure]) -> None:
         writer.writerow(CLOSURE_HEADER)
         for c in closures:
             numbers = [c.score, c.distance, *c.pose.tolist()]
-            writer.writerow([c.scan, c.i, c.j, *numbers, c.verdict.name.lower(), c.verdict.value])
+            writer.writerow([c.scan, c.i, c.j, *numbers, c.outcome.name.lower(), c.outcome.value])
 
 
 def describe_graph(run: SlamRun) -> dict[str, object]:
     """Return what run.json holds of the graph."""
     graph, slam = run.slam.backend.graph, run.slam
-    verdicts = Counter(c.verdict for c in slam.closures)
+    verdicts = Counter(c.outcome for c in slam.closures)
     return {
         "keyframes": graph.n_poses,
         "edges": {
             kind.name.lower(): int(np.count_nonzero(graph.kinds == kind)) for kind in EdgeKind
         },
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
-        "candidates": {v.name.lower(): verdicts[v] for v in Verdict},
+        "candidates": {v.name.lower(): verdicts[v] for v in ClosureOutcome},
         "fragments": slam.n_fragments,
         "seconds_to_finish": round(run.seconds_to_finish, 3),
     }

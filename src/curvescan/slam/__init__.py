@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from curvescan.slam.closures import Closure, Verdict
+    from curvescan.slam.closures import Closure, ClosureOutcome
     from curvescan.slam.config import SlamConfig
     from curvescan.slam.map import SlamMap
     from curvescan.slam.map_file import load_map
@@ -21,19 +21,19 @@ _HOMES = {
     "SlamMap": "map",
     "SlamRun": "run",
     "SlamStep": "step",
-    "Verdict": "closures",
+    "ClosureOutcome": "closures",
     "load_map": "map_file",
     "run_slam": "run",
 }
 
 __all__ = [
     "Closure",
+    "ClosureOutcome",
     "Slam",
     "SlamConfig",
     "SlamMap",
     "SlamRun",
     "SlamStep",
-    "Verdict",
     "load_map",
     "run_slam",
 ]

@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inve
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
 from curvescan.slam.candidates import choose_candidates
-from curvescan.slam.closures import Closure, Verdict, is_certain, judged, vaguely
+from curvescan.slam.closures import Closure, ClosureOutcome, is_certain, judged, vaguely
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
 from curvescan.slam.jobs import Job, Problem, Solution, components, covariances_seen_from
@@ -187,12 +187,12 @@ class Backend:
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
         if guess is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
-        if closure.verdict is Verdict.WAITING:
+        if closure.outcome is ClosureOutcome.WAITING:
             agreed = self._waiting.add(closure, self.graph.poses)
             if not agreed:
                 self.closures.append(closure)
                 return []
-            agreed = [replace(c, verdict=Verdict.AGREED) for c in agreed]
+            agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in agreed]
             for one in agreed:
                 self._accept(one)
             return agreed
@@ -201,7 +201,7 @@ class Backend:
             if not self._is_linked(i, j):
                 self._waiting.confirm(closure)
             return [closure]
-        if closure.verdict is Verdict.UNEXPECTED and self._is_linked(i, j):
+        if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
             self._doubt(expected, closure)
         self.closures.append(closure)
         return []
@@ -239,7 +239,7 @@ class Backend:
         self.closures.append(closure)
         i, j = closure.i, closure.j
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
-        if closure.verdict is Verdict.AGREED:
+        if closure.outcome is ClosureOutcome.AGREED:
             self._is_urgent = True
         elif closure.distance > self.config.optimizer.surprise:
             self._is_dirty = True

@@ -20,7 +20,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.types import Cov, Pose
 
 
-class Verdict(Enum):
+class ClosureOutcome(Enum):
     """What became of a loop-closure candidate; the value is a sentence for people."""
 
     ACCEPTED = "It lies where the graph expects it."
@@ -51,7 +51,7 @@ class Closure:
         Of the match.
     distance : float
         Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
-    verdict : Verdict
+    outcome : ClosureOutcome
         What became of it.
     """
 
@@ -62,12 +62,12 @@ class Closure:
     covariance: Cov
     score: float
     distance: float
-    verdict: Verdict
+    outcome: ClosureOutcome
 
     @property
     def is_accepted(self) -> bool:
         """Whether it became an edge of the graph."""
-        return self.verdict in (Verdict.ACCEPTED, Verdict.AGREED)
+        return self.outcome in (ClosureOutcome.ACCEPTED, ClosureOutcome.AGREED)
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
@@ -103,23 +103,23 @@ def judged(
     if not result.ok:
         return Closure(
             scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
-            score=result.score, distance=float("nan"), verdict=Verdict.NO_MATCH,
+            score=result.score, distance=float("nan"), outcome=ClosureOutcome.NO_MATCH,
         )  # fmt: skip
     found = as_measurement(result)
     certain = is_certain(expected, config)
     distance = fuse(expected, found)[1]
     if result.score < config.closures.min_score:
-        verdict = Verdict.LOW_SCORE
+        outcome = ClosureOutcome.LOW_SCORE
     elif result.degenerate_direction is not None and not certain:
-        verdict = Verdict.DEGENERATE
+        outcome = ClosureOutcome.DEGENERATE
     elif distance > config.closures.gate:
         is_far = distance > config.closures.doubt * config.closures.gate
         is_linked = j - i <= config.keyframes.n_linked
         is_open = result.degenerate_direction is not None
-        verdict = Verdict.UNEXPECTED if is_far or is_linked or is_open else Verdict.WAITING
+        outcome = ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
     else:
-        verdict = Verdict.ACCEPTED if certain else Verdict.WAITING
+        outcome = ClosureOutcome.ACCEPTED if certain else ClosureOutcome.WAITING
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
-        score=result.score, distance=distance, verdict=verdict,
+        score=result.score, distance=distance, outcome=outcome,
     )  # fmt: skip
