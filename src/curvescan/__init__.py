@@ -30,13 +30,23 @@ if TYPE_CHECKING:
     from curvescan.odometry import Odometry, OdometryStep, StepOutcome
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
-    from curvescan.slam import Slam, SlamConfig, SlamMap, SlamStep, load_map
+    from curvescan.slam import (
+        Localizer,
+        LocalizerStep,
+        Slam,
+        SlamConfig,
+        SlamMap,
+        SlamStep,
+        load_map,
+    )
     from curvescan.types import Trajectory
 
 _HOMES = {
     "CurvescanError": "curvescan.errors",
     "InvalidArgumentError": "curvescan.errors",
     "LaserScan": "curvescan.scan",
+    "Localizer": "curvescan.slam",
+    "LocalizerStep": "curvescan.slam",
     "LogFileError": "curvescan.errors",
     "LogFormatError": "curvescan.errors",
     "MatchResult": "curvescan.matchers.result",
@@ -69,6 +79,8 @@ __all__ = [
     "CurvescanError",
     "InvalidArgumentError",
     "LaserScan",
+    "Localizer",
+    "LocalizerStep",
     "LogFileError",
     "LogFormatError",
     "MatchResult",

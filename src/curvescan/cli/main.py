@@ -20,6 +20,7 @@ from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
+from curvescan.cli.localize import localize
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
 from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
@@ -32,6 +33,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "convert": convert,
     "odometry": odometry,
     "slam": slam,
+    "localize": localize,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from curvescan.slam.closures import Closure, ClosureOutcome
     from curvescan.slam.config import SlamConfig
+    from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
     from curvescan.slam.map import SlamMap
     from curvescan.slam.map_file import load_map
     from curvescan.slam.run import SlamRun, run_slam
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Closure": "closures",
+    "Localizer": "localizer",
+    "LocalizerOutcome": "localizer",
+    "LocalizerStep": "localizer",
     "Slam": "slam",
     "SlamConfig": "config",
     "SlamMap": "map",
@@ -29,6 +33,9 @@ _HOMES = {
 __all__ = [
     "Closure",
     "ClosureOutcome",
+    "Localizer",
+    "LocalizerOutcome",
+    "LocalizerStep",
     "Slam",
     "SlamConfig",
     "SlamMap",

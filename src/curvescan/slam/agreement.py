@@ -61,7 +61,7 @@ class Waiting:
     def _is_enough(self, members: np.ndarray, group: list[Closure], agrees: Bools) -> bool:
         rules = self._config.closures
         chosen = [group[k] for k in members.tolist()]
-        is_doubtful = any(c.distance > rules.gate for c in chosen)
+        is_doubtful = any(c.is_doubtful for c in chosen)
         n_least = (2 if is_doubtful else 1) * rules.n_agreeing
         if len(chosen) < n_least or len({c.j for c in chosen}) < (3 if is_doubtful else 2):
             return False

@@ -20,9 +20,10 @@ from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
 from curvescan.slam.candidates import choose_candidates
 from curvescan.slam.closures import Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.components import components
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
-from curvescan.slam.jobs import Job, Problem, Solution, components, covariances_seen_from
+from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.map import SlamMap
 from curvescan.slam.optimization import Edges
@@ -71,6 +72,7 @@ class Backend:
         self._job_due = 0
         self._is_dirty = self._is_urgent = False
         self._n_scans = 0
+        self._fragments: list[int] = []  # of each keyframe
         self._missed: dict[int, int] = {}  # of the keyframe tried last
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
@@ -80,13 +82,46 @@ class Backend:
         assert self._belief is not None, "there is no keyframe yet"
         return self._belief
 
-    def start(self, scan: LaserScan, index: int) -> int:
-        """Take the first keyframe, at the origin, and return its number."""
-        k = self.keyframes.add(scan, index)
-        self.graph.add_pose(np.zeros(3))
-        self._belief = Belief.at_start(k, np.zeros(3))
+    def load(self, slam_map: SlamMap) -> None:
+        """Take a map to continue."""
+        for k in range(len(slam_map)):
+            index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
+            self.keyframes.add(slam_map.scans[k], index, session)
+            self.graph.add_pose(slam_map.poses[k])
+            self._motions.append(identity())
+        for k in range(len(slam_map.ends)):
+            i, j = slam_map.ends[k].tolist()
+            self.graph.add_edge(
+                i, j, slam_map.measured[k], slam_map.edge_covariances[k],
+                EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
+            )  # fmt: skip
+        self._fragments = components(self.graph.ends, self.graph.n_poses).tolist()
+
+    def start(self, scan: LaserScan, index: int, pose: Pose, session: int = 0) -> int:
+        """Begin a fragment: take a keyframe that nothing ties to those before it, and return its number.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Its scan, deskewed.
+        index : int
+            Its number in the stream.
+        pose : (3,) float64
+            Where to draw it until a loop closure says how it lies to the rest.
+        session : int
+            Number of the session.
+        """
+        if self._job is not None:
+            self._adopt(self._job.result(), self._job)
+            self._job = None
+        k = self.keyframes.add(scan, index, session)
+        self.graph.add_pose(pose)
+        self._fragments.append(max(self._fragments, default=-1) + 1)
+        self._belief = Belief.at_start(k, self.graph.poses)
         self.current, self.since = k, identity()
         self._motions.append(identity())
+        if k > 0:
+            self._enqueue(k)
         return k
 
     def add_keyframe(
@@ -106,7 +141,8 @@ class Backend:
             Whether matches measured all of the motion.
         """
         before = self.current
-        k = self.keyframes.add(scan, index)
+        k = self.keyframes.add(scan, index, self.keyframes[before].session)
+        self._fragments.append(self._fragments[before])
         motion = self._link(before, k, motion, is_measured)
         self._motions.append(motion)
         self.since = compose(self.since, motion)
@@ -142,13 +178,22 @@ class Backend:
 
     def _enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one is to be matched with."""
-        linked = range(max(k - self.config.keyframes.n_linked, 0), k - 1)
+        linked = [
+            i
+            for i in range(max(k - self.config.keyframes.n_linked, 0), k - 1)
+            if self._fragments[i] == self._fragments[k]
+        ]
         for i in linked:
             self._queue.append(Candidate(i, k, self._along(i, k)))
         relative, covariances = self.belief.seen_from_all(
             self.graph.poses[: k + 1], self.since, self.current
         )
-        chosen = choose_candidates(relative, covariances, self.config, self.keyframes)
+        similarity = self.keyframes.index.similarity(
+            self.keyframes.signature(self.keyframes.prepared(k))
+        )
+        chosen = choose_candidates(
+            relative, covariances, self.config, self.keyframes, similarity[:k]
+        )
         for i in chosen:
             expected = UncertainPose(relative[i], covariances[i])
             self._queue.append(Candidate(i, k, expected))
@@ -238,6 +283,8 @@ class Backend:
         """Make a closure an edge, and take the newest keyframe to where it says."""
         self.closures.append(closure)
         i, j = closure.i, closure.j
+        if self._fragments[i] != self._fragments[j]:
+            self._join(closure)
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
         if closure.outcome is ClosureOutcome.AGREED:
             self._is_urgent = True
@@ -252,6 +299,21 @@ class Backend:
         here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
         onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
         self.graph.poses[j:] = se2.compose(here, onward)
+
+    def _join(self, closure: Closure) -> None:
+        """Move the later fragment to where a closure says that it lies in the earlier one."""
+        fragments = np.array(self._fragments)
+        earlier, later = sorted((fragments[closure.i], fragments[closure.j]))
+        poses = self.graph.poses
+        if fragments[closure.j] == later:
+            wanted, moved = se2.compose(poses[closure.i], closure.pose), closure.j
+        else:
+            wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
+        shift = se2.compose(wanted, se2.inverse(poses[moved]))
+        rows = np.flatnonzero(fragments == later)
+        poses[rows] = se2.compose(shift, poses[rows])
+        fragments[rows] = earlier
+        self._fragments = fragments.tolist()
 
     def _is_due(self) -> bool:
         rules, n_new = self.config.optimizer, self.graph.n_poses - self.belief.n
@@ -303,9 +365,10 @@ class Backend:
 
     def _densify(self) -> None:
         """Match each keyframe with the nearest others that it has not been matched with."""
-        poses = self.graph.poses
+        poses, fragments = self.graph.poses, np.array(self._fragments)
         for k in range(1, self.graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
+            relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self.keyframes):
                 self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), self._n_scans)
@@ -343,5 +406,9 @@ class Backend:
 
     @property
     def n_fragments(self) -> int:
-        """Connected components of the graph."""
-        return int(components(self.graph.ends, self.graph.n_poses).max(initial=-1)) + 1
+        """Parts of the graph that nothing joins."""
+        return len(set(self._fragments))
+
+    def fragment_of(self, k: int) -> int:
+        """Return the number of the fragment that a keyframe is in."""
+        return self._fragments[k]

@@ -12,6 +12,9 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.marginals import seen_from
 from curvescan.types import Cov, Pose
 
+UNKNOWN: Cov = np.diag([1e6, 1e6, 10.0])
+"""(3, 3) covariance of a relative pose of which nothing is known."""
+
 
 class Belief:
     """Poses and covariances as of the last optimization, and the odometry since.
@@ -32,9 +35,11 @@ class Belief:
         self._relative, self._covariances = seen_from(poses, covariances, k)
 
     @classmethod
-    def at_start(cls, k: int, pose: Pose) -> Belief:
-        """Return the belief of one keyframe, known exactly."""
-        return cls(k, pose[np.newaxis], np.zeros((1, 3, 3)))
+    def at_start(cls, k: int, poses: Pose) -> Belief:
+        """Return what is known of keyframe k, the last one, where nothing ties it to those before it."""
+        covariances = np.tile(UNKNOWN, (len(poses), 1, 1))
+        covariances[k] = 0.0
+        return cls(k, poses, covariances)
 
     def knows(self, i: int) -> bool:
         """Return whether a keyframe was there."""

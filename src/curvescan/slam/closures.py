@@ -19,6 +19,9 @@ from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.types import Cov, Pose
 
+UNKNOWN_M = 10.0
+"""Standard deviation of a relative pose of which the graph knows nothing, metres."""
+
 
 class ClosureOutcome(Enum):
     """What became of a loop-closure candidate; the value is a sentence for people."""
@@ -53,6 +56,8 @@ class Closure:
         Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
     outcome : ClosureOutcome
         What became of it.
+    is_doubtful : bool
+        Whether twice as many must agree: the graph contradicts it, or knows nothing of the relative pose.
     """
 
     scan: int
@@ -63,6 +68,7 @@ class Closure:
     score: float
     distance: float
     outcome: ClosureOutcome
+    is_doubtful: bool = False
 
     @property
     def is_accepted(self) -> bool:
@@ -107,6 +113,7 @@ def judged(
         )  # fmt: skip
     found = as_measurement(result)
     certain = is_certain(expected, config)
+    is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
     if result.score < config.closures.min_score:
         outcome = ClosureOutcome.LOW_SCORE
@@ -116,10 +123,13 @@ def judged(
         is_far = distance > config.closures.doubt * config.closures.gate
         is_linked = j - i <= config.keyframes.n_linked
         is_open = result.degenerate_direction is not None
-        outcome = ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
+        outcome = (
+            ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
+        )
     else:
         outcome = ClosureOutcome.ACCEPTED if certain else ClosureOutcome.WAITING
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
         score=result.score, distance=distance, outcome=outcome,
+        is_doubtful=is_unknown or distance > config.closures.gate,
     )  # fmt: skip

@@ -29,13 +29,15 @@ class KeyframesConfig:
     """Keyframes nearer than this to each other show one place, metres."""
     same_place_rad: float = 0.5
     """The same for their directions, radians."""
+    n_lost: int = 8
+    """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a fragment."""
     n_prepared: int = 3000
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
         for name in ("distance", "turn", "same_place_m", "same_place_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_linked", "max_views", "n_prepared"):
+        for name in ("n_linked", "max_views", "n_lost", "n_prepared"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan.slam.belief import UNKNOWN
+from curvescan.slam.components import anchors_of, components
 from curvescan.slam.graph import EdgeKind, PoseGraph
 from curvescan.slam.marginals import marginal_covariances
 from curvescan.slam.optimization import Edges, normal_equations
@@ -142,26 +144,10 @@ def covariances_seen_from(poses: Pose, edges: Edges, weights: Floats, k: int) ->
     pattern = block_pattern(len(poses), edges.ends, 3)
     data, _, _ = normal_equations(poses, edges, weights, anchors, pattern)
     found = marginal_covariances(pattern, data, anchors)
-    found[labels != labels[k]] = np.diag([1e6, 1e6, 10.0])
+    found[labels != labels[k]] = UNKNOWN
     return found
 
 
 def trusted_edges(kinds: Ints) -> Bools:
     """Return which edges keep their weight: those of the motion model, which hold the graph together."""
     return np.asarray(kinds == EdgeKind.MOTION)
-
-
-def components(ends: Ints, n_poses: int) -> Ints:
-    """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    links = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_poses, n_poses))
-    _, labels = connected_components(links, directed=False)
-    return np.asarray(labels, dtype=np.int64)
-
-
-def anchors_of(labels: Ints) -> Ints:
-    """Return the first pose of each component, in the order of the components."""
-    _, first = np.unique(labels, return_index=True)
-    return first.astype(np.int64)

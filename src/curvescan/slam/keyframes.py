@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.matchers import MatchResult, PreparedScan, prepare
+from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.scan import LaserScan
 from curvescan.slam.overlap import N_SECTORS, range_profile
+from curvescan.slam.place_index import PlaceIndex, Signature, signature
 from curvescan.types import Floats, Pose
 
 
@@ -43,6 +45,11 @@ class Keyframes:
         Its configuration.
     n_prepared : int
         Features held.
+
+    Attributes
+    ----------
+    index : PlaceIndex
+        Which of them look like a scan.
     """
 
     def __init__(self, method: str, matcher_config: object | None, n_prepared: int) -> None:
@@ -51,6 +58,7 @@ class Keyframes:
         self._n_prepared = n_prepared
         self._all: list[Keyframe] = []
         self._profiles = np.zeros((16, 2, N_SECTORS))
+        self.index = PlaceIndex()
         self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
 
     def __len__(self) -> int:
@@ -67,7 +75,15 @@ class Keyframes:
         if k == len(self._profiles):
             self._profiles = np.concatenate((self._profiles, np.zeros_like(self._profiles)))
         self._profiles[k] = range_profile(keyframe.scan)
+        self.index.add(self.signature(self.prepared(k)))
         return k
+
+    def signature(self, scan: PreparedScan) -> Signature:
+        """Return the signature of a scan for the place index, from the default matcher's keypoints."""
+        features = scan.features
+        if not isinstance(features, CurvescanFeatures):
+            features = prepare(scan.scan).features
+        return signature(features.keypoints)
 
     @property
     def profiles(self) -> Floats:

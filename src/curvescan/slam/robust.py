@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan.slam.components import anchors_of, components
 from curvescan.slam.initialization import chordal_poses
 from curvescan.slam.optimization import Edges, optimize, squared_distances
 from curvescan.types import Bools, Floats, Ints, Pose
@@ -111,6 +112,8 @@ def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:
 
 def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
+    # a session that hangs on closures alone may come loose
+    anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
     return optimize(
         poses, edges.chosen(used), weights[used], anchors, max_iterations=5, tolerance=1e-3
     ).poses

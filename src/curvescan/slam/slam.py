@@ -23,6 +23,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.map import SlamMap
 from curvescan.slam.records import Records
+from curvescan.slam.relative import between_steps
 from curvescan.slam.step import SlamStep
 from curvescan.types import Trajectory
 
@@ -57,11 +58,17 @@ class Slam:
         self.odometry = Odometry(method, matcher_config=matcher_config, config=self.config.odometry)
         keyframes = Keyframes(method, matcher_config, self.config.keyframes.n_prepared)
         self.backend = Backend(keyframes, self.config)
+        self._session = 0
+        if map is not None:
+            self.backend.load(map)
+            self._session = map.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
         self._last: OdometryStep | None = None
         self._origin: OdometryStep | None = None  # the step of the current keyframe
-        self._is_measured = True
+        self._n_lost = self._n_most_lost = (
+            0  # scans without a match, now and since the current keyframe
+        )
         self._n_scans = 0
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
@@ -85,15 +92,19 @@ class Slam:
             As :meth:`Odometry.add` does.
         """
         step = self.odometry.add(scan, odometry_pose)
-        self._deskewer.tick(scan)
+        self._deskewer = self._deskewer.ticked(scan)
         if self._origin is None:
-            self.backend.start(scan, step.index)
-            self._records.begin(0, None)
+            k = self.backend.start(scan, step.index, np.zeros(3), self._session)
+            self._records.begin(k, None)
             self._origin, seen = step, identity()
         else:
-            self._is_measured &= step.outcome not in _UNMEASURED
-            seen = _between(self._origin, step)
-            if self._is_due(seen):
+            is_lost = step.outcome in _UNMEASURED
+            self._n_lost = self._n_lost + 1 if is_lost else 0
+            self._n_most_lost = max(self._n_most_lost, self._n_lost)
+            seen = between_steps(self._origin, step)
+            if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
+                seen = self._begin_fragment(scan, step, seen)
+            elif self._is_due(seen):
                 seen = self._make_keyframe(scan, step, seen)
         self._last = step
         self._n_scans += 1
@@ -122,7 +133,7 @@ class Slam:
             closures=closures,
             is_revised=is_revised,
             keyframe=backend.current,
-            fragment=0,
+            fragment=backend.fragment_of(backend.current),
         )
 
     def _is_due(self, seen: UncertainPose) -> bool:
@@ -133,10 +144,24 @@ class Slam:
         self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
     ) -> UncertainPose:
         assert self._last is not None
-        deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-        k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._is_measured)
+        deskewed = scan
+        if self.config.odometry.deskew:
+            deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+        k = self.backend.add_keyframe(
+            deskewed, step.index, seen, is_measured=self._n_most_lost == 0
+        )
         self._records.begin(k, seen.pose)
-        self._origin, self._is_measured = step, True
+        self._origin, self._n_most_lost = step, 0
+        return identity()
+
+    def _begin_fragment(
+        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
+    ) -> UncertainPose:
+        """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
+        pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
+        k = self.backend.start(scan, step.index, pose, self._session)
+        self._records.begin(k, None)
+        self._origin, self._n_most_lost = step, 0
         return identity()
 
     def trajectory(self) -> Trajectory:
@@ -169,17 +194,3 @@ class Slam:
             f"Slam({self.method}: {self._n_scans:,} scans, {len(self.backend.keyframes):,} keyframes, "
             f"{n_closures:,} loop closures)"
         )
-
-
-def _between(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
-    """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
-    pose = se2.between(origin.pose, step.pose)
-    c, s = math.cos(origin.pose[2]), math.sin(origin.pose[2])
-    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    dx, dy = step.pose[:2] - origin.pose[:2]
-    by_origin = np.eye(3)
-    by_origin[0, 2], by_origin[1, 2] = -dy, dx
-    rest = back @ (step.covariance - by_origin @ origin.covariance @ by_origin.T) @ back.T
-    # the two may hang on one keyframe of the odometry, whose error they share
-    values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
-    return UncertainPose(pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
