@@ -73,7 +73,12 @@ def lookalike_floor(seed: int, *, deceit: Deceit = "offices", lap: int = 0) -> W
         world,
         name="lookalikes",
         floor=np.array(
-            [[-_CORRIDOR, 0.0], [length + _CORRIDOR, 0.0], [length + _CORRIDOR, top], [-_CORRIDOR, top]]
+            [
+                [-_CORRIDOR, 0.0],
+                [length + _CORRIDOR, 0.0],
+                [length + _CORRIDOR, top],
+                [-_CORRIDOR, top],
+            ]
         ),
         route=_route(rooms[:n], deceit, length, top, rng),
     )
@@ -92,7 +97,12 @@ def deceive(
     for lap, poses in enumerate((truth[:n], truth[n:])):
         world = lookalike_floor(seed, deceit=deceit, lap=lap)
         made = simulate(
-            world, sensor=sensor, seed=2 * seed + lap, n_people=n_people, poses=poses, odometry_noise=None
+            world,
+            sensor=sensor,
+            seed=2 * seed + lap,
+            n_people=n_people,
+            poses=poses,
+            odometry_noise=None,
         )
         period = made.sensor.period
         scans += [replace(scan, stamp=scan.stamp + lap * n * period) for scan in made]

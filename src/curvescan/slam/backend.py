@@ -176,6 +176,10 @@ class Backend:
             return by_chain
         return vague
 
+    def add_prior(self, k: int, motion: UncertainPose) -> None:
+        """Tie keyframe k to the one before it by a motion that wheels measured: an edge that may lose its weight."""
+        self.graph.add_edge(k - 1, k, motion.pose, motion.cov, EdgeKind.PRIOR)
+
     def _enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one is to be matched with."""
         linked = [
@@ -383,6 +387,8 @@ class Backend:
     def covariances(self) -> Cov:
         """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
         graph = self.graph
+        if graph.n_poses == 0:
+            return np.empty((0, 3, 3))
         edges = Edges.of(graph.ends, graph.measured, graph.covariances)
         return covariances_seen_from(graph.poses, edges, graph.weights, 0)
 

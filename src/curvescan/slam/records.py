@@ -59,6 +59,10 @@ class Records:
             Of these.
         """
         n = len(self)
+        if n == 0:
+            return Trajectory(
+                stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3))
+            )
         stretch = np.array(self._stretch, dtype=np.int64)
         relative = np.array(self._relative).reshape(n, 3)
         first = np.array(self._from, dtype=np.int64)[stretch]

@@ -23,9 +23,9 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.map import SlamMap
 from curvescan.slam.records import Records
-from curvescan.slam.relative import between_steps
+from curvescan.slam.relative import between_steps, wheel_motion
 from curvescan.slam.step import SlamStep
-from curvescan.types import Trajectory
+from curvescan.types import Pose, Trajectory
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD)
 
@@ -69,6 +69,7 @@ class Slam:
         self._n_lost = self._n_most_lost = (
             0  # scans without a match, now and since the current keyframe
         )
+        self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
@@ -97,6 +98,7 @@ class Slam:
             k = self.backend.start(scan, step.index, np.zeros(3), self._session)
             self._records.begin(k, None)
             self._origin, seen = step, identity()
+            self._add_prior(k, odometry_pose)
         else:
             is_lost = step.outcome in _UNMEASURED
             self._n_lost = self._n_lost + 1 if is_lost else 0
@@ -105,7 +107,7 @@ class Slam:
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, seen)
             elif self._is_due(seen):
-                seen = self._make_keyframe(scan, step, seen)
+                seen = self._make_keyframe(scan, step, seen, odometry_pose)
         self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
@@ -141,7 +143,11 @@ class Slam:
         return math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn
 
     def _make_keyframe(
-        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
+        self,
+        scan: LaserScan,
+        step: OdometryStep,
+        seen: UncertainPose,
+        odometry_pose: ArrayLike | None,
     ) -> UncertainPose:
         assert self._last is not None
         deskewed = scan
@@ -154,6 +160,16 @@ class Slam:
         self._origin, self._n_most_lost = step, 0
         return identity()
 
+    def _add_prior(self, k: int, odometry_pose: ArrayLike | None) -> None:
+        """Tie a keyframe to the one before it by what the wheels measured in between."""
+        before = self._odometry_pose
+        self._odometry_pose = None if odometry_pose is None else np.asarray(odometry_pose, float)
+        if before is None or self._odometry_pose is None:
+            return
+        moved = se2.between(before, self._odometry_pose)
+        if np.isfinite(moved).all():
+            self.backend.add_prior(k, wheel_motion(moved, self.config.odometry.motion))
+
     def _begin_fragment(
         self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
     ) -> UncertainPose:
@@ -162,6 +178,7 @@ class Slam:
         k = self.backend.start(scan, step.index, pose, self._session)
         self._records.begin(k, None)
         self._origin, self._n_most_lost = step, 0
+        self._odometry_pose = None
         return identity()
 
     def trajectory(self) -> Trajectory:
