@@ -91,8 +91,9 @@ def deceive(
     first = lookalike_floor(seed, deceit=deceit)
     n_people = 4 if deceit == "people" else 0
     whole = simulate(first, sensor=sensor, seed=seed, n_people=n_people, odometry_noise=None)
-    truth = np.concatenate((whole.truth.poses, whole.truth.poses[1:]))
-    n = len(whole.truth.poses)
+    lap_poses = _turned_back(whole.truth.poses)
+    truth = np.concatenate((lap_poses, lap_poses[1:]))
+    n = len(lap_poses)
     scans = []
     for lap, poses in enumerate((truth[:n], truth[n:])):
         world = lookalike_floor(seed, deceit=deceit, lap=lap)
@@ -107,6 +108,16 @@ def deceive(
         period = made.sensor.period
         scans += [replace(scan, stamp=scan.stamp + lap * n * period) for scan in made]
     return scans, truth
+
+
+def _turned_back(poses: Pose) -> Pose:
+    """Return the poses of a lap, and a turn on the spot that ends as the lap began."""
+    last, wanted = poses[-1], poses[0, 2]
+    turn = float(np.remainder(wanted - last[2] + np.pi, 2.0 * np.pi) - np.pi)
+    n = max(int(np.ceil(abs(turn) / 0.15)), 1)
+    share = np.linspace(0.0, 1.0, n + 1)[1:, np.newaxis]
+    onward = np.column_stack((last[:2] + share * (poses[0, :2] - last[:2]), last[2] + share * turn))
+    return np.concatenate((poses, onward))
 
 
 def _route(
