@@ -20,6 +20,7 @@ from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
 from curvescan.cli.info import info
+from curvescan.cli.live import live
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
 from curvescan.cli.options import ChainConfigs, MethodConfigs
@@ -30,6 +31,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "convert": convert,
     "odometry": odometry,
+    "live": live,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,

@@ -1,0 +1,126 @@
+"""Tracker: one verb for odometry, SLAM and localization, and what a sink is told of each scan."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+from curvescan.matching import MatchResult
+from curvescan.odometry import StepOutcome
+from curvescan.odometry.step import MATCHES
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Pose, Trajectory
+
+LOST = (StepOutcome.PREDICTED, StepOutcome.HELD)
+"""Outcomes of scans that were not matched."""
+
+
+class Engine(Protocol):
+    """What a tracker drives: :class:`curvescan.Odometry`, :class:`curvescan.Slam` or :class:`curvescan.Localizer`."""
+
+    def add(self, scan: LaserScan, /) -> Any:
+        """Return where the sensor was at this scan."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrackedScan:
+    """A scan and what became of it: all that sinks are told.
+
+    Attributes
+    ----------
+    index : int
+        Number of the scan among those that were tracked, from 0.
+    scan : LaserScan
+        The scan as the source gave it.
+    pose : (3,) float64
+        Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`.
+    pose_odom : (3,) float64
+        Pose of the sensor by odometry alone, frame of the first scan.
+    covariance : (3, 3) float64
+        Covariance of `pose`, x, y, theta.
+    outcome : Enum
+        How the pose came about; its value is a sentence.
+    is_matched : bool
+        Whether the pose stands on a match.
+    match : MatchResult or None
+        The match behind the pose.
+    closures : tuple
+        Loop closures that this scan brought.
+    revised : Trajectory or None
+        All poses so far, where this scan changed those of the past.
+    seconds : float
+        Time that it took.
+    received : float
+        When the source gave the scan, by time.monotonic(), seconds.
+    n_dropped : int
+        Scans of the source that were dropped before this one because tracking was too slow.
+    """
+
+    index: int
+    scan: LaserScan
+    pose: Pose
+    pose_odom: Pose
+    covariance: Cov
+    outcome: Enum
+    is_matched: bool
+    match: MatchResult | None
+    closures: tuple[Any, ...]
+    revised: Trajectory | None
+    seconds: float
+    received: float
+    n_dropped: int
+
+
+class Tracker:
+    """Drives an engine scan by scan.
+
+    Parameters
+    ----------
+    engine : Odometry, Slam or Localizer
+        What estimates the poses.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self._n_scans = 0
+
+    def add(
+        self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0
+    ) -> TrackedScan:
+        """Return where the sensor was at this scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan.
+        received : float or None
+            When it came, by time.monotonic(), seconds; None: now.
+        n_dropped : int
+            Scans that were dropped so far.
+        """
+        received = time.monotonic() if received is None else received
+        started = time.perf_counter()
+        step = self.engine.add(scan)
+        closures: Sequence[Any] = getattr(step, "closures", ())
+        revised = self.engine.trajectory() if closures else None  # type: ignore[attr-defined]
+        tracked = TrackedScan(
+            index=self._n_scans,
+            scan=scan,
+            pose=step.pose,
+            pose_odom=getattr(step, "pose_odom", step.pose),
+            covariance=step.covariance,
+            outcome=step.outcome,
+            is_matched=step.outcome in MATCHES,
+            match=getattr(step, "match", None),
+            closures=tuple(closures),
+            revised=revised,
+            seconds=time.perf_counter() - started,
+            received=received,
+            n_dropped=n_dropped,
+        )
+        self._n_scans += 1
+        return tracked
