@@ -22,11 +22,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.diagnostics.inspect import inspect_log
+from curvescan.diagnostics.issues import findings_of
 from curvescan.errors import CurvescanError
 from curvescan.io import (
     Log,
-    findings_of,
-    inspect_log,
     read_config,
     read_csv,
     read_log,

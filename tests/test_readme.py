@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 
+from tests.cli.test_main import flaser
 from tests.conftest import ROOT
 from tests.scenes import room_scan
-from tests.test_cli import flaser
 
 
 def test_the_ten_lines_run(tmp_path, monkeypatch, capsys):

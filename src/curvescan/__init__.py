@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
     from curvescan.mapping.occupancy import OccupancyBuilder
-    from curvescan.matching import PreparedScan, match, prepare
-    from curvescan.matching.result import MatchResult, Outcome
+    from curvescan.matchers import PreparedScan, match, prepare
+    from curvescan.matchers.result import MatchResult, Outcome
     from curvescan.odometry import Odometry, OdometryStep, StepOutcome
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
@@ -37,20 +37,20 @@ _HOMES = {
     "LaserScan": "curvescan.scan",
     "LogFileError": "curvescan.errors",
     "LogFormatError": "curvescan.errors",
-    "MatchResult": "curvescan.matching.result",
+    "MatchResult": "curvescan.matchers.result",
     "MissingPackageError": "curvescan.errors",
     "OccupancyBuilder": "curvescan.mapping.occupancy",
     "OccupancyConfig": "curvescan.mapping.config",
     "Odometry": "curvescan.odometry",
     "OdometryStep": "curvescan.odometry",
-    "Outcome": "curvescan.matching.result",
+    "Outcome": "curvescan.matchers.result",
     "OutputError": "curvescan.errors",
-    "PreparedScan": "curvescan.matching",
+    "PreparedScan": "curvescan.matchers",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "log_from_arrays": "curvescan.io",
-    "match": "curvescan.matching",
-    "prepare": "curvescan.matching",
+    "match": "curvescan.matchers",
+    "prepare": "curvescan.matchers",
     "read_log": "curvescan.io",
     "se2": "curvescan",
     "simulate": "curvescan.simulation",

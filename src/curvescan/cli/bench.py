@@ -37,10 +37,10 @@ def bench(
     """
     from contextlib import nullcontext
 
+    from curvescan.benchmarks.benchmark import run_benchmark
+    from curvescan.benchmarks.report import benchmark_tables, save_benchmark
     from curvescan.cli.console import OUT, load_usable_methods, progress_bars, show
-    from curvescan.evaluation.benchmark import run_benchmark
     from curvescan.io import output_folder, read_log
-    from curvescan.view.benchmark import benchmark_tables, save_benchmark
 
     sources = [read_log(path) for path in logs]
     with nullcontext() if out is None else output_folder(out) as folder:

@@ -40,13 +40,13 @@ def calibrate(
         Seed of the simulated noise.
     """
     from curvescan.cli.console import ERR, OUT, show
-    from curvescan.evaluation.calibration import (
+    from curvescan.io import output_folder, read_log, write_config
+    from curvescan.paper.calibration import (
         calibrate as find_parameters,
     )
-    from curvescan.evaluation.calibration import planes_of_log, sensor_of_log, simulated_planes
-    from curvescan.io import output_folder, read_log, write_config
+    from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
+    from curvescan.paper.calibration_figure import calibration_table, draw_calibration, peak_table
     from curvescan.simulation.sensors import choose_sensor
-    from curvescan.view.calibration import calibration_table, draw_calibration, peak_table
 
     if log is None:
         source, planes = choose_sensor(sensor), None

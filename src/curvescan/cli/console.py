@@ -22,7 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from curvescan.errors import MissingPackageError
-from curvescan.view.table import ResultTable
+from curvescan.runs.table import ResultTable
 
 OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
 """Results."""
@@ -115,7 +115,7 @@ def load_kernels(method: str) -> None:
 
 def load_usable_methods() -> tuple[str, ...]:
     """Load the kernels of every method and return the names of those whose packages are installed."""
-    from curvescan.matching import MATCHERS
+    from curvescan.matchers import MATCHERS
 
     usable = []
     for method in MATCHERS:

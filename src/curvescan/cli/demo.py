@@ -65,10 +65,10 @@ def demo(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar, table
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
-    from curvescan.evaluation.errors import trajectory_errors
+    from curvescan.evaluation.trajectory_errors import trajectory_errors
     from curvescan.io import output_folder
     from curvescan.odometry import run_odometry
-    from curvescan.view.run import save_run
+    from curvescan.runs.odometry import save_run
 
     tracker = make_odometry(method, chain, configs, chain_config)
     with output_folder(out) as folder:

@@ -60,8 +60,8 @@ def evaluate(
     from curvescan.evaluation.reference import reference_errors
     from curvescan.evaluation.relations import relation_errors
     from curvescan.io import output_folder, read_poses, read_relations
-    from curvescan.view import evaluation as view
-    from curvescan.view import evaluation_tables as tables_of
+    from curvescan.runs import evaluation as view
+    from curvescan.runs import evaluation_tables as tables_of
 
     if (relations is None) == (reference is None):
         raise InvalidArgumentError(

@@ -40,9 +40,9 @@ def experiments(
         Seed of all simulated scans.
     """
     from curvescan.cli.console import ERR, OUT, load_usable_methods, progress_bars
-    from curvescan.evaluation.experiments import run_experiments
     from curvescan.io import output_folder, read_log, read_relations
-    from curvescan.view.experiments import save_experiments
+    from curvescan.paper.experiments import run_experiments
+    from curvescan.paper.report import save_experiments
 
     mount = in_radians(laser_pose)
     sources = [read_log(path) for path in logs]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from curvescan.cli.options import Flag, Laser, LaserSetUp, LogPath, Topic, open_log
 
 if TYPE_CHECKING:
-    from curvescan.io import LogReport
+    from curvescan.diagnostics.report import LogReport
 
 
 def info(
@@ -43,7 +43,9 @@ def info(
     from rich.markup import escape
 
     from curvescan.cli.console import OUT
-    from curvescan.io import findings_of, inspect_log, report_as_plain
+    from curvescan.diagnostics.inspect import inspect_log
+    from curvescan.diagnostics.issues import findings_of
+    from curvescan.diagnostics.report_json import report_as_plain
 
     report = inspect_log(open_log(log, range_max=range_max, topic=topic, laser=laser))
     if json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import sys
 import threading
@@ -15,7 +16,7 @@ import tyro
 
 from curvescan.cli.options import Flag, Laser, LaserSetUp, MapConfig, Method, Topic, open_log
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.folder import output_folder
+from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ def live(
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service manager stops us like Ctrl-C
     is_lossless = not source.is_live
     with ExitStack() as pages:
         viewer = None

@@ -21,7 +21,7 @@ from curvescan.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from curvescan.cfsma.trace import CfSmaTrace
+    from curvescan.matchers.cfsma.trace import CfSmaTrace
 
 
 def match(
@@ -70,10 +70,10 @@ def match(
     import numpy as np
 
     from curvescan import match as match_scans
-    from curvescan.cfsma.trace import CfSmaTrace
     from curvescan.cli.console import OUT, load_kernels
     from curvescan.io import output_folder, pick_scans
-    from curvescan.view.match import save_match
+    from curvescan.matchers.cfsma.trace import CfSmaTrace
+    from curvescan.plots.match import save_match
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     reference, current = pick_scans(source, (i, j))
@@ -106,8 +106,8 @@ def match(
 
 
 def _show_gates(trace: CfSmaTrace, i: int, j: int) -> None:
-    from curvescan.cfsma.trace import Gate, count_gates
     from curvescan.cli.console import OUT, table
+    from curvescan.matchers.cfsma.trace import Gate, count_gates
 
     gates = table("What became of the readings", "", f"scan {i}", f"scan {j}", "decided by")
     in_reference = count_gates(trace.gates_reference)

@@ -90,12 +90,12 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
+    from curvescan.diagnostics.motion_prior import prior_of
     from curvescan.io import output_folder
-    from curvescan.io.further import RunData, takes_edges, write_further
-    from curvescan.io.prior import prior_of
+    from curvescan.io.trajectories.exports import RunData, takes_edges, write_further
     from curvescan.odometry import run_odometry
-    from curvescan.view.graph import PoseGraph
-    from curvescan.view.run import save_run
+    from curvescan.odometry.pose_graph import PoseGraph
+    from curvescan.runs.odometry import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     wheels = prior_of(source) if odometry_prior else None
@@ -138,7 +138,7 @@ def odometry(
 def _lists_beams_backwards(source: Log) -> bool:
     """Return whether the log's sweeps must not be deskewed as they are, and print it."""
     from curvescan.cli.console import ERR
-    from curvescan.evaluation.sweeps import lists_beams_backwards
+    from curvescan.diagnostics.beam_order import lists_beams_backwards
 
     # with the default matcher, whatever method runs: its kernels may not be there yet
     what = "asking in which order the beams were swept (kernels are compiled in the first run only)"

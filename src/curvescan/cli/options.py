@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cfsma.config import CfSmaConfig
-from curvescan.consensus.config import ConsensusConfig
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.odometry.config import OdometryConfig
-from curvescan.rivals.config import (
+from curvescan.matchers.baselines.config import (
     CoxConfig,
     HistogramConfig,
     IcpConfig,
     IdcConfig,
     PlIcpConfig,
 )
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.odometry.config import OdometryConfig
 
 if TYPE_CHECKING:
     from curvescan.io import Log

@@ -1,1 +1,1 @@
-"""How good a trajectory or a matcher is, against what is known to be true."""
+"""How good a trajectory is: ATE, RPE, drift and relations, against reference poses."""

@@ -21,9 +21,9 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
 from curvescan.evaluation.relations import RelationErrors, relation_errors
 from curvescan.io.log import Log
-from curvescan.io.relations import Relations
-from curvescan.matching import match, prepare
-from curvescan.matching.result import Outcome
+from curvescan.io.trajectories.relations import Relations
+from curvescan.matchers import match, prepare
+from curvescan.matchers.result import Outcome
 from curvescan.odometry import Odometry, OdometryRun, run_odometry
 from curvescan.types import Bools, Floats
 

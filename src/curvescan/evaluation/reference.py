@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import Association, associate
-from curvescan.evaluation.errors import (
+from curvescan.evaluation.relations import span_of
+from curvescan.evaluation.trajectory_errors import (
     RelativeErrors,
     TrajectoryErrors,
     align,
@@ -18,8 +19,7 @@ from curvescan.evaluation.errors import (
     rpe,
     trajectory_errors,
 )
-from curvescan.evaluation.relations import span_of
-from curvescan.io.poses import PoseFile
+from curvescan.io.trajectories.poses import PoseFile
 from curvescan.types import Floats, Pose, Trajectory
 
 

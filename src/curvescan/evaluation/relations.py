@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
-from curvescan.evaluation.errors import Spread, travelled
-from curvescan.io.relations import Relations, read_relations
+from curvescan.evaluation.trajectory_errors import Spread, travelled
+from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.types import Bools, Floats, Ints, Trajectory
 
 __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_errors"]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError, LogFileError
-from curvescan.io.shown import shown_text
+from curvescan.io.files.printable import shown_text
 
 _MAX_CHARS = 1 << 15
 """All parameters of all methods take 5,000; the parser's time grows with the square of the depth."""

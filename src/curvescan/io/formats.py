@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from curvescan.errors import LogFormatError
-from curvescan.io.bag_files import BagKind
-from curvescan.io.coreslam import N_COLUMNS
-from curvescan.io.csv_layout import header_names, is_content
+from curvescan.io.arrays.coreslam import N_COLUMNS
+from curvescan.io.arrays.csv_layout import header_names, is_content
 from curvescan.io.log import Log
+from curvescan.io.ros.bag_files import BagKind
 
 HEAD_BYTES = 1 << 16
 """How many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log."""
@@ -107,13 +107,15 @@ _NUMBER = re.compile(rb"[-+]?[0-9.]+(e[-+]?[0-9]+)?")
 
 FORMATS: tuple[LogFormat, ...] = (
     *(
-        LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.rosbag:RosbagLog")
+        LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.ros.reader:RosbagLog")
         for kind in BagKind
     ),
-    LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.npz_log:open_npz"),
-    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.csv_log:open_csv"),
-    LogFormat(name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.coreslam:open_coreslam"),
-    LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen:CarmenLog"),
+    LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.arrays.npz_reader:open_npz"),
+    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_reader:open_csv"),
+    LogFormat(
+        name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.arrays.coreslam:open_coreslam"
+    ),
+    LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen.reader:CarmenLog"),
 )
 
 _UNPACK = "unpack it first"

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
+from curvescan.types import Floats, Pose, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +73,18 @@ class Log(Protocol):
         ...
 
 
+@runtime_checkable
+class GyroLog(Protocol):
+    """A log that also holds a gyroscope."""
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return (n_scans,) the angle about z that the gyroscope has turned by at each scan, NaN where not covered.
+
+        Radians if its driver keeps to REP-103. None without a gyroscope.
+        """
+        ...
+
+
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
     """Return the scans of these numbers, in the order asked for; one pass over the log.
 
@@ -101,3 +113,11 @@ def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
         if len(found) == len(set(numbers)):
             break
     return [found[number] for number in numbers]
+
+
+def scans_with_poses(log: Log) -> Iterator[tuple[LaserScan, Pose | None]]:
+    """Yield each scan with its row of the odometry; None where there is none."""
+    odometry = log.odometry
+    for i, scan in enumerate(log):
+        pose = None if odometry is None or i >= len(odometry) else odometry.poses[i]
+        yield scan, None if pose is None or not all(abs(v) < float("inf") for v in pose) else pose

@@ -6,22 +6,17 @@ used. What each format loses of a scan stands with its writer; the writer return
 
 from __future__ import annotations
 
-import gzip
 import importlib
-import io
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TextIO, cast
+from typing import Protocol, cast
 
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
-from curvescan.io.folder import output_file, output_folder
+from curvescan.io.files.output import output_file, output_folder
 from curvescan.io.log import Log
-from curvescan.scan import LaserScan
-from curvescan.types import Pose
 
 
 class LogWriter(Protocol):
@@ -82,18 +77,18 @@ class OutputFormat:
 WRITERS: dict[str, OutputFormat] = {
     "carmen": OutputFormat(
         suffixes=(".clf", ".log", ".carmen"),
-        writer="curvescan.io.carmen_writer:write_carmen",
+        writer="curvescan.io.carmen.writer:write_carmen",
         is_text=True,
     ),
     "csv": OutputFormat(
-        suffixes=(".csv",), writer="curvescan.io.csv_writer:write_csv_scans", is_text=True
+        suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True
     ),
-    "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.npz_writer:write_npz"),
-    "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.bag_log_writer:write_ros1"),
+    "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.arrays.npz_writer:write_npz"),
+    "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.ros.log_writer:write_ros1"),
     "ros2": OutputFormat(
-        suffixes=("",), writer="curvescan.io.bag_log_writer:write_sqlite3", is_folder=True
+        suffixes=("",), writer="curvescan.io.ros.log_writer:write_sqlite3", is_folder=True
     ),
-    "mcap": OutputFormat(suffixes=(".mcap",), writer="curvescan.io.bag_log_writer:write_mcap"),
+    "mcap": OutputFormat(suffixes=(".mcap",), writer="curvescan.io.ros.log_writer:write_mcap"),
 }
 """Name of each format that is written."""
 
@@ -153,30 +148,6 @@ def write_log(
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"cannot write {target}: {reason}") from error
-
-
-def scans_with_poses(log: Log) -> Iterator[tuple[LaserScan, Pose | None]]:
-    """Yield each scan with its row of the odometry; None where there is none."""
-    odometry = log.odometry
-    for i, scan in enumerate(log):
-        pose = None if odometry is None or i >= len(odometry) else odometry.poses[i]
-        yield scan, None if pose is None or not all(abs(v) < float("inf") for v in pose) else pose
-
-
-@contextmanager
-def text_file(path: Path) -> Iterator[TextIO]:
-    """Yield a new text file, gzip-compressed where its name ends in ``.gz``."""
-    with path.open("xb") as raw:
-        if path.suffix != ".gz":
-            with io.TextIOWrapper(raw, encoding="ascii", newline="") as text:
-                yield text
-            return
-        # without name and time, the same log gives the same bytes
-        with (
-            gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0, compresslevel=6) as packed,
-            io.TextIOWrapper(packed, encoding="ascii", newline="") as text,
-        ):
-            yield text
 
 
 def _choose(path: Path, name: str | None) -> OutputFormat:

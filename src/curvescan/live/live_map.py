@@ -16,7 +16,7 @@ from curvescan.errors import MapTooLargeError
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
-from curvescan.odometry.sweeps import Sweeps
+from curvescan.odometry.deskewing import Sweeps
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 

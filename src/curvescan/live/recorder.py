@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from curvescan.errors import OutputError
-from curvescan.io.folder import output_file
-from curvescan.io.bag_files import BagKind
-from curvescan.io.bag_writer import BagWriter, mcap_in_file
+from curvescan.io.files.output import output_file
+from curvescan.io.ros.bag_files import BagKind
+from curvescan.io.ros.bag_writer import BagWriter, mcap_in_file
 from curvescan.live.sinks import WorkerSink
 from curvescan.live.tracker import TrackedScan
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import __version__
-from curvescan.io.trajectory import write_csv, write_tum
+from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.live.live_map import LiveMap
 from curvescan.live.pipeline import LiveReport
 from curvescan.live.sinks import WorkerSink
@@ -18,7 +18,7 @@ from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.types import Trajectory
-from curvescan.view.occupancy import draw_occupancy
+from curvescan.plots.occupancy import draw_occupancy
 
 
 class ResultsSink(WorkerSink):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
-from curvescan.matching import MatchResult
+from curvescan.matchers import MatchResult
 from curvescan.odometry import StepOutcome
 from curvescan.odometry.step import MATCHES
 from curvescan.scan import LaserScan

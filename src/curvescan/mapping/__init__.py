@@ -1,1 +1,1 @@
-"""From poses to maps: what the scans of a drive, laid at their poses, say of the place."""
+"""From poses to maps: occupancy grids, occupied cells, static and dynamic points."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from curvescan.errors import require
-from curvescan.matching import DEFAULT_METHOD
+from curvescan.matchers import DEFAULT_METHOD
 from curvescan.types import Cov
 
 

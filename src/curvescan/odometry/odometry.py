@@ -14,17 +14,17 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.matching import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
-from curvescan.matching.registry import find_matcher
-from curvescan.odometry.attempts import Attempt, as_found, judge
+from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, prepare
+from curvescan.matchers.registry import find_matcher
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.keys import Fix, Key, Keys
-from curvescan.odometry.known_places import find_known_place
-from curvescan.odometry.motion import Motion
+from curvescan.odometry.deskewing import Sweeps
+from curvescan.odometry.gating import Attempt, as_found, judge
+from curvescan.odometry.keyframes import Fix, Key, Keys
+from curvescan.odometry.motion_model import Motion
+from curvescan.odometry.relocalization import find_known_place
 from curvescan.odometry.step import OdometryStep, StepOutcome
-from curvescan.odometry.sweeps import Sweeps
-from curvescan.odometry.uncertain_pose import UncertainPose, chain, fuse, invert, nowhere_else
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.types import Pose
 
 
@@ -108,7 +108,7 @@ class Odometry:
             self._first = scan
             is_guess = not self.matcher.can_be_reference(current.features)
             key = self.keys.add(current, self._n_scans, None, is_guess=is_guess)
-            self._fix, found = Fix(key=key, seen=nowhere_else()), _Found(StepOutcome.STARTED)
+            self._fix, found = Fix(key=key, seen=identity()), _Found(StepOutcome.STARTED)
         else:
             self._fix, found, current = self._locate(scan, current, self._fix, motion)
         world = self._fix.world
@@ -131,13 +131,13 @@ class Odometry:
         """Return where a scan is: by the key scan in use, else by the scan before it, else as well as it can be told."""
         min_score = self.config.keys.min_score
         reference, origin, outcome = last.key.scan, last.seen, StepOutcome.MATCHED
-        attempt = self._attempt(reference, current, chain(origin, motion))
+        attempt = self._attempt(reference, current, compose(origin, motion))
         before = self._last
         if not (before is None or before is reference or attempt.is_sure(min_score)):
             second = self._attempt(before, current, motion)
             if second.is_surer_than(attempt, min_score):
                 attempt, outcome = second, StepOutcome.CHAINED
-                reference, origin = before, nowhere_else()
+                reference, origin = before, identity()
         if not attempt.is_believed(self.config.keys.least_score):
             return *self._do_without(current, last, motion, attempt.result), current
         key = last.key
@@ -145,7 +145,7 @@ class Odometry:
             key = self.keys.add(reference, self._n_scans - 1, last)
         attempt, current = self._with_better_sweep(scan, current, key, origin, motion, attempt)
         key.used = self._n_scans
-        moved = chain(invert(origin), as_found(attempt.result))
+        moved = compose(inverse(origin), as_found(attempt.result))
         self._motion.tell(
             fuse(motion, moved)[0], is_plausible=attempt.is_plausible, is_clear=attempt.is_clear
         )
@@ -174,7 +174,7 @@ class Odometry:
         better = self._prepare(self._sweeps.deskewed(scan, found))
         if self._first is not None and self._n_scans == 1:  # its velocity was not known
             key.scan = self._prepare(self._sweeps.deskewed(self._first, found))
-        again = self._attempt(key.scan, better, chain(origin, motion))
+        again = self._attempt(key.scan, better, compose(origin, motion))
         return (again, better) if again.stands_like(attempt) else (attempt, current)
 
     def _prepare(self, scan: LaserScan) -> PreparedScan:
@@ -206,7 +206,7 @@ class Odometry:
             found, self._n_searches = _Found(StepOutcome.REVISITED, result, fix.key.index), 0
             is_due = self._is_leaving(fix, result.score, 0.7)
         if is_due:
-            fix = Fix(key=self.keys.add(current, self._n_scans, fix), seen=nowhere_else())
+            fix = Fix(key=self.keys.add(current, self._n_scans, fix), seen=identity())
         return fix, found
 
     def _do_without(
@@ -223,7 +223,7 @@ class Odometry:
         if known is not None:
             fix, result = known
             fix.key.used = self._n_scans
-            self._motion.tell(nowhere_else(), is_plausible=False, is_clear=False)
+            self._motion.tell(identity(), is_plausible=False, is_clear=False)
             return fix, _Found(StepOutcome.RECOVERED, result, fix.key.index)
         self._n_searches = keys.max_searches
         if failed.ok:  # a match that was not believed: something did happen
@@ -235,7 +235,7 @@ class Odometry:
             if last.key.is_guess and last.key.used == last.key.index:
                 self.keys.forget(last.key)
             key = self.keys.add(current, self._n_scans, fix, is_guess=True)
-            fix = Fix(key=key, seen=nowhere_else())
+            fix = Fix(key=key, seen=identity())
         outcome = StepOutcome.HELD if is_held else StepOutcome.PREDICTED
         return fix, _Found(outcome, failed, last.key.index)
 

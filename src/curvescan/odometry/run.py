@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.matching import Outcome
+from curvescan.matchers import Outcome
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
 from curvescan.scan import LaserScan

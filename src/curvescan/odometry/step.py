@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from curvescan.matching import MatchResult
+from curvescan.matchers import MatchResult
 from curvescan.types import Cov, Pose
 
 

@@ -5,13 +5,14 @@ const canvas = $("canvas"), pen = canvas.getContext("2d");
 const state = { path: [], map: null, image: null, closures: [], scan: null, times: [], isOver: false };
 const view = { x: 0, y: 0, scale: 40, isFitted: true, isFollowing: false };
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const isDark = matchMedia("(prefers-color-scheme: dark)");
 let colours = {}, isDrawn = false;
 
 function readColours() {
   for (const name of ["ground", "grid", "path", "scan", "ellipse", "closure", "quiet", "text", "line"]) colours[name] = css("--" + name);
   redraw();
 }
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColours);
+isDark.addEventListener("change", () => { readColours(); if (state.map) loadMap(state.map); });
 
 function listen() {
   const events = new EventSource("events");
@@ -42,8 +43,20 @@ function loadMap(map) {
   // two pictures at once would come in any order: the newest wins
   state.newest = map.version;
   const image = new Image();
-  image.onload = () => { if (map.version === state.newest) { state.map = map; state.image = image; redraw(); } };
+  image.onload = () => { if (map.version === state.newest) { state.map = map; state.image = toned(image); redraw(); } };
   image.src = "map.png?" + map.version;
+}
+
+function toned(image) {
+  // white free space would glare on a dark page: there free space is dark grey and obstacles are light
+  if (!isDark.matches) return image;
+  const copy = document.createElement("canvas");
+  [copy.width, copy.height] = [image.width, image.height];
+  const p = copy.getContext("2d");
+  p.drawImage(image, 0, 0);
+  p.globalCompositeOperation = "difference"; p.fillStyle = "#d2cdc8"; p.fillRect(0, 0, copy.width, copy.height);
+  p.globalCompositeOperation = "destination-in"; p.drawImage(image, 0, 0);
+  return copy;
 }
 
 const metres = (v, sigma) => `${v.toFixed(3)} m ± ${(1e3 * sigma).toFixed(sigma < 0.01 ? 1 : 0)} mm`;

@@ -1,0 +1,1 @@
+"""Speed and accuracy of the matchers on simulated pairs, and their report."""

@@ -1,0 +1,183 @@
+"""All that `curvescan bench` measures: time, success, accuracy and consistency of every method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
+from curvescan.benchmarks.profile import StageTime, measure_stages
+from curvescan.benchmarks.rotation import TURNS_DEG, success_by_turn
+from curvescan.benchmarks.scenarios import (
+    CELLS,
+    OPEN_WORLDS,
+    CellScore,
+    OpenScore,
+    score_cell,
+    score_open,
+)
+from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
+from curvescan.evaluation.real_logs import LogJudgement, judge_log
+from curvescan.io.log import Log
+from curvescan.matchers import DEFAULT_METHOD, MATCHERS
+from curvescan.paper.experiments import Progress, in_silence
+from curvescan.paper.random_transform import (
+    VARIANTS,
+    Moves,
+    RandomTransformRuns,
+    run_random_transforms,
+)
+from curvescan.types import Floats
+
+BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
+"""Beams over 180 degrees for which times are taken."""
+
+STAGED = (DEFAULT_METHOD, "cfsma")
+"""Methods whose times are told stage by stage."""
+
+EXPERIMENT_1_WORLDS = ("room", "office", "building")
+"""Simulated worlds of experiment 1."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Benchmark:
+    """What was measured.
+
+    Attributes
+    ----------
+    n_pairs, n_runs : int
+        Pairs of a cell, and runs of experiment 1.
+    speeds : tuple of Speed
+        Of 361 beams, one a method.
+    stages : tuple of StageTime
+        Of the methods STAGED, stage by stage.
+    growth : dict of str to tuple of Speed
+        For each method, one a number of BEAM_COUNTS.
+    cells : tuple of CellScore
+        Cell by cell, one a method.
+    open_worlds : tuple of OpenScore
+        World by world, one a method.
+    turns : dict of str to (n,) float64
+        Success against turn angle, of :func:`curvescan.benchmarks.rotation.success_by_turn`.
+    experiment_1 : dict of (world, what moved, share of people) to RandomTransformRuns
+        The paper's experiment 1.
+    logs : tuple of LogJudgement
+        Log by log, one a method.
+    reading : tuple of ReadingSpeed
+        How fast logs are read, one a format.
+    """
+
+    n_pairs: int
+    n_runs: int
+    speeds: tuple[Speed, ...]
+    stages: tuple[StageTime, ...]
+    growth: dict[str, tuple[Speed, ...]]
+    cells: tuple[CellScore, ...]
+    open_worlds: tuple[OpenScore, ...]
+    turns: dict[str, Floats]
+    experiment_1: dict[tuple[str, Moves, float], RandomTransformRuns]
+    logs: tuple[LogJudgement, ...]
+    reading: tuple[ReadingSpeed, ...]
+
+
+def run_benchmark(
+    *,
+    methods: Sequence[str] = tuple(MATCHERS),
+    n_pairs: int = 300,
+    n_runs: int = 1000,
+    logs: Sequence[Log] = (),
+    seed: int = 0,
+    progress: Progress = in_silence,
+) -> Benchmark:
+    """Return time, success, accuracy and consistency of methods on simulated pairs and real logs.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of matchers.
+    n_pairs : int
+        Pairs of each cell; times are taken on 200 at most.
+    n_runs : int
+        Runs of each variant and world of experiment 1.
+    logs : sequence of Log
+        Real logs, each of whose scans is matched with the one before.
+    seed : int
+        The same seed gives the same results, times aside.
+    progress : callable
+        Tells how far it is; silent by default.
+    """
+    speeds, stages, growth = [], [], {}
+    for method in methods:
+        advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
+        speeds.append(measure_speed(method, n_pairs=min(n_pairs, 200), seed=seed))
+        advance()
+        if method in STAGED:
+            stages += measure_stages(method, n_pairs=min(n_pairs, 200), seed=seed)
+        advance()
+        series = []
+        for n_beams in BEAM_COUNTS:
+            series.append(
+                measure_speed(
+                    method,
+                    sensor=with_beams(n_beams),
+                    n_pairs=min(n_pairs, 10),
+                    repeats=3,
+                    seed=seed,
+                )
+            )
+            advance()
+        growth[method] = tuple(series)
+    cells = [
+        score
+        for cell in CELLS
+        for score in score_cell(
+            cell, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(cell.name, n_pairs)
+        )
+    ]
+    open_worlds = [
+        score
+        for world in OPEN_WORLDS
+        for score in score_open(
+            world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs)
+        )
+    ]
+    n_turned = max(n_pairs // 5, 1)
+    turns = success_by_turn(
+        methods,
+        n_pairs=n_turned,
+        seed=seed + 2,
+        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
+    )
+    experiment_1 = {
+        (world, moves, people_share): run_random_transforms(
+            moves=moves,
+            n_runs=n_runs,
+            world=world,
+            people_share=people_share,
+            seed=seed,
+            on_run=progress(f"experiment 1, {world}, {100 * people_share:.0f} % people", n_runs),
+        )
+        for world in EXPERIMENT_1_WORLDS
+        for moves, people_share in VARIANTS
+    }
+    judged = [
+        judge_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
+        for log in logs
+        for method in methods
+    ]
+    reading = measure_reading(
+        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
+    )
+    return Benchmark(
+        n_pairs=n_pairs,
+        n_runs=n_runs,
+        speeds=tuple(speeds),
+        stages=tuple(stages),
+        growth=growth,
+        cells=tuple(cells),
+        open_worlds=tuple(open_worlds),
+        turns=turns,
+        experiment_1=experiment_1,
+        logs=tuple(judged),
+        reading=reading,
+    )

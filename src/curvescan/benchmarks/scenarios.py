@@ -1,0 +1,283 @@
+"""Matchers on thousands of simulated pairs, cell by cell: how far the motion, how many people, which sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.benchmarks.cramer_rao import median_error, pair_bound
+from curvescan.matchers import MatchResult, match
+from curvescan.paper.random_transform import SUCCESS
+from curvescan.simulation import SENSORS, simulate_pairs
+from curvescan.types import Floats, Pose
+
+_CHI2_95 = 7.815
+"""95 % of a chi-square of three degrees of freedom."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One kind of pair.
+
+    Attributes
+    ----------
+    name : str
+        For tables.
+    sensor : str
+        Name of a simulated sensor.
+    translation_max, rotation_max_deg : float
+        Motion, uniform within: metres, degrees.
+    people_share : float
+        Share of the beams on people who differ between the scans.
+    """
+
+    name: str
+    sensor: str
+    translation_max: float
+    rotation_max_deg: float
+    people_share: float
+
+
+_SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
+
+CELLS = (
+    *(
+        Cell(name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0)
+        for n, t, r in _SIZES
+    ),
+    *(
+        Cell(
+            name=f"{n}, people",
+            sensor="sick-lms200",
+            translation_max=t,
+            rotation_max_deg=r,
+            people_share=0.15,
+        )
+        for n, t, r in _SIZES
+    ),
+    *(
+        Cell(
+            name=f"{title}, {n}{', people' if p else ''}",
+            sensor=s,
+            translation_max=t,
+            rotation_max_deg=r,
+            people_share=p,
+        )
+        for s, title in (("spinning-360", "360 deg"), ("hokuyo-270", "270 deg"))
+        for (n, t, r), p in ((_SIZES[0], 0.0), (_SIZES[2], 0.15))
+    ),
+    Cell(
+        name="360 deg, any turn",
+        sensor="spinning-360",
+        translation_max=0.3,
+        rotation_max_deg=180.0,
+        people_share=0.0,
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellScore:
+    """How one method did in one cell.
+
+    Attributes
+    ----------
+    method, cell : str
+        Names.
+    success : float
+        Share of pairs matched within 0.1 m and 2 degrees.
+    confidently_wrong : float
+        Share of pairs that are ``ok`` and not within.
+    wrong_unflagged : float
+        The same without those that name a weak direction, along which their covariance is wide.
+    median_error, bound : float
+        Median translation error of the matches, and what the Cramér-Rao bound allows, metres.
+    nees : float
+        Mean normalised estimation error squared of right matches; 3 when the covariance is right.
+    inside_95 : float
+        Share of right matches inside the 95 % ellipsoid of their covariance.
+    """
+
+    method: str
+    cell: str
+    success: float
+    confidently_wrong: float
+    wrong_unflagged: float
+    median_error: float
+    bound: float
+    nees: float
+    inside_95: float
+
+
+def score_cell(
+    cell: Cell,
+    methods: Sequence[str],
+    *,
+    n_pairs: int = 300,
+    seed: int = 1,
+    on_pair: Callable[[], None] | None = None,
+) -> list[CellScore]:
+    """Return how each method does on the same pairs of one cell, each pair in a fresh office, without a guess.
+
+    Parameters
+    ----------
+    cell : Cell
+        Which pairs.
+    methods : sequence of str
+        Names of matchers.
+    n_pairs : int
+        How many.
+    seed : int
+        The same seed, the same pairs.
+    on_pair : callable or None
+        Called after each pair.
+    """
+    sensor = SENSORS[cell.sensor]
+    bounds = []
+    tried: dict[str, list[_Try]] = {method: [] for method in methods}
+    for pair in simulate_pairs(
+        "office",
+        sensor=sensor,
+        n_pairs=n_pairs,
+        translation_max=cell.translation_max,
+        rotation_max=np.radians(cell.rotation_max_deg),
+        people_share=cell.people_share,
+        seed=seed,
+    ):
+        bounds.append(pair_bound(pair, sensor))
+        for method in methods:
+            result = match(pair.reference, pair.current, method=method)
+            tried[method].append(_Try(result=result, truth=pair.pose))
+        if on_pair:
+            on_pair()
+    bound = median_error(bounds)
+    return [_score(method, cell.name, tried[method], bound) for method in methods]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenScore:
+    """How one method did where no laser can fix the whole pose.
+
+    Attributes
+    ----------
+    method, world : str
+        Names.
+    ok, flagged : float
+        Share of the pairs with a pose, and of these the share that names its weak direction.
+    nees, nees_median, inside_95 : float
+        As in :class:`CellScore`, over all pairs with a pose; a motion along an arc is linear to first order only,
+        so that a few large ones decide the mean.
+    """
+
+    method: str
+    world: str
+    ok: float
+    flagged: float
+    nees: float
+    nees_median: float
+    inside_95: float
+
+
+OPEN_WORLDS = ("bare-corridor", "round-room")
+"""Simulated worlds that leave a motion open: along the corridor, around the room."""
+
+
+def score_open(
+    world: str,
+    methods: Sequence[str],
+    *,
+    n_pairs: int = 300,
+    seed: int = 1,
+    on_pair: Callable[[], None] | None = None,
+) -> list[OpenScore]:
+    """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open.
+
+    Parameters
+    ----------
+    world : str
+        Name of a simulated world.
+    methods : sequence of str
+        Names of matchers.
+    n_pairs : int
+        How many pairs.
+    seed : int
+        The same seed, the same pairs.
+    on_pair : callable or None
+        Called after each pair.
+    """
+    pairs = simulate_pairs(
+        world,
+        n_pairs=n_pairs,
+        translation_max=0.1,
+        rotation_max=np.radians(5.0),
+        sight_share=0.3,
+        seed=seed,
+    )
+    tried: dict[str, list[_Try]] = {method: [] for method in methods}
+    for pair in pairs:
+        for method in methods:
+            result = match(pair.reference, pair.current, method=method)
+            tried[method].append(_Try(result=result, truth=pair.pose))
+        if on_pair:
+            on_pair()
+    return [_score_open(method, world, tried[method]) for method in methods]
+
+
+def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
+    matched = [one for one in tries if one.result.ok]
+    nees = np.array([one.nees for one in matched])
+    flagged = [one.result.weak_direction is not None for one in matched]
+    return OpenScore(
+        method=method,
+        world=world,
+        ok=len(matched) / len(tries),
+        flagged=float(np.mean(flagged)) if matched else float("nan"),
+        nees=float(nees.mean()) if matched else float("nan"),
+        nees_median=float(np.median(nees)) if matched else float("nan"),
+        inside_95=float(np.mean(nees < _CHI2_95)) if matched else float("nan"),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Try:
+    result: MatchResult
+    truth: Pose
+
+    @property
+    def error(self) -> Floats:
+        """(3,) pose found minus true pose; NaN without a pose."""
+        difference = self.result.pose - self.truth
+        return np.array([difference[0], difference[1], float(se2.wrap(difference[2]))])
+
+    @property
+    def nees(self) -> float:
+        return float(self.error @ np.linalg.solve(self.result.covariance, self.error))
+
+    @property
+    def is_right(self) -> bool:
+        x, y, theta = self.error
+        return bool(self.result.ok and np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+
+
+def _score(method: str, cell: str, tries: list[_Try], bound: float) -> CellScore:
+    right = [one for one in tries if one.is_right]
+    matched = [one for one in tries if one.result.ok]
+    nees = np.array([one.nees for one in right])
+    distance = [np.hypot(*one.error[:2]) for one in matched]
+    return CellScore(
+        method=method,
+        cell=cell,
+        success=len(right) / len(tries),
+        confidently_wrong=(len(matched) - len(right)) / len(tries),
+        wrong_unflagged=sum(
+            one.result.weak_direction is None and not one.is_right for one in matched
+        )
+        / len(tries),
+        median_error=float(np.median(distance)) if distance else float("nan"),
+        bound=bound,
+        nees=float(nees.mean()) if nees.size else float("nan"),
+        inside_95=float(np.mean(nees < _CHI2_95)) if nees.size else float("nan"),
+    )

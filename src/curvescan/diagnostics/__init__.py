@@ -1,0 +1,1 @@
+"""What is in a log and what is wrong with it: statistics, checks, beam order and rotation direction."""

@@ -1,0 +1,122 @@
+"""Whether a log lists the beams of a sweep in the order in which they were swept.
+
+Some drivers turn the order of the readings round so that they run counter-clockwise, and leave time_increment as it
+was. Deskewing such scans doubles their distortion. Where the sensor turns at a changing rate the distortion of two
+scans differs, and they agree the better the more of it is taken away: each pair is matched deskewed as the log says,
+and as if the beams had been swept in the reverse order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from curvescan.deskew import deskew, sweep_shift
+from curvescan.io.log import Log
+from curvescan.matchers import match, prepare
+from curvescan.odometry.deskewing import Sweeps
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+_LEAST_SHIFT = 0.03
+"""Pairs count whose sweeps move readings by this much, metres."""
+
+_CERTAIN = 4.0
+"""Standard errors that the mean gain must be from zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOrder:
+    """In which order beams were swept.
+
+    Attributes
+    ----------
+    n_pairs : int
+        Pairs of scans that could tell.
+    gain : float
+        Mean of the matches' scores as the log says, less that in the reverse order; NaN without pairs.
+    standard_error : float
+        Of the gain; NaN with fewer than two pairs.
+    """
+
+    n_pairs: int
+    gain: float
+    standard_error: float
+
+    @property
+    def is_backwards(self) -> bool:
+        """Whether the log certainly has the beams in the reverse order: ``read_log(..., backwards=True)``."""
+        return self.gain < -_CERTAIN * self.standard_error
+
+    @property
+    def is_forwards(self) -> bool:
+        """Whether the log certainly has the beams in the order in which they were swept."""
+        return self.gain > _CERTAIN * self.standard_error
+
+
+def lists_beams_backwards(log: Log, n_scans: int = 300) -> bool:
+    """Return whether the first scans of a log show that its beams are listed against the order they were swept in.
+
+    Parameters
+    ----------
+    log : Log
+        Its first scans are read once more; False where they tell no times of their beams.
+    n_scans : int
+        How many scans are asked.
+    """
+    first = next(iter(log))
+    return first.time_increment > 0.0 and judge_sweeps(islice(log, n_scans)).is_backwards
+
+
+def judge_sweeps(scans: Iterable[LaserScan]) -> SweepOrder:
+    """Return in which order the beams of a log's scans were swept, as far as its motion tells.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Successive scans with beam times; three are held at a time.
+    """
+    gains: list[float] = []
+    sweeps = Sweeps()
+    held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
+    before = None
+    for scan in scans:
+        sweeps.tick(scan)
+        current = prepare(scan)
+        velocity = np.full(3, math.nan)
+        if before is not None:
+            result = match(before, current)
+            if result.ok:
+                velocity = sweeps.velocity(result.pose)
+        before = current
+        held.append((scan, velocity))
+        if len(held) == 3:
+            gains += _gain(held)
+    if not gains:
+        return SweepOrder(n_pairs=0, gain=math.nan, standard_error=math.nan)
+    error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
+    return SweepOrder(n_pairs=len(gains), gain=float(np.mean(gains)), standard_error=error)
+
+
+def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
+    """Return by how much the first two of three scans agree better swept as told than in reverse; none if untold."""
+    (first, v_first), (second, v_second), (_, v_third) = held
+    # at a scan the mean of the velocities before and after it
+    velocities = (0.5 * (v_first + v_second), 0.5 * (v_second + v_third))
+    if not np.isfinite(velocities).all() or first.time_increment == 0.0:
+        return []
+    if sweep_shift(second, velocities[1]) < _LEAST_SHIFT:
+        return []
+    scores = []
+    for sign in (1.0, -1.0):
+        pair = [
+            prepare(deskew(scan, sign * v))
+            for scan, v in zip((first, second), velocities, strict=True)
+        ]
+        scores.append(match(*pair).score)
+    return [scores[0] - scores[1]] if np.isfinite(scores).all() else []

@@ -1,0 +1,179 @@
+"""inspect_log: what is in a log and what is wrong with it, found in one pass over its scans, and one over its turns."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
+from curvescan.diagnostics.rotation_direction import sense_of_log
+from curvescan.diagnostics.statistics import Tally
+from curvescan.io.log import Log
+from curvescan.io.sensor_setup import MountedLog
+from curvescan.types import Floats, Trajectory
+
+_MIN_CODE_SHARE = 0.001
+_MAX_CODES = 8
+_N_SUSPECTS = 3
+_MIN_SUSPECT_SHARE = 0.01
+_MIN_SUSPECT_COUNT = 20
+_LEAP_FACTOR = 10.0
+_LEAP_SECONDS = 1.0
+_REGULAR = 0.2
+"""A clock is regular where the middle half of its steps lies within this share of their median."""
+_MISSING = 1.6
+"""Steps from which on a sweep is missing, in medians."""
+
+
+@np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
+def inspect_log(log: Log) -> LogReport:
+    """Return what a log holds and what is wrong with it.
+
+    Reads the scans once, and once more where wheels or a gyroscope tell the robot's turns; memory grows by 8 bytes a
+    scan.
+
+    Parameters
+    ----------
+    log : Log
+        Any source of scans, a simulated one too; it may be empty.
+
+    Returns
+    -------
+    LogReport
+        The figures; :func:`curvescan.io.findings_of` says in sentences what they mean.
+    """
+    tally = Tally()
+    for scan in log:
+        tally.add(scan)
+    n_beams, angle_min, step, is_circle = (0, math.nan, math.nan, False)
+    if tally.layouts:
+        n_beams, angle_min, step, is_circle = tally.layouts.most_common(1)[0][0]
+    beam_counts: dict[int, int] = {}
+    for (n, *_), n_scans in sorted(tally.layouts.items()):
+        beam_counts[n] = beam_counts.get(n, 0) + n_scans
+    odometry = log.odometry
+    return LogReport(
+        name=log.name,
+        format=log.format,
+        n_scans=len(tally.stamps),
+        beam_counts=beam_counts,
+        fov_deg=360.0 if is_circle else math.degrees(abs(step)) * max(n_beams - 1, 0),
+        first_beam_deg=math.degrees(angle_min),
+        angle_step_deg=math.degrees(step),
+        range_min=tally.range_min if tally.stamps else math.nan,
+        range_max=tally.range_max if tally.stamps else math.nan,
+        time=summarise_time(np.array(tally.stamps)),
+        n_timed_scans=tally.n_timed,
+        sweep_seconds=tally.sweep_seconds,
+        valid_share=tally.n_valid / tally.n_readings if tally.n_readings else math.nan,
+        n_blank_scans=tally.n_blank,
+        n_repeated_scans=tally.n_repeats,
+        n_blind_beams=tally.beams.n_blind,
+        stale_share=tally.beams.stale_share,
+        fixed_beams=tally.beams.fixed_beams,
+        largest_reading=tally.largest_reading,
+        codes=_codes(tally),
+        suspect=_suspect(tally),
+        odometry=None if odometry is None else _summarise_odometry(odometry),
+        mount=_mount(log, odometry),
+        is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
+        sense=sense_of_log(log),
+        tag_counts=dict(log.tag_counts),
+        faults=log.faults,
+        notes=log.notes,
+    )
+
+
+def summarise_time(stamps: Floats) -> TimeSummary:
+    """Return what the time steps of a sequence of scans look like.
+
+    Parameters
+    ----------
+    stamps : (n,) float64
+        Seconds, finite, in the order of the log; n may be 0.
+
+    Returns
+    -------
+    TimeSummary
+        NaN where it takes more scans to tell.
+    """
+    steps = np.diff(stamps)
+    if not steps.size:
+        return TimeSummary()
+    forward, back = steps[steps > 0.0], steps[steps < 0.0]
+    median = float(np.median(forward)) if forward.size else math.nan
+    # no comparison with NaN holds: without a forward step there is no leap
+    leaps = forward[forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median)]
+    usual = forward[~(forward > max(_LEAP_SECONDS, _LEAP_FACTOR * median))]
+    duration = float(np.ptp(stamps))
+    return TimeSummary(
+        duration=duration,
+        mean_rate=steps.size / duration if duration > 0.0 else math.nan,
+        n_steps=int(steps.size),
+        step_min=float(np.min(steps)),
+        step_median=median,
+        step_max=float(np.max(steps)),
+        jitter=float(np.std(usual)) if usual.size else math.nan,
+        n_missing=_n_missing(usual, median),
+        n_equal=int(np.count_nonzero(steps == 0.0)),
+        n_back=int(back.size),
+        largest_back=float(np.max(-back, initial=0.0)),
+        n_leaps=int(leaps.size),
+        largest_leap=float(np.max(leaps, initial=0.0)),
+    )
+
+
+def _n_missing(steps: Floats, median: float) -> int:
+    """Return how many sweeps are missing between the others; 0 where the clock is too uneven to tell."""
+    if not steps.size or np.subtract(*np.percentile(steps, [75, 25])) > _REGULAR * median:
+        return 0
+    return int(np.sum(np.round(steps / median) - 1.0, where=steps > _MISSING * median))
+
+
+def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] | None:
+    """Return the pose of the laser on the robot, as the poses of both tell it."""
+    robot = log.robot_odometry() if isinstance(log, MountedLog) else None
+    if robot is None or odometry is None:
+        return None
+    mounts = se2.between(robot.poses, odometry.poses)
+    known = np.flatnonzero(np.all(np.isfinite(mounts), axis=1))
+    if not known.size:
+        return None
+    x, y, theta = mounts[known[0]].tolist()
+    return x, y, theta
+
+
+def _summarise_odometry(odometry: Trajectory) -> OdometrySummary:
+    poses = odometry.poses[np.all(np.isfinite(odometry.poses), axis=1)]
+    moves = np.diff(poses, axis=0)
+    return OdometrySummary(
+        path_length=float(np.sum(np.hypot(moves[:, 0], moves[:, 1]))),
+        turned_deg=math.degrees(float(np.sum(np.abs(se2.wrap(moves[:, 2]))))),
+        n_missing=len(odometry) - len(poses),
+    )
+
+
+def _codes(tally: Tally) -> tuple[ReadingCode, ...]:
+    shares = [(value, count / tally.n_readings) for value, count in tally.codes.most_common()]
+    return tuple(
+        ReadingCode(value=value, share=share)
+        for value, share in shares[:_MAX_CODES]
+        if share >= _MIN_CODE_SHARE
+    )
+
+
+def _suspect(tally: Tally) -> ReadingCode | None:
+    """Return a value that stands for *no reading* without being declared so, or None.
+
+    A driver that reports a fixed number where nothing came back makes one of the largest values by far the most
+    frequent of them; a real reading, however far, seldom repeats itself exactly. 1 % of all readings is more than
+    one beam of a standing sensor, which may well repeat itself.
+    """
+    largest = sorted(tally.top)[-_N_SUSPECTS:]
+    least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * tally.n_fresh_readings)
+    for value in largest:
+        if tally.top[value] >= least:
+            return ReadingCode(value=value, share=tally.top[value] / tally.n_fresh_readings)
+    return None

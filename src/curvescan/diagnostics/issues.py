@@ -1,0 +1,71 @@
+"""The findings of a report in sentences: what is wrong or odd, what follows from it, and the option that handles it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from curvescan.diagnostics.checks import (
+    Found,
+    on_beams,
+    on_file,
+    on_odometry,
+    on_readings,
+    on_scans,
+    on_time,
+)
+from curvescan.diagnostics.report import LogReport
+
+Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
+"""What a finding is about."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that is wrong or odd with a log.
+
+    Attributes
+    ----------
+    topic : Topic
+        What it is about.
+    kind : str
+        Its name, the same in every log: ``"stale_beams"``.
+    what : str
+        What was found, with its figures.
+    consequence : str
+        What follows from it; empty for a remark of the reader.
+    option : str
+        Option of the commands that handles it, with its values: ``"--range-max 8.1"``; empty where there is none.
+    """
+
+    topic: Topic
+    kind: str
+    what: str
+    consequence: str = ""
+    option: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence."""
+        consequence = f": {self.consequence}" if self.consequence else ""
+        return f"{self.what}{consequence}" + (f"; try {self.option}" if self.option else "")
+
+
+def findings_of(report: LogReport) -> tuple[Finding, ...]:
+    """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
+    return tuple(
+        Finding(topic=topic, **found._asdict())
+        for topic, find in _FINDERS.items()
+        for found in find(report)
+    )
+
+
+_FINDERS: dict[Topic, Callable[[LogReport], Iterator[Found]]] = {
+    "file": on_file,
+    "scans": on_scans,
+    "beams": on_beams,
+    "time": on_time,
+    "readings": on_readings,
+    "odometry": on_odometry,
+}

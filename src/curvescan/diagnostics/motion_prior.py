@@ -1,0 +1,62 @@
+"""What a log itself tells of the motion from scan to scan: its wheel odometry, or else its gyroscope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan.diagnostics.rotation_direction import rotation_sense
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import GyroLog, Log
+from curvescan.types import Floats, Pose
+
+_FASTEST = 20.0
+"""No robot turns by this much, radians a second."""
+
+
+def prior_of(log: Log) -> Pose:
+    """Return the pose of the sensor at each scan by the log's own odometry.
+
+    Parameters
+    ----------
+    log : Log
+        Its scans are read once more where only a gyroscope tells, to find its unit and sense.
+
+    Returns
+    -------
+    (n, 3) float64
+        [x, y, theta] in a frame of its own: metres, metres, radians; NaN where it does not tell. Of a gyroscope x and y
+        are NaN.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When the log has neither, or its gyroscope turns against its scans.
+    """
+    if log.odometry is not None:
+        return log.odometry.poses
+    turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
+    if turned is None:
+        raise InvalidArgumentError(
+            f"{log.name} holds neither wheel odometry nor a gyroscope that --odometry-prior could "
+            "take: leave it out"
+        )
+    sense = rotation_sense(log, turned, "gyroscope")
+    if sense is not None and sense.is_against:
+        raise InvalidArgumentError(
+            f"the gyroscope of {log.name} turns against its scans in {sense.n_against} of "
+            f"{sense.n_turns} sharp turns: give --clockwise if the sensor does, or leave "
+            "--odometry-prior out"
+        )
+    if (sense is not None and sense.is_in_degrees) or _is_too_fast(turned, log):
+        turned = np.radians(turned)
+    nowhere = np.full(turned.size, np.nan)
+    return np.column_stack([nowhere, nowhere, turned])
+
+
+def _is_too_fast(turned: Floats, log: Log) -> bool:
+    """Return whether a gyroscope turns faster than any robot, so that it must give degrees."""
+    seconds = np.diff([scan.stamp for scan in log])
+    usual = np.median(seconds[seconds > 0.0]) if (seconds > 0.0).any() else np.inf
+    steps = np.abs(np.diff(turned))
+    steps = steps[np.isfinite(steps)]
+    return bool(steps.size and np.percentile(steps, 99.0) / usual > _FASTEST)

@@ -1,0 +1,168 @@
+"""Whether the scans turn the way the robot does: the sense of rotation, against wheels or a gyroscope.
+
+A sensor that turns to the left by an angle sees every wall that much further right: the profile of ranges over beams
+shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
+used, and of sharp turns only). Where it has the other sign than the robot's own turn, the beams run the other
+way than the log says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.io.log import GyroLog, Log
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+Reference: TypeAlias = Literal["wheel odometry", "gyroscope"]
+
+_N_PAIRS = 300
+_MAX_TURN = math.radians(40.0)
+_MIN_OVERLAP = 0.2
+_TRUNCATED = 0.5
+"""Differences of range count up to this many metres: what lies beyond is another surface."""
+
+_CLEARER = 0.8
+"""A shift counts where its cost is less than this share of that of the same shift the other way."""
+
+_DEGREES = (30.0, 90.0)
+"""A gyroscope that turns so many times as far as the scans gives degrees."""
+
+_MIN_TURNS = 10
+_MIN_SHARE = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotationSense:
+    """How the turns of the scans compare with those of the robot.
+
+    Attributes
+    ----------
+    reference : str
+        What tells the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
+    n_turns : int
+        Turns between two scans that both tell, of the sharpest of the log.
+    n_against : int
+        Those in which scans and reference turn opposite ways.
+    ratio : float
+        Median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees.
+    """
+
+    reference: Reference
+    n_turns: int
+    n_against: int
+    ratio: float
+
+    @property
+    def is_against(self) -> bool:
+        """Whether scans and reference clearly turn opposite ways."""
+        return self.n_turns >= _MIN_TURNS and self.n_against >= _MIN_SHARE * self.n_turns
+
+    @property
+    def is_along(self) -> bool:
+        """Whether they clearly turn the same way."""
+        return (
+            self.n_turns >= _MIN_TURNS
+            and self.n_turns - self.n_against >= _MIN_SHARE * self.n_turns
+        )
+
+    @property
+    def is_in_degrees(self) -> bool:
+        """Whether the reference is a gyroscope that gives degrees where REP-103 asks for radians."""
+        is_clear = self.is_against or self.is_along
+        return self.reference == "gyroscope" and is_clear and _DEGREES[0] < self.ratio < _DEGREES[1]
+
+
+def sense_of_log(log: Log) -> RotationSense | None:
+    """Return how the scans of a log turn against its wheel odometry, or else its gyroscope; None without either.
+
+    Reads the scans once more.
+    """
+    if (odometry := log.odometry) is not None:
+        return rotation_sense(log, odometry.poses[:, 2], "wheel odometry")
+    if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
+        return rotation_sense(log, turned, "gyroscope")
+    return None
+
+
+def rotation_sense(
+    scans: Iterable[LaserScan], headings: Floats, reference: Reference
+) -> RotationSense | None:
+    """Return how scans turn against a reference, told from the sharpest turns between neighbours.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once; two in memory at a time.
+    headings : (n,) float64
+        Of the robot at each scan by the reference, counter-clockwise; radians, or any unit for a gyroscope. NaN where it
+        is not known.
+    reference : str
+        What it is.
+
+    Returns
+    -------
+    RotationSense or None
+        None where the reference never turns.
+    """
+    turns = np.diff(headings)
+    if reference == "wheel odometry":
+        turns = se2.wrap(turns)
+    sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)
+    sharpest = {int(k) for k in np.argsort(-sharpness)[:_N_PAIRS] if sharpness[k] > 0.0}
+    if not sharpest:
+        return None
+    ratios = []
+    for k, (earlier, later) in enumerate(pairwise(scans)):
+        if k in sharpest:
+            turn = turn_between(earlier, later)
+            if turn != 0.0:
+                ratios.append(turns[k] / turn)
+    return RotationSense(
+        reference=reference,
+        n_turns=len(ratios),
+        n_against=sum(bool(ratio < 0.0) for ratio in ratios),
+        ratio=float(np.median(np.abs(ratios))) if ratios else math.nan,
+    )
+
+
+def turn_between(earlier: LaserScan, later: LaserScan) -> float:
+    """Return the angle a sensor turned by between two scans, as far as their profiles tell without doubt.
+
+    Parameters
+    ----------
+    earlier, later : LaserScan
+        Scans with the same, evenly spaced beams; others tell nothing.
+
+    Returns
+    -------
+    float
+        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where they do not tell.
+    """
+    step, n = earlier.angle_increment, len(earlier)
+    if len(later) != n or later.angle_increment != step or not earlier.has_uniform_angles:
+        return 0.0
+    first = np.where(earlier.valid, earlier.ranges, np.nan)
+    second = np.where(later.valid, later.ranges, np.nan)
+    n_shifts = min(int(_MAX_TURN / abs(step)), n // 3)
+    costs = np.full(2 * n_shifts + 1, np.inf)
+    for row, shift in enumerate(range(-n_shifts, n_shifts + 1)):
+        if earlier.is_full_circle:
+            change = np.abs(np.roll(first, -shift) - second)
+        else:
+            low, high = max(shift, 0), n + min(shift, 0)
+            change = np.abs(first[low:high] - second[low - shift : high - shift])
+        change = change[np.isfinite(change)]
+        if change.size > _MIN_OVERLAP * n:
+            costs[row] = np.minimum(change, _TRUNCATED).mean()
+    best = int(np.argmin(costs))
+    if not costs[best] < _CLEARER * costs[2 * n_shifts - best]:
+        return 0.0
+    return (best - n_shifts) * step

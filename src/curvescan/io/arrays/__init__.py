@@ -1,0 +1,1 @@
+"""Scans from plain arrays: in memory, CSV, NPZ and CoreSLAM text."""

@@ -1,0 +1,147 @@
+"""Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them (``exp1.dat``).
+
+One line a scan, blank-separated: column 0 is the time in microseconds, columns 2 and 3 are the ticks of the left and right wheel
+encoder, columns 24..705 the 682 ranges of a Hokuyo URG-04LX in millimetres from right to left, 0 for no return. A further
+column may follow. The file says nothing of the rover: the constants below are those of Steux and El Hamzaoui, "CoreSLAM: a SLAM
+algorithm in less than 200 lines of C code", ICARCV 2010; another robot that logs in this layout has others.
+
+In ``exp1.dat`` the scans lag behind the ticks of their lines: turns seen by the laser go with those of the wheels 0.15 s earlier
+(correlation 0.92, against 0.70 line by line). The odometry is left as the lines have it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import LogFormatError
+from curvescan.io.arrays.stream import PoseRow, Record, StreamLog, refuse_topic
+from curvescan.io.files.lines import read_lines
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.scan import LaserScan
+from curvescan.types import Pose
+
+FORMAT = "CoreSLAM log"
+
+N_BEAMS = 682
+N_COLUMNS = (24 + N_BEAMS, 24 + N_BEAMS + 1)
+N_COVERED = 70
+"""Beams at either end that the rover itself stands in; their readings become NaN."""
+
+ANGLE_INCREMENT = 2.0 * math.pi / 1024.0
+"""Steps of a URG-04LX, radians."""
+ANGLE_MIN = -340.0 * ANGLE_INCREMENT
+"""Its first step is number 44, and 384 looks ahead."""
+RANGE_MIN, RANGE_MAX = 0.02, 5.6
+SCAN_TIME = 0.1
+"""One turn of its mirror, seconds."""
+
+TICK = 2.0 * math.pi * 0.077 / 2000.0
+"""Way of a wheel of 77 mm radius in a tick, metres."""
+AXLE = 2.0 * 0.165
+"""Between the wheels, metres."""
+MOUNT = (0.145, 0.0, 0.0)
+"""Pose of the laser on the rover, whose origin is the middle of the axle."""
+
+_NOTES = (
+    "the log does not describe its robot: laser, wheels and mount are taken to be those of the Mines ParisTech rover",
+    f"the first and the last {N_COVERED} beams are left out: they see the rover itself",
+)
+
+
+class _BrokenLineError(LogFormatError):
+    """A line breaks the rule that the message names; the message holds no value of the line."""
+
+
+def open_coreslam(
+    path: Path, *, range_max: float | None = None, topic: str | None = None
+) -> StreamLog:
+    """Return the scans of a CoreSLAM log, with odometry from its wheel encoders.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of the laser's 5.6.
+    topic : None
+        Only None: such a log has no topics.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be read.
+    LogFormatError
+        When no scan can be read.
+    InvalidArgumentError
+        When a `topic` is given.
+    """
+    refuse_topic(path, FORMAT, topic)
+    read = partial(_records, path, RANGE_MAX if range_max is None else range_max)
+    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, notes=_NOTES, mount=MOUNT)
+
+
+def _records(path: Path, range_max: float, faults: FaultCounter) -> Iterator[Record]:
+    wheels = _Wheels()
+    for number, line in read_lines(path, faults):
+        fields = line.split()
+        if not fields:
+            continue
+        try:
+            scan = _scan(fields, range_max)
+            pose = wheels.move(int(fields[2]), int(fields[3]))
+        except (_BrokenLineError, ValueError, OverflowError) as error:
+            is_ours = isinstance(error, _BrokenLineError)
+            faults.add(str(error) if is_ours else "line with a field that is no number", number)
+            continue
+        yield Record(scan, pose)
+
+
+def _scan(fields: list[bytes], range_max: float) -> LaserScan:
+    if len(fields) < N_COLUMNS[0]:
+        raise _BrokenLineError("line cut short: fewer than 706 fields")
+    if len(fields) > N_COLUMNS[1]:
+        raise _BrokenLineError("line too long: more than 707 fields")
+    stamp = float(fields[0])
+    if not math.isfinite(stamp):
+        raise _BrokenLineError("time stamp not finite")
+    millimetres = map(float, fields[24 : N_COLUMNS[0]])
+    ranges = np.fromiter(millimetres, dtype=np.float64, count=N_BEAMS) / 1e3
+    ranges[:N_COVERED] = ranges[-N_COVERED:] = np.nan
+    return LaserScan(
+        ranges,
+        angle_min=ANGLE_MIN,
+        angle_increment=ANGLE_INCREMENT,
+        range_min=RANGE_MIN,
+        range_max=range_max,
+        stamp=stamp / 1e6,
+        time_increment=SCAN_TIME / 1024.0,
+        scan_time=SCAN_TIME,
+    )
+
+
+class _Wheels:
+    """Dead reckoning: pose of the laser in the frame in which the rover started."""
+
+    def __init__(self) -> None:
+        self._ticks: tuple[int, int] | None = None
+        self._pose: Pose = se2.identity()
+
+    def move(self, left: int, right: int) -> PoseRow:
+        """Return the pose after the wheels have come to these counts, on an arc of constant curvature."""
+        last = self._ticks or (left, right)
+        way_left, way_right = TICK * (left - last[0]), TICK * (right - last[1])
+        way, turn = 0.5 * (way_left + way_right), (way_right - way_left) / AXLE
+        # along the chord of the arc, whose direction is the mean of the two headings
+        chord = way * float(np.sinc(turn / (2.0 * math.pi)))
+        half = 0.5 * turn
+        step = np.array([chord * math.cos(half), chord * math.sin(half), turn])
+        self._ticks = left, right
+        self._pose = se2.compose(self._pose, step)
+        x, y, theta = se2.compose(self._pose, np.array(MOUNT)).tolist()
+        return x, y, theta

@@ -1,0 +1,78 @@
+"""Scans from CSV files, for those who write their own driver; the layout is that of csv_layout.py."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from curvescan.errors import LogFormatError
+from curvescan.io.arrays.csv_layout import (
+    ANGLES,
+    INTENSITIES,
+    Beams,
+    BrokenRowError,
+    check_header,
+    header_names,
+    is_content,
+    parse_numbers,
+    parse_scan,
+)
+from curvescan.io.arrays.stream import Record, StreamLog, refuse_topic
+from curvescan.io.files.lines import read_lines
+from curvescan.io.files.read_errors import FaultCounter
+
+FORMAT = "CSV of scans"
+
+
+def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
+    """Return the scans of a CSV file; a line that breaks the layout is skipped and counted.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the file says.
+    topic : None
+        Only None: a CSV file has no topics.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be read.
+    LogFormatError
+        When the first line does not name the columns of scans, or no scan can be read.
+    InvalidArgumentError
+        When a `topic` is given.
+    """
+    refuse_topic(path, FORMAT, topic)
+    read = partial(_records, path, range_max)
+    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read)
+
+
+def _records(path: Path, range_max: float | None, faults: FaultCounter) -> Iterator[Record]:
+    names: tuple[str, ...] = ()
+    before = Beams()
+    for number, line in read_lines(path, faults):
+        if not is_content(line):
+            continue
+        if not names:
+            names = header_names(line)
+            check_header(names, path)
+            continue
+        fields = line.split(b",")
+        tag = fields[0].strip()
+        try:
+            if tag == ANGLES.encode():
+                before = before._replace(angles=None)  # a broken line leaves none
+                before = before._replace(angles=parse_numbers(fields[1:]))
+            elif tag == INTENSITIES.encode():
+                before = before._replace(intensities=parse_numbers(fields[1:]))
+            else:
+                now, before = before, before._replace(intensities=None)
+                yield parse_scan(fields, names, now, range_max)
+        except BrokenRowError as error:
+            faults.add(str(error), number)
+    if not names:
+        raise LogFormatError(f"{path} is empty: a log must hold at least one scan")

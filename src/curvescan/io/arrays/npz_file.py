@@ -1,0 +1,235 @@
+"""NpzFile: the arrays of an .npz file, none of which is believed before it is measured.
+
+An .npz is a zip archive with one .npy file an array. The header of each says shape and type; they must agree with the bytes
+that are there before anything is reserved, and nothing is unpickled. Arrays are read from the file a block of rows at a time.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import shutil
+import struct
+import tempfile
+import weakref
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan.errors import LogFileError, LogFormatError
+from curvescan.io.files.decompression import unpacked_limit
+from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.types import Floats
+
+_BLOCK_BYTES = 1 << 20
+_MAX_WHOLE_BYTES = 64 << 20
+_MAX_MEMBERS = 256
+_MAX_HEADER_BYTES = 512
+"""NumPy writes 118 for an array of plain numbers."""
+_MAGIC = b"\x93NUMPY\x01\x00"
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NpyHeader:
+    """What stands at the head of an array.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Its bytes are there, as far as the archive tells.
+    dtype : numpy.dtype
+        A number of at most 8 bytes.
+    is_fortran : bool
+        Whether the first index runs fastest.
+    n_bytes : int
+        Length of the header.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[np.generic]
+    is_fortran: bool
+    n_bytes: int
+
+
+class NpzFile:
+    """The arrays of an .npz file; no file stays open between the readings.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed. A compressed one is unpacked to a temporary folder, which goes with this object.
+
+    Attributes
+    ----------
+    headers : dict of str to NpyHeader
+        Of every array, by its name.
+    n_given : int
+        Size of the file, bytes.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be read.
+    LogFormatError
+        When it is damaged, or an array is not what its header says.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = self._unpacked(path)
+        self.n_given = path.stat().st_size
+        self.headers: dict[str, NpyHeader] = {}
+        with self._opened() as archive:
+            self._check_members(archive)
+            for info in archive.infolist():
+                with archive.open(info) as member:
+                    name = info.filename.removesuffix(".npy")
+                    self.headers[name] = self._header(member, name, info.file_size)
+
+    def read(self, name: str) -> Floats:
+        """Return a whole array as float64, in its own shape."""
+        header = self.headers[name]
+        blocks = list(self.blocks(name))
+        values = np.concatenate(blocks) if blocks else np.empty(0)
+        return values.reshape(header.shape)
+
+    def blocks(self, name: str) -> Iterator[Floats]:
+        """Yield the rows of an array as float64, at most a MiB at once; its elements where it is of one dimension or none.
+
+        An array in Fortran's order, which has no rows, is read whole.
+
+        Raises
+        ------
+        LogFormatError
+            Where the data are damaged, after what stands before.
+        """
+        header = self.headers[name]
+        n_rows, *rest = header.shape or (1,)
+        row_bytes = header.dtype.itemsize * math.prod(rest)
+        with self._opened() as archive, archive.open(f"{name}.npy") as member:
+            self._read(member, header.n_bytes)
+            if header.is_fortran and rest:
+                if 8 * math.prod(header.shape) > max(_MAX_WHOLE_BYTES, 10 * self.n_given):
+                    raise self._unreadable(
+                        f"array {name!r} is in Fortran's order and too large: save numpy.ascontiguousarray of it"
+                    )
+                data = self._read(member, n_rows * row_bytes)
+                yield self._values(data, header.dtype).reshape(header.shape, order="F")
+                return
+            n_left = n_rows
+            while n_left:
+                n = min(n_left, max(1, _BLOCK_BYTES // max(row_bytes, 1)))
+                data = self._read(member, n * row_bytes)
+                yield self._values(data, header.dtype).reshape(n, *rest)
+                n_left -= n
+
+    def _check_members(self, archive: zipfile.ZipFile) -> None:
+        members = archive.infolist()
+        if len(members) > _MAX_MEMBERS:
+            raise self._unreadable(f"it holds {len(members):,} files, an .npz of scans a dozen")
+        for info in members:
+            name = info.filename
+            if not name.endswith(".npy"):
+                raise self._unreadable(f"it holds {name[:40]!r}, which is no array")
+            if info.compress_type not in _METHODS or info.flag_bits & 1:
+                raise self._unreadable(
+                    f"array {name[:40]!r} is packed in another way than NumPy does"
+                )
+        if len({info.filename for info in members}) < len(members):
+            raise self._unreadable("two arrays have the same name")
+        limit = unpacked_limit(self._file)
+        if sum(info.file_size for info in members) > limit:
+            raise self._unreadable(
+                f"it unpacks to more than {limit >> 20:,} MiB, too much for a log of its size: if it is sound, save it "
+                "with numpy.savez"
+            )
+
+    def _header(self, member: IO[bytes], name: str, file_size: int) -> NpyHeader:
+        """Return the header of an array (NumPy's format 1.0), having compared it with the bytes that are there."""
+        magic = self._read(member, 10)
+        if not magic.startswith(_MAGIC):
+            raise self._unreadable(f"array {name!r} does not begin like one that numpy.savez wrote")
+        (n_text,) = struct.unpack("<H", magic[8:])
+        if n_text > _MAX_HEADER_BYTES:  # deeply nested text would exhaust Python's parser
+            raise self._unreadable(f"array {name!r} has a header of {n_text:,} bytes, too many")
+        fields = ast.literal_eval(self._read(member, n_text).decode("latin-1"))
+        shape, dtype = fields["shape"], np.dtype(fields["descr"])
+        if dtype.kind not in "fiub" or dtype.itemsize > 8 or dtype.subdtype is not None:
+            raise self._unreadable(f"array {name!r} must hold plain numbers, got type {dtype}")
+        if not all(isinstance(n, int) and n >= 0 for n in shape) or len(shape) > 2:
+            raise self._unreadable(f"array {name!r} must have at most two dimensions, got {shape}")
+        n_claimed, n_there = math.prod(shape) * dtype.itemsize, file_size - len(magic) - n_text
+        if n_claimed != n_there:
+            raise self._unreadable(
+                f"array {name!r} says that it is {shape} of {dtype}, {n_claimed:,} bytes, and has {n_there:,}"
+            )
+        return NpyHeader(
+            shape=tuple(shape),
+            dtype=dtype,
+            is_fortran=bool(fields["fortran_order"]),
+            n_bytes=len(magic) + n_text,
+        )
+
+    def _read(self, member: IO[bytes], n_bytes: int) -> bytes:
+        with self._own_errors():
+            data = member.read(n_bytes)
+            if len(data) < n_bytes:
+                raise EOFError
+            return data
+
+    @staticmethod
+    def _values(data: bytes, dtype: np.dtype[np.generic]) -> Floats:
+        values: NDArray[np.generic] = np.frombuffer(data, dtype=dtype)
+        with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
+            return values.astype(np.float64)
+
+    def _unpacked(self, path: Path) -> Path:
+        if not is_packed(path):
+            return path
+        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        unpack(path, folder / "npz")  # what is missing of its end, the archive's reader finds
+        return folder / "npz"
+
+    @contextmanager
+    def _opened(self) -> Iterator[zipfile.ZipFile]:
+        if not self._file.is_file():
+            raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
+        with self._own_errors():
+            archive = zipfile.ZipFile(self._file)
+        with self._own_errors(), archive:
+            yield archive
+
+    @contextmanager
+    def _own_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (LogFileError, LogFormatError):
+            raise
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            struct.error,
+            EOFError,
+            RuntimeError,
+            ValueError,
+            KeyError,
+            TypeError,
+            SyntaxError,
+            MemoryError,
+            RecursionError,
+        ) as error:
+            raise self._unreadable(f"it is damaged ({type(error).__name__})") from error
+        except OSError as error:
+            raise LogFileError(f"cannot read {self.path}: {error.strerror or error}") from error
+
+    def _unreadable(self, reason: str) -> LogFormatError:
+        return LogFormatError(f"{self.path} is an .npz file that cannot be read: {reason}")

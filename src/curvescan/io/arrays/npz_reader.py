@@ -1,0 +1,199 @@
+"""Scans from the arrays of an .npz file.
+
+``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All others may
+be missing. A number that is the same for all scans may be a plain one instead of (n,).
+
+==================  ==============  ========================================================================================
+stamps              (n,)            seconds
+ranges              (n, m)          metres
+counts              (n,)            beams of each scan: the first of its row; missing: all m
+angle_min           (n,)            radians
+angle_increment     (n,)            radians
+angles              (m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones
+range_min           (n,)            metres; missing: 0
+range_max           (n,)            metres; missing: no limit
+time_increment      (n,)            seconds; missing: 0, not known
+scan_time           (n,)            seconds; missing: 0, not known
+intensities         (n, m)          strength of each return; a row of NaN: none
+odometry            (n, 3)          pose of the laser by the wheels; a row of NaN: none
+==================  ==============  ========================================================================================
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.arrays.npz_file import NpzFile
+from curvescan.io.arrays.stream import NO_POSE, OPTIONAL, Record, StreamLog, refuse_topic
+from curvescan.io.files.printable import shown_text
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+FORMAT = "NPZ of scans"
+
+_DEFAULTS = {"angle_min": math.nan, "angle_increment": math.nan, **OPTIONAL}
+SCALARS = tuple(_DEFAULTS)
+_MIN_SCAN_LIMIT = 1 << 20
+_BYTES_A_SCAN = 8
+"""A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
+_MAX_BEAMS = 1 << 21
+_BLOCK = 256
+_DAMAGED = "file damaged from here on: what stands before is read"
+
+
+def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
+    """Return the scans of an .npz file, read from it a block of rows at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the file says.
+    topic : None
+        Only None: such a file has no topics.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be read.
+    LogFormatError
+        When arrays are missing or of other shapes than said above, or the file is damaged.
+    InvalidArgumentError
+        When a `topic` is given.
+    """
+    refuse_topic(path, FORMAT, topic)
+    file = NpzFile(path)
+    n, m = _check_arrays(file)
+    read = partial(_records, file, n, m, range_max)
+    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, unit="scan")
+
+
+def _check_arrays(file: NpzFile) -> tuple[int, int]:
+    """Return the numbers of scans and of beams, having compared all shapes."""
+    shapes = {name: header.shape for name, header in file.headers.items()}
+    for name in ("stamps", "ranges"):
+        if name not in shapes:
+            raise LogFormatError(
+                f"{file.path} needs an array {name!r} to be scans, and holds {shown_text(', '.join(shapes), 200)}"
+            )
+    if "angles" not in shapes and not {"angle_min", "angle_increment"} <= shapes.keys():
+        raise LogFormatError(
+            f"{file.path} needs arrays 'angle_min' and 'angle_increment', or 'angles', and holds "
+            f"{shown_text(', '.join(shapes), 200)}"
+        )
+    if len(shapes["ranges"]) != 2:
+        raise LogFormatError(
+            f"{file.path}: 'ranges' must be of shape (scans, beams), got {shapes['ranges']}"
+        )
+    n, m = shapes["ranges"]
+    if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
+        raise LogFormatError(
+            f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it with "
+            "numpy.savez"
+        )
+    allowed: dict[str, tuple[tuple[int, ...], ...]] = {
+        "stamps": ((n,),),
+        "counts": ((n,),),
+        "angles": ((m,), (n, m)),
+        "intensities": ((n, m),),
+        "odometry": ((n, 3),),
+        **dict.fromkeys(SCALARS, ((), (n,))),
+    }
+    for name, forms in allowed.items():
+        if name in shapes and shapes[name] not in forms:
+            rule = " or ".join(map(str, forms))
+            raise LogFormatError(
+                f"{file.path}: {name!r} must be of shape {rule} beside ranges of {(n, m)}, got {shapes[name]}"
+            )
+    return n, m
+
+
+def _records(
+    file: NpzFile, n: int, m: int, range_max: float | None, faults: FaultCounter
+) -> Iterator[Record]:
+    columns = {
+        name: file.read(name) if name in file.headers else value
+        for name, value in _DEFAULTS.items()
+    }
+    if range_max is not None:
+        columns["range_max"] = range_max
+    columns["stamp"] = file.read("stamps")
+    counts = file.read("counts") if "counts" in file.headers else np.full(n, float(m))
+    wide = [np.broadcast_to(column, n) for column in columns.values()]
+    odometry = file.read("odometry") if "odometry" in file.headers else None
+    rows = zip(
+        itertools.chain.from_iterable(file.blocks("ranges")),
+        _rows(file, "angles", n),
+        _rows(file, "intensities", n),
+        strict=True,
+    )
+    table: list[list[float]] = []
+    for i in itertools.count():
+        try:
+            row = next(rows, None)
+        except LogFormatError:
+            faults.add(_DAMAGED, i + 1)
+            return
+        if row is None:
+            return
+        if i % _BLOCK == 0:
+            table = np.stack([column[i : i + _BLOCK] for column in wide], axis=-1).tolist()
+        value = dict(zip(columns, table[i % _BLOCK], strict=True))
+        try:
+            scan = _scan(value, counts[i], *row)
+        except InvalidArgumentError:
+            faults.add(_fault(value, counts[i], m), i + 1)
+            continue
+        pose = NO_POSE
+        if odometry is not None and np.isfinite(odometry[i]).all():
+            pose = (odometry[i, 0].item(), odometry[i, 1].item(), odometry[i, 2].item())
+        yield Record(scan, pose)
+
+
+def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:
+    if name not in file.headers:
+        return itertools.repeat(None, n)
+    if len(file.headers[name].shape) == 1:
+        return itertools.repeat(file.read(name), n)
+    return itertools.chain.from_iterable(file.blocks(name))
+
+
+def _scan(
+    value: dict[str, float],
+    count: float,
+    ranges: Floats,
+    angles: Floats | None,
+    intensities: Floats | None,
+) -> LaserScan:
+    if not 0.0 <= count <= ranges.size:
+        raise InvalidArgumentError("count beyond the row")
+    n = int(count)
+    if intensities is not None and np.isnan(intensities[:n]).all():
+        intensities = None
+    fields: dict[str, Any] = dict(value)
+    if angles is not None and n and not math.isnan(angles[0]):
+        del fields["angle_min"], fields["angle_increment"]
+        fields["angles"] = angles[:n]
+    return LaserScan(
+        ranges[:n], intensities=None if intensities is None else intensities[:n], **fields
+    )
+
+
+def _fault(value: dict[str, float], count: float, m: int) -> str:
+    if not 0.0 <= count <= m:
+        return "count of beams beyond the row of ranges"
+    if not math.isfinite(value["stamp"]):
+        return "time stamp not finite"
+    if not 0.0 <= value["range_min"] < value["range_max"]:
+        return "range limits break 0 <= range_min < range_max"
+    return "angles or times that make no scan"

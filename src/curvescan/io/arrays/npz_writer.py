@@ -1,0 +1,103 @@
+"""Scans to the arrays of an .npz file, as npz_log.py describes them; nothing is lost.
+
+The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges that are all
+exact in float32, as those of ROS are, are stored so, in half the space.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan.io.arrays.csv_writer import is_on_grid
+from curvescan.io.arrays.npz_reader import SCALARS
+from curvescan.io.log import Log
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)
+"""Date of all members: the same log gives the same bytes."""
+
+
+def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
+    """Write a log as .npz, uncompressed; a LogWriter that loses nothing."""
+    survey = _Survey()
+    for scan in log:
+        survey.add(scan)
+    n, m = len(survey.stamps), max(survey.counts, default=0)
+    with zipfile.ZipFile(path, "x", allowZip64=True) as archive:
+        arrays: dict[str, NDArray[np.generic]] = {"stamps": np.array(survey.stamps)}
+        arrays["counts"] = np.array(survey.counts, dtype=np.int64)
+        table = np.array(survey.scalars).reshape(n, len(SCALARS))
+        arrays |= dict(zip(SCALARS, table.T, strict=True))
+        if log.odometry is not None:
+            arrays["odometry"] = log.odometry.poses
+        for name, values in arrays.items():
+            _write_rows(archive, name, values.shape, values.dtype.str, iter([values]))
+        kind = "<f4" if survey.is_short else "<f8"
+        padded = (_padded(scan.ranges, m) for scan in _watched(log, on_scan))
+        _write_rows(archive, "ranges", (n, m), kind, padded)
+        if not survey.is_even:
+            rows = (np.full(m, np.nan) if is_on_grid(s) else _padded(s.angles, m) for s in log)
+            _write_rows(archive, "angles", (n, m), "<f8", rows)
+        if survey.has_intensities:
+            rows = (_padded(s.intensities, m) for s in log)
+            _write_rows(archive, "intensities", (n, m), "<f8", rows)
+    return ()
+
+
+@dataclass
+class _Survey:
+    """What must be known of all scans before the first is written: 64 bytes a scan."""
+
+    stamps: array[float] = field(default_factory=lambda: array("d"))
+    counts: array[int] = field(default_factory=lambda: array("q"))
+    scalars: array[float] = field(default_factory=lambda: array("d"))
+    is_short: bool = True
+    is_even: bool = True
+    has_intensities: bool = False
+
+    def add(self, scan: LaserScan) -> None:
+        self.stamps.append(scan.stamp)
+        self.counts.append(len(scan))
+        self.scalars.extend(getattr(scan, name) for name in SCALARS)
+        self.is_even = self.is_even and is_on_grid(scan)
+        self.has_intensities |= scan.intensities is not None
+        if self.is_short:
+            with np.errstate(over="ignore", under="ignore"):
+                short = scan.ranges.astype(np.float32).astype(np.float64)
+            self.is_short = np.array_equal(short, scan.ranges, equal_nan=True)
+
+
+def _watched(log: Log, on_scan: Callable[[], object]) -> Iterator[LaserScan]:
+    for scan in log:
+        yield scan
+        on_scan()
+
+
+def _padded(values: Floats | None, m: int) -> Floats:
+    row = np.full(m, np.nan)
+    if values is not None:
+        row[: values.size] = values
+    return row
+
+
+def _write_rows(
+    archive: zipfile.ZipFile,
+    name: str,
+    shape: tuple[int, ...],
+    kind: str,
+    rows: Iterator[NDArray[np.generic]],
+) -> None:
+    info = zipfile.ZipInfo(f"{name}.npy", date_time=_YEAR_ZERO)
+    with archive.open(info, "w", force_zip64=True) as member:
+        header = {"descr": kind, "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(member, header)
+        for row in rows:
+            member.write(np.ascontiguousarray(row, dtype=kind).tobytes())

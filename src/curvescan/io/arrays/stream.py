@@ -1,0 +1,171 @@
+"""StreamLog: a Log over anything that can be read again and again, scan by scan."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.log import Fault
+from curvescan.scan import LaserScan
+from curvescan.types import Trajectory
+
+PoseRow: TypeAlias = tuple[float, float, float]
+"""[x, y, theta]: metres, metres, radians; NaN where unknown."""
+
+NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
+
+OPTIONAL: Mapping[str, float] = MappingProxyType(
+    {"range_min": 0.0, "range_max": math.inf, "time_increment": 0.0, "scan_time": 0.0}
+)
+"""Numbers of a scan that a file of a layout of ours may leave out, by their names there, and what is then taken."""
+
+
+class Record(NamedTuple):
+    """One scan as a file gives it.
+
+    Attributes
+    ----------
+    scan : LaserScan
+        The scan.
+    pose : PoseRow
+        Wheel odometry: pose of the laser in the odometry's frame.
+    """
+
+    scan: LaserScan
+    pose: PoseRow = NO_POSE
+
+
+ReadRecords: TypeAlias = Callable[[FaultCounter], Iterator[Record]]
+"""Reads a source anew, scan by scan, and counts what it skips."""
+
+
+class StreamLog:
+    """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
+
+    The source is read through once on opening, to count scans and faults; memory grows by 32 bytes a scan.
+
+    Parameters
+    ----------
+    path : str
+        Where the scans are from, for messages.
+    name : str
+        Name for titles.
+    kind : str
+        The format, in words.
+    read : callable
+        Reads the source.
+    unit : str
+        What the source is numbered in.
+    notes : tuple of str
+        What was left out or assumed, a sentence each.
+    mount : (3,) tuple of float
+        Pose of the laser on the robot that the odometry has applied.
+
+    Raises
+    ------
+    LogFormatError
+        When it holds no scan that can be read; the message tells the most frequent fault.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        *,
+        name: str,
+        kind: str,
+        read: ReadRecords,
+        unit: str = "line",
+        notes: tuple[str, ...] = (),
+        mount: PoseRow = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._mount = np.array(mount)
+        self._name, self._format, self._notes = name, kind, notes
+        self._read, self._unit = read, unit
+        faults = FaultCounter(unit)
+        stamps, poses = array("d"), array("d")
+        for record in read(faults):
+            stamps.append(record.scan.stamp)
+            poses.extend(record.pose)
+        self._faults = faults.faults()
+        self._stamps = np.array(stamps)
+        self._poses = np.array(poses).reshape(-1, 3)
+        if not stamps:
+            raise LogFormatError(_no_scan_message(path, kind, self._faults))
+
+    @property
+    def name(self) -> str:
+        """Name of the file, without its folder."""
+        return self._name
+
+    @property
+    def format(self) -> str:
+        """Format in words."""
+        return self._format
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry of the laser, one row a scan; NaN where a scan has none, None without any."""
+        if np.isnan(self._poses).any(axis=1).all():
+            return None
+        poses = self._poses.copy()
+        poses[:, 2] = se2.wrap(poses[:, 2])
+        return Trajectory(stamps=self._stamps, poses=poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the robot; that of the laser where the source does not tell its mount."""
+        laser = self.odometry
+        if laser is None:
+            return None
+        poses = se2.compose(laser.poses, se2.inverse(self._mount))
+        return Trajectory(stamps=laser.stamps, poses=poses)
+
+    def hangs_upside_down(self) -> bool:
+        """Return False: no such source says so."""
+        return False
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What was skipped, most frequent first."""
+        return self._faults
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Empty: all that the source holds are scans."""
+        return MappingProxyType({})
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out or assumed."""
+        return self._notes
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return (record.scan for record in self._read(FaultCounter(self._unit)))
+
+
+def refuse_topic(path: object, kind: str, topic: str | None) -> None:
+    """Raise InvalidArgumentError when a topic is asked for in a format that has none."""
+    if topic is not None:
+        raise InvalidArgumentError(
+            f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out"
+        )
+
+
+def _no_scan_message(path: str, kind: str, faults: tuple[Fault, ...]) -> str:
+    if not faults:
+        return f"{path} is a {kind} without a scan"
+    fault = faults[0]
+    return (
+        f"{path} is a {kind} without a scan that can be read: {fault.rule} "
+        f"({fault.count} times, first in {fault.first})"
+    )

@@ -1,0 +1,218 @@
+"""CarmenLog: the sweeps of a CARMEN log, the text format of the classic 2D SLAM data sets.
+
+Which lines are read. The front laser's, as FLASER, ROBOTLASER1 or RAWLASER1. A logger may write the same sweep
+under two of these names; of a log that holds several, only the one that tells most is read: ROBOTLASER1 before
+FLASER before RAWLASER1. A rear or further laser (RLASER, ROBOTLASER2, ...) is counted and not read. ``notes``
+says what was left out.
+
+The range limit. ROBOTLASER1 and RAWLASER1 lines give it; for FLASER the parameter ``robot_front_laser_max`` of a PARAM
+line does (the last one counts). Failing both, the laser is taken for a SICK LMS, whose 13-bit codes 8183..8191
+stand for *no reading*: 81.83 to 81.91 m when it counts centimetres, 8.183 to 8.191 m when it counts millimetres. The
+limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A limit that lies among the codes (a
+laser declared as 81.90) is brought below the first of them.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.carmen.index import Index, build_index
+from curvescan.io.carmen.lines import SWEEP_PARSERS, BrokenLineError, Sweep, tag_of
+from curvescan.io.files.lines import read_lines
+from curvescan.io.files.printable import shown_text
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.log import Fault
+from curvescan.scan import LaserScan
+from curvescan.types import Trajectory
+
+_SICK_LIMITS = ((8.182, 8.192), (81.82, 81.92))
+"""Largest reading below the codes, and end of the scale, of a SICK LMS: in mm mode, in cm mode."""
+
+_OTHER_LASERS = {
+    "RLASER": "the rear laser",
+    **{f"LASER{i}": "a further laser" for i in range(3, 6)},
+    **{f"{kind}{i}": "a further laser" for kind in ("RAWLASER", "ROBOTLASER") for i in range(2, 6)},
+}
+
+
+class CarmenLog:
+    """The sweeps of a CARMEN log's front laser, in file order; a Log.
+
+    The file is read through once on opening, to count sweeps and faults, and anew by each iteration, one sweep in
+    memory at a time. A line that breaks the format is skipped and counted in ``faults``; readings of any value
+    (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+    topic : None
+        Only None: a CARMEN log has no topics.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be read.
+    LogFormatError
+        When it holds no sweep that can be read; the message tells the most frequent fault.
+    InvalidArgumentError
+        When a `topic` is given.
+    """
+
+    def __init__(
+        self, path: Path, *, range_max: float | None = None, topic: str | None = None
+    ) -> None:
+        if topic is not None:
+            raise InvalidArgumentError(
+                f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
+            )
+        self._path = path
+        self._index = build_index(path)
+        if not self._index.series:
+            raise LogFormatError(_no_scan_message(path, self._index))
+        self._tag, self._series = next(iter(self._index.series.items()))
+        self._range_max = range_max
+
+    @property
+    def name(self) -> str:
+        """Name of the file, without its folder."""
+        return self._path.name
+
+    @property
+    def format(self) -> str:
+        """Always ``"CARMEN log"``."""
+        return "CARMEN log"
+
+    @cached_property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry: one row a scan, in the raw frame of the odometry.
+
+        FLASER and ROBOTLASER1 lines give the pose of the laser. For RAWLASER1 it is the pose of the last ODOM line
+        before the sweep, that is of the robot: the log does not say where the laser is mounted. A row of NaN stands
+        where there is none yet. None when no sweep has a pose, or when all of several poses are exactly 0 0 0: so
+        a logger fills the fields when it has no odometry.
+        """
+        return _trajectory(self._series.stamps, self._series.poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the pose of the robot at each sweep, where the log tells it from the laser's; else ``odometry``."""
+        return _trajectory(self._series.stamps, self._series.robot_poses) or self.odometry
+
+    def hangs_upside_down(self) -> bool:
+        """Return False: a CARMEN log does not say."""
+        return False
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Lines that were skipped and damage of the file, most frequent first."""
+        return self._index.faults
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Lines by message name, unknown names and comments (``"#"``) included."""
+        return MappingProxyType(self._index.tag_counts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out on purpose, and where the range limit comes from."""
+        used = self._tag.decode()
+        notes = [
+            f"{len(other.stamps):,} {tag.decode()} lines are not read: {used} lines hold the front "
+            "laser with more detail"
+            for tag, other in self._index.series.items()
+            if tag != self._tag
+        ]
+        notes += [
+            f"{count:,} {tag} lines are not read: they are of {_OTHER_LASERS[tag]}"
+            for tag, count in self._index.tag_counts.items()
+            if tag in _OTHER_LASERS
+        ]
+        return (*notes, *self._range_notes())
+
+    def __len__(self) -> int:
+        return len(self._series.stamps)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        tag, parse = self._tag, SWEEP_PARSERS[self._tag]
+        for _, line in read_lines(self._path, FaultCounter()):
+            if tag_of(line) != tag:
+                continue
+            try:
+                sweep = parse(line)
+            except BrokenLineError:
+                continue  # counted by the index, which goes by the same parser
+            yield self._scan(sweep)
+
+    def _scan(self, sweep: Sweep) -> LaserScan:
+        return LaserScan(
+            sweep.ranges,
+            angle_min=sweep.angle_min,
+            angle_increment=sweep.angle_increment,
+            range_max=self._limit(sweep.range_max),
+            stamp=sweep.stamp,
+            intensities=sweep.intensities,
+        )
+
+    def _limit(self, range_max: float) -> float:
+        if self._range_max is not None:
+            return self._range_max
+        if math.isnan(range_max):
+            return self._default_limit
+        return _below_codes(range_max)
+
+    @cached_property
+    def _default_limit(self) -> float:
+        if self._index.max_range is not None:
+            return _below_codes(self._index.max_range)
+        return 80.0 if self._series.is_beyond_mm_scale else 8.18
+
+    def _range_notes(self) -> tuple[str, ...]:
+        if self._range_max is not None or self._series.has_own_limit:
+            return ()
+        if self._index.max_range is not None:
+            return (f"range_max {self._default_limit:g} m follows PARAM robot_front_laser_max",)
+        return (
+            f"the log does not give the laser's largest range: {self._default_limit:g} m is taken, as for "
+            "a SICK LMS; range_max sets another",
+        )
+
+
+def _trajectory(stamps: array[float], rows: array[float]) -> Trajectory | None:
+    poses = np.array(rows).reshape(-1, 3)
+    is_filler = len(poses) > 1 and not np.any(poses)
+    if is_filler or np.all(np.isnan(poses)):
+        return None
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    return Trajectory(stamps=np.array(stamps), poses=poses)
+
+
+def _below_codes(range_max: float) -> float:
+    for below, end in _SICK_LIMITS:
+        if below < range_max <= end:
+            return below
+    return range_max
+
+
+def _no_scan_message(path: Path, index: Index) -> str:
+    if index.faults:
+        fault = index.faults[0]
+        return (
+            f"{path} is a CARMEN log without a scan that can be read: {fault.rule} "
+            f"({fault.count} times, first in {fault.first})"
+        )
+    tags = shown_text(", ".join(index.tag_counts), 300) or "none"
+    return (
+        f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, "
+        f"and holds {tags}"
+    )

@@ -1,0 +1,177 @@
+"""Lines of a text file, plain or gzip-compressed, in bounded memory.
+
+Compression is told by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
+that break off deliver what stands before the break; a line that never ends is dropped while it is read. Both
+are faults, neither is fatal.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import math
+import stat
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from curvescan.errors import LogFileError, LogFormatError
+from curvescan.io.files.decompression import unpacked_limit
+from curvescan.io.files.read_errors import FaultCounter
+
+GZIP_MAGIC = b"\x1f\x8b"
+MAX_LINE_BYTES = 1 << 20
+"""Longest line that is read: twenty times a line of 5,000 readings with remissions."""
+
+_CHUNK_BYTES = 1 << 16
+
+LONG_LINE = "line longer than 1 MiB"
+BROKEN_GZIP = "compressed data break off or are damaged: what stands before the break is read"
+
+
+class BrokenGzipError(LogFormatError):
+    """Compressed data break off or are damaged at this point of the stream."""
+
+
+def read_head(path: Path, n_bytes: int) -> bytes:
+    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file.
+    n_bytes : int
+        At least 1.
+
+    Returns
+    -------
+    bytes
+        Empty when the file, or what it unpacks to, is empty.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened or read.
+    BrokenGzipError
+        When the file is compressed and not one byte of it can be unpacked.
+    """
+    head = b""
+    try:
+        for chunk in read_chunks(path):
+            head += chunk
+            if len(head) >= n_bytes:
+                break
+    except BrokenGzipError:
+        if not head:
+            raise
+    return head[:n_bytes]
+
+
+def read_lines(path: Path, faults: FaultCounter) -> Iterator[tuple[int, bytes]]:
+    r"""Yield the number, from 1, and the bytes of each line, without its newline.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file, opened anew by each call and closed when the iteration ends or is given up.
+    faults : FaultCounter
+        Lines above MAX_LINE_BYTES, which are not yielded, and damage of the compression are added to it.
+
+    Yields
+    ------
+    (int, bytes)
+        A last line without newline is yielded too; a carriage return before the newline stays.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened or read.
+    """
+    number, tail, is_dropping = 0, b"", False
+    try:
+        for chunk in read_chunks(path):
+            *lines, tail = (tail + chunk).split(b"\n")
+            for line in lines:
+                number += 1
+                if is_dropping or len(line) > MAX_LINE_BYTES:
+                    is_dropping = False
+                    faults.add(LONG_LINE, number)
+                else:
+                    yield number, line
+            if is_dropping or len(tail) > MAX_LINE_BYTES:
+                is_dropping, tail = True, b""
+    except BrokenGzipError:
+        faults.add(BROKEN_GZIP, number + 1)
+    if is_dropping:
+        faults.add(LONG_LINE, number + 1)
+    elif tail:
+        yield number + 1, tail
+
+
+def read_chunks(path: Path) -> Iterator[bytes]:
+    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file, opened anew by each call and closed when the iteration ends or is given up.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened or read.
+    BrokenGzipError
+        Where compressed data break off or are damaged, after what stands before.
+    LogFormatError
+        Where they unpack to more than a log would.
+    """
+    # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
+    with _opened(path) as raw:
+        try:
+            is_gzip = raw.read(2) == GZIP_MAGIC
+            raw.seek(0)
+            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+            left = unpacked_limit(path) if is_gzip else math.inf
+            while chunk := stream.read1(_CHUNK_BYTES):
+                left -= len(chunk)
+                if left < 0:
+                    raise LogFormatError(
+                        f"{path} unpacks to more than {unpacked_limit(path) >> 20:,} MiB, too much for a log of its "
+                        "size: if it is sound, unpack it first"
+                    )
+                yield chunk
+        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+            raise BrokenGzipError(
+                f"{path} starts like a gzip file but cannot be unpacked ({error}): "
+                "get the file again, or unpack it by other means"
+            ) from error
+        except OSError as error:
+            raise LogFileError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[io.BufferedReader]:
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise LogFileError(
+                f"a log must be a file, and {path} is a folder: give the path of a log inside it"
+            )
+        if not stat.S_ISREG(mode):
+            raise LogFileError(
+                f"a log is read more than once and must be a regular file, and {path} is a pipe or "
+                "a device: save its content to a file"
+            )
+        raw = path.open("rb")
+    except FileNotFoundError as error:
+        raise LogFileError(f"log file {path} does not exist: check the path") from error
+    except PermissionError as error:
+        raise LogFileError(f"no permission to read {path}: check its access rights") from error
+    except LogFileError:
+        raise
+    except (OSError, ValueError) as error:
+        # ValueError: a path with a NUL character
+        raise LogFileError(f"cannot open {str(path)!r}: {error}") from error
+    with raw:
+        yield raw

@@ -1,0 +1,161 @@
+"""ROS messages: from bytes to fields, by the bag's own definition of a type or by the bundled one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from curvescan.errors import LogFormatError
+from curvescan.io.files.decompression import ZSTD_MAGIC
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+IMU = "sensor_msgs/msg/Imu"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+_WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
+MAX_MESSAGE_BYTES = 8 << 20
+"""Longest message that is read: a scan of two million beams."""
+
+_MAX_DEFINITION_CHARS = 1 << 16
+_MAX_EXPRESSIONS = 400
+_IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+_IDL_RULE = "=" * 80 + "\n"
+
+
+class BrokenMessageError(LogFormatError):
+    """A message breaks the rule that stands in the error's text, a phrase of a bounded set."""
+
+
+class Decoder:
+    """Decodes the messages of one bag.
+
+    A definition that the bag carries is used where it differs from the bundled one, and the bundled one (ROS 1 Noetic,
+    ROS 2 Humble) where the bag carries none, or none that can be understood.
+
+    Parameters
+    ----------
+    connections : sequence of Connection
+        All of the bag.
+    is_ros1 : bool
+        Whether messages are serialised as in ROS 1; else they are CDR.
+    """
+
+    def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
+        self._is_ros1 = is_ros1
+        self._bundled = bundled_types(is_ros1)
+        self._stores = dict.fromkeys(_WANTED, self._bundled)
+        self.notes: list[str] = []
+        for msgtype in _WANTED:
+            of_type = (c for c in connections if c.msgtype == msgtype)
+            defined = (c for c in of_type if c.msgdef.format is not MessageDefinitionFormat.NONE)
+            if connection := next(defined, None):
+                self._use_definition(connection)
+
+    def decode(self, data: bytes, msgtype: str) -> Any:
+        """Return a message of one of the types above with its fields as attributes.
+
+        Raises
+        ------
+        BrokenMessageError
+            When the bytes do not follow the type.
+        """
+        if len(data) > MAX_MESSAGE_BYTES:
+            raise BrokenMessageError(f"{short_name(msgtype)} message longer than 8 MiB")
+        store = self._stores[msgtype]
+        decode = store.deserialize_ros1 if self._is_ros1 else store.deserialize_cdr
+        try:
+            return decode(data, msgtype)
+        except Exception as error:  # generated code on hostile bytes: any builtin error
+            rule = f"{short_name(msgtype)} message that cannot be decoded"
+            if bytes(data[:4]) == ZSTD_MAGIC:
+                rule += (
+                    " (zstd-compressed message by message: convert the bag to an uncompressed one)"
+                )
+            raise BrokenMessageError(rule) from error
+
+    def _use_definition(self, connection: Connection) -> None:
+        try:
+            definitions = _parse(connection)
+            is_empty = not definitions[connection.msgtype][1]
+            if is_empty or definitions.items() <= self._bundled.fielddefs.items():
+                return
+            store = get_typestore(Stores.EMPTY)
+            store.register(definitions)
+            store.get_msgdef(connection.msgtype)  # compiles it, so that it fails here if ever
+        except Exception:  # noqa: BLE001 - a parser on hostile text; the bundled definition stands
+            self.notes.append(
+                f"the bag's own definition of {short_name(connection.msgtype)} cannot be understood: "
+                "the usual one is taken"
+            )
+        else:
+            self._stores[connection.msgtype] = store
+
+
+@cache
+def bundled_types(is_ros1: bool) -> Typestore:
+    """Return the usual definitions, ROS 1 Noetic's or ROS 2 Humble's, with both names of the transforms."""
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    for name in TRANSFORMS:
+        if name not in store.fielddefs:
+            definition = "geometry_msgs/TransformStamped[] transforms"
+            store.register(get_types_from_msg(definition, name))
+    return store
+
+
+def stamp_of(header: Any) -> float:
+    """Return the stamp of a std_msgs/Header, seconds, correctly rounded.
+
+    Raises
+    ------
+    AttributeError, TypeError, OverflowError
+        When the bag's own definition of the header is another.
+    """
+    return float((header.stamp.sec * 10**9 + header.stamp.nanosec) / 10**9)
+
+
+def short_name(msgtype: str) -> str:
+    """Return a type's name as people write it: ``"sensor_msgs/LaserScan"``."""
+    return shown(msgtype.replace("/msg/", "/"))
+
+
+def shown(name: str) -> str:
+    """Return a name of a bag fit to be printed: what no ROS name holds is replaced by ``?``, long ones are cut."""
+    kept = "".join(ch if (ch.isascii() and ch.isalnum()) or ch in "_/~-. " else "?" for ch in name)
+    return kept if len(kept) <= 80 else f"{kept[:77]}..."
+
+
+def _parse(connection: Connection) -> dict[str, Any]:
+    text = connection.msgdef.data
+    if len(text) > _MAX_DEFINITION_CHARS:
+        raise LogFormatError("definition too long")
+    if connection.msgdef.format is MessageDefinitionFormat.MSG:
+        return get_types_from_msg(text, connection.msgtype)
+    _check_idl(text)
+    parts = text.split(_IDL_RULE)[1:] if text.startswith(_IDL_RULE) else [f"\n{text}"]
+    definitions: dict[str, Any] = {}
+    for part in parts:
+        definitions |= get_types_from_idl(part.partition("\n")[2])
+    return definitions
+
+
+def _check_idl(text: str) -> None:
+    """Raise LogFormatError for IDL that would keep its parser busy: each level of brackets multiplies its work.
+
+    ROS needs one level of either kind: the arguments of an annotation, and ``sequence<string<5>>``.
+    """
+    bare = _IDL_TEXTS.sub("", text)
+    for opening, closing, deepest in ("(", ")", 1), ("<", ">", 2):
+        depth = 0
+        for ch in bare:
+            depth = max(depth + (ch == opening) - (ch == closing), 0)
+            if depth > deepest:
+                raise LogFormatError("definition with nested brackets")
+    if sum(map(bare.count, "=[@(+-*/%|^&")) > _MAX_EXPRESSIONS:
+        raise LogFormatError("definition with too many expressions")

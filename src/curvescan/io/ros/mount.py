@@ -1,0 +1,78 @@
+"""Which way up a bag's laser is mounted, told from its first transforms: before the first scan is read."""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+
+from curvescan.errors import LogFormatError
+from curvescan.io.ros.bag import Bag
+from curvescan.io.ros.messages import TRANSFORMS, BrokenMessageError
+from curvescan.io.ros.transforms import FrameTree, frame_name, seven
+
+_N_FIRST = 1000
+"""Messages of each topic of transforms that are read: robots repeat their mounts many times a second."""
+
+_LEVEL = ("base_link", "base_footprint", "odom", "map")
+"""Frames whose z axis points up (REP-105), the nearest to the laser first."""
+
+_TILTED = math.radians(5.0)
+
+
+def laser_tilt(bag: Bag, frame: str) -> float:
+    """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is not told.
+
+    Parameters
+    ----------
+    bag : Bag
+        Any bag.
+    frame : str
+        The scans' frame_id.
+    """
+    tree = FrameTree()
+    for name, topic in bag.topics.items():
+        if topic.msgtype in TRANSFORMS and topic.count:
+            _read_first(bag, name, tree)
+    frame = frame_name(frame)
+    for level in _LEVEL:
+        known = {
+            name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level
+        }
+        for start in sorted(known):
+            way = tree.path(start, frame, avoid="")
+            if way is not None:
+                return _from_vertical(float(tree.along(start, way)[2, 2]))
+    root, way = tree.root(frame)
+    return _from_vertical(float(tree.along(root, way)[2, 2]))
+
+
+def tilt_notes(tilt: float) -> tuple[str, ...]:
+    """Return what to say of a tilt in radians, a sentence each."""
+    notes = []
+    if tilt > 0.5 * math.pi:
+        notes.append("by the transforms the laser hangs upside down")
+    lean = min(tilt, math.pi - tilt)
+    if lean > _TILTED:
+        notes.append(
+            f"by the transforms the laser leans by {math.degrees(lean):.0f} deg: its scans are taken as level"
+        )
+    return tuple(notes)
+
+
+def _read_first(bag: Bag, topic: str, tree: FrameTree) -> None:
+    try:
+        for message in islice(bag.messages([topic]), _N_FIRST):
+            try:
+                for item in bag.decode(message).transforms:
+                    edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
+                    tree.add(edge, seven(item.transform.translation, item.transform.rotation))
+            except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+                continue  # counted where the odometry is read
+    except LogFormatError:
+        pass  # damage from here on: what stands before is used
+
+
+def _from_vertical(up: float) -> float:
+    return math.acos(float(np.clip(up, -1.0, 1.0)))

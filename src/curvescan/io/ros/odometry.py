@@ -1,0 +1,217 @@
+"""Wheel odometry of a bag at the stamps of its scans: nav_msgs/Odometry or /tf, composed with the laser's mount."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import LogFormatError
+from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.ros.messages import (
+    ODOMETRY,
+    TRANSFORMS,
+    BrokenMessageError,
+    shown,
+    stamp_of,
+)
+from curvescan.io.ros.transforms import (
+    FARTHEST,
+    Edge,
+    FrameTree,
+    Transform,
+    frame_name,
+    planar,
+    seven,
+)
+from curvescan.types import Floats, Pose, Trajectory
+
+_USUAL_BASES = ("base_link", "base_footprint")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagOdometry:
+    """What a bag tells of the robot's motion.
+
+    Attributes
+    ----------
+    trajectory : Trajectory or None
+        Pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any.
+    robot : Trajectory or None
+        Pose of the robot's base likewise.
+    notes : tuple of str
+        Where it is from and what was assumed of the mount.
+    """
+
+    trajectory: Trajectory | None = None
+    robot: Trajectory | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class _Motion:
+    """Poses of a base in the frame of the odometry: stamp, x, y, theta, over and over."""
+
+    rows: array[float] = field(default_factory=lambda: array("d"))
+
+    def add(self, stamp: float, transform: Transform) -> None:
+        self.rows.extend((stamp, *planar(transform)))
+
+
+def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -> BagOdometry:
+    """Return the odometry of a bag, from one pass over its odometry and its transforms.
+
+    Parameters
+    ----------
+    bag : Bag
+        Any bag.
+    stamps : (n,) float64
+        Of the scans, seconds.
+    frame : str
+        The scans' frame_id.
+    is_unstamped : bool
+        Whether the scans' stamps are times of reception; those of the odometry then are, too.
+
+    Returns
+    -------
+    BagOdometry
+        Memory grows by 32 bytes a message while it is read.
+    """
+    odometry_topics = [n for n, t in bag.topics.items() if t.msgtype == ODOMETRY and t.count]
+    transform_topics = [n for n, t in bag.topics.items() if t.msgtype in TRANSFORMS and t.count]
+    chosen = _choose(odometry_topics)
+    notes = []
+    if chosen is None and odometry_topics:
+        several = ", ".join(shown(name) for name in odometry_topics[:8])
+        notes.append(f"of several odometry topics ({several}) none is /odom: none is read")
+    reader = _Reader(bag, is_unstamped=is_unstamped)
+    reader.read([*transform_topics, *([chosen] if chosen else [])])
+    if reader.n_broken:
+        notes.append(
+            f"{reader.n_broken:,} odometry or transform messages cannot be decoded: they are left out"
+        )
+    if reader.odometry.rows:
+        edge, motion, source = reader.odometry_edge, reader.odometry, shown(chosen or "")
+    else:
+        base = _nearest_base(reader.tree, reader.motions, frame_name(frame))
+        if base is None:
+            return BagOdometry(notes=tuple(notes))
+        edge, motion = base, reader.motions[base]
+        source = f"transforms {shown(edge[0])} to {shown(edge[1])}"
+    poses = _at(stamps, np.array(motion.rows).reshape(-1, 4))
+    if np.all(np.isnan(poses)):
+        notes.append(f"odometry from {source} does not cover the time of any scan: it is left out")
+        return BagOdometry(notes=tuple(notes))
+    mount, mount_notes = _mount(reader.tree, edge, frame_name(frame))
+    notes.append(f"odometry is from {source}; {mount_notes[0]}")
+    return BagOdometry(
+        trajectory=Trajectory(stamps=stamps, poses=se2.compose(poses, mount)),
+        robot=Trajectory(stamps=stamps, poses=poses),
+        notes=(*notes, *mount_notes[1:]),
+    )
+
+
+class _Reader:
+    """Gathers odometry and transforms."""
+
+    def __init__(self, bag: Bag, *, is_unstamped: bool) -> None:
+        self._bag = bag
+        self._is_unstamped = is_unstamped
+        self.tree = FrameTree()
+        self.odometry = _Motion()
+        self.odometry_edge: Edge = ("", "")
+        self.motions: dict[Edge, _Motion] = {}
+        self.n_broken = 0
+
+    def read(self, topics: list[str]) -> None:
+        try:
+            for message in self._bag.messages(topics) if topics else ():
+                add: Callable[[Message], None] = (
+                    self._add_odometry if message.msgtype == ODOMETRY else self._add_transforms
+                )
+                try:
+                    add(message)
+                except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+                    self.n_broken += 1
+        except LogFormatError:
+            pass  # damage from here on: what stands before is used, and the scans' faults tell of it
+
+    def _add_odometry(self, message: Message) -> None:
+        decoded = self._bag.decode(message)
+        pose = decoded.pose.pose
+        if not self.odometry.rows:
+            self.odometry_edge = (
+                frame_name(decoded.header.frame_id),
+                frame_name(decoded.child_frame_id),
+            )
+        stamp = message.received / 10**9 if self._is_unstamped else stamp_of(decoded.header)
+        self.odometry.add(stamp, seven(pose.position, pose.orientation))
+
+    def _add_transforms(self, message: Message) -> None:
+        for item in self._bag.decode(message).transforms:
+            edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
+            transform = seven(item.transform.translation, item.transform.rotation)
+            self.tree.add(edge, transform)
+            if "odom" in edge[0].rpartition("/")[2] and edge in self.tree.transforms:
+                stamp = message.received / 10**9 if self._is_unstamped else stamp_of(item.header)
+                self.motions.setdefault(edge, _Motion()).add(stamp, transform)
+
+
+def _choose(topics: list[str]) -> str | None:
+    if len(topics) == 1:
+        return topics[0]
+    return next((name for name in topics if name.strip("/") == "odom"), None)
+
+
+def _nearest_base(tree: FrameTree, motions: dict[Edge, _Motion], frame: str) -> Edge | None:
+    """Return the odometry edge that leads to the laser on the shortest way, or else to a usual base."""
+    ways = {edge: tree.path(edge[1], frame, avoid=edge[0]) for edge in motions}
+    reaching = [edge for edge, way in ways.items() if way is not None]
+    if reaching:
+        return min(reaching, key=lambda edge: len(ways[edge] or ()))
+    usual = [edge for name in _USUAL_BASES for edge in motions if edge[1] == name]
+    return next(iter([*usual, *motions]), None)
+
+
+def _mount(tree: FrameTree, odometry: Edge, frame: str) -> tuple[Pose, tuple[str, ...]]:
+    """Return the pose of the laser on the robot's base, and what to say of it."""
+    fixed, base = odometry
+    way = tree.path(base, frame, avoid=fixed)
+    robot, laser = shown(base) or "the robot", shown(frame) or "the laser"
+    if way is None:
+        return se2.identity(), (
+            f"no transforms lead from {robot} to {laser}: the laser is taken to sit at the robot's "
+            "origin, looking ahead",
+        )
+    if not way:
+        return se2.identity(), ("it is the laser's own",)
+    transform = tree.along(base, way)
+    theta = math.atan2(transform[1, 0], transform[0, 0])
+    mount = np.array([transform[0, 3], transform[1, 3], theta])
+    notes = [
+        f"the laser's mount, from transforms {robot} to {laser}: x {mount[0]:.3f} m, y {mount[1]:.3f} m, "
+        f"yaw {math.degrees(mount[2]):.1f} deg"
+    ]
+    if tree.moving.intersection(way):
+        notes.append("the laser's mount changes during the log: the first one is taken throughout")
+    return mount, tuple(notes)
+
+
+def _at(stamps: Floats, rows: Floats) -> Pose:
+    """Return the (n, 3) poses at these stamps between rows of stamp, x, y, theta; NaN outside their time."""
+    # no comparison with NaN holds: a row with one is left out, too
+    rows = rows[np.all(np.abs(rows[:, 1:]) <= FARTHEST, axis=1)]
+    if not rows.size:
+        return np.full((stamps.size, 3), np.nan)
+    _, first_idx = np.unique(rows[:, 0], return_index=True)  # sorted, and one row a stamp
+    times, x, y, theta = rows[first_idx].T
+    columns = [
+        np.interp(stamps, times, column, left=np.nan, right=np.nan)
+        for column in (x, y, np.unwrap(theta))
+    ]
+    columns[2] = se2.wrap(columns[2])
+    return np.stack(columns, axis=-1)

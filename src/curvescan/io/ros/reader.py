@@ -1,0 +1,279 @@
+"""RosbagLog: the laser scans of a ROS bag, ROS 1 or ROS 2, read without ROS.
+
+Scans stand in the order in which the recorder received them; their stamps are those of the message headers. Ranges and
+limits are taken as they are (REP-117): 0, NaN and infinities are *no reading*. So are the beams' directions: where the
+transforms say that the laser hangs upside down, :func:`curvescan.io.read_log` mirrors the scans.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.log import Fault
+from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.ros.gyro import read_gyro
+from curvescan.io.ros.laser_scan import has_bad_times, scan_of
+from curvescan.io.ros.messages import (
+    LASER_SCAN,
+    BrokenMessageError,
+    short_name,
+    shown,
+    stamp_of,
+)
+from curvescan.io.ros.mount import laser_tilt, tilt_notes
+from curvescan.io.ros.odometry import BagOdometry, read_odometry
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Trajectory
+
+BROKEN_BAG = "bag damaged from here on: what stands before is read"
+
+_MAX_LISTED = 12
+_N_FIRST = 8
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """What one reading of all scans found."""
+
+    stamps: array[float]
+    faults: tuple[Fault, ...]
+    n_bad_times: int
+
+
+class RosbagLog:
+    """The scans of one laser of a ROS bag, in the order they were received; a Log.
+
+    Opening reads the bag's table of contents and its first scans. The number of scans and the faults are known after
+    one reading of all scans: that of the first complete iteration, or one of its own where they are asked for before.
+
+    Parameters
+    ----------
+    path : Path
+        The file, plain or gzip-compressed, or the folder of a ROS 2 bag.
+    range_max : float or None
+        Upper limit of a valid reading, metres, in place of what the messages say; None to believe them.
+    topic : str or None
+        Topic of sensor_msgs/LaserScan messages; None for the only one.
+
+    Raises
+    ------
+    LogFileError
+        When a file cannot be read.
+    LogFormatError
+        When the bag is damaged or holds no scan that can be read.
+    InvalidArgumentError
+        When `topic` is None and there are several, or has no laser scans.
+    """
+
+    def __init__(
+        self, path: Path, *, range_max: float | None = None, topic: str | None = None
+    ) -> None:
+        self._bag = Bag(path)
+        self._topic = _choose_topic(self._bag, topic)
+        self._range_max = range_max
+        self._survey: _Survey | None = None
+        self._frame, self._is_unstamped = "", False
+        is_sound = self._look_at_first()
+        if not is_sound and next(iter(self), None) is None:
+            raise LogFormatError(self._no_scan_message())
+
+    @property
+    def name(self) -> str:
+        """Name of the file or folder, without what it lies in."""
+        return self._bag.path.absolute().name
+
+    @property
+    def format(self) -> str:
+        """``"ROS 1 bag"``, ``"ROS 2 bag (sqlite3)"`` or ``"ROS 2 bag (MCAP)"``."""
+        return self._bag.kind.value
+
+    @property
+    def topic(self) -> str:
+        """The topic that is read."""
+        return self._topic
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry at the stamps of the scans: the pose of the laser, by its mount, in the odometry's frame.
+
+        From nav_msgs/Odometry, else from the transform odom -> base of /tf, interpolated in time; a row of NaN outside
+        the time they cover. ``notes`` tells the mount. None without any.
+        """
+        return self._odometry.trajectory
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Scans that were skipped and damage of the bag, most frequent first."""
+        return self._surveyed().faults
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Messages by topic and type, ``"/scan (sensor_msgs/LaserScan)"``, by the bag's own count."""
+        counts: dict[str, int] = {}
+        for name, topic in self._bag.topics.items():
+            tag = f"{shown(name)} ({short_name(topic.msgtype)})"
+            counts[tag] = counts.get(tag, 0) + topic.count
+        return MappingProxyType(counts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out or assumed."""
+        others = [name for name in _laser_topics(self._bag) if name != self._topic]
+        notes = [
+            f"laser scans on {shown(name)} are not read: the topic is another"
+            for name in others[:_MAX_LISTED]
+        ]
+        if self._is_unstamped:
+            notes.append(
+                "the scans are not stamped (all zeros): the time they were received stands for it"
+            )
+        if self._surveyed().n_bad_times:
+            notes.append(
+                f"{self._surveyed().n_bad_times:,} scans have a time_increment or scan_time that is negative or no "
+                "number: it is taken as not known"
+            )
+        return (*notes, *self._bag.notes, *self._odometry.notes, *tilt_notes(self._tilt))
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return ``odometry`` without the laser's mount: the pose of the robot's base at each scan."""
+        return self._odometry.robot
+
+    def hangs_upside_down(self) -> bool:
+        """Return whether /tf or /tf_static has the laser's z axis point down."""
+        return self._tilt > 0.5 * math.pi
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return (n_scans,) the angle about z that the bag's gyroscope has turned by at each scan; None without one."""
+        stamps = np.array(self._surveyed().stamps)
+        return read_gyro(self._bag, stamps, is_unstamped=self._is_unstamped)
+
+    def __len__(self) -> int:
+        return len(self._surveyed().stamps)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        faults, stamps = FaultCounter("message"), array("d")
+        number, n_bad_times = 0, 0
+        try:
+            for number, message in enumerate(self._bag.messages([self._topic]), 1):
+                try:
+                    decoded = self._bag.decode(message)
+                    scan = self._scan(decoded, message)
+                except BrokenMessageError as error:
+                    faults.add(str(error), number)
+                    continue
+                stamps.append(scan.stamp)
+                n_bad_times += has_bad_times(decoded)
+                yield scan
+        except LogFormatError:
+            faults.add(BROKEN_BAG, number + 1)
+        self._survey = self._survey or _Survey(stamps, faults.faults(), n_bad_times)
+
+    def _surveyed(self) -> _Survey:
+        if self._survey is None:
+            for _ in self:
+                pass
+        assert self._survey is not None
+        return self._survey
+
+    @cached_property
+    def _tilt(self) -> float:
+        return laser_tilt(self._bag, self._frame)
+
+    @cached_property
+    def _odometry(self) -> BagOdometry:
+        stamps = np.array(self._surveyed().stamps)
+        return read_odometry(self._bag, stamps, self._frame, is_unstamped=self._is_unstamped)
+
+    def _look_at_first(self) -> bool:
+        """Learn the scans' frame and whether they are stamped, and return whether one can be read.
+
+        Scans at 0 are not stamped; a single one is believed.
+        """
+        stamps, is_sound = [], False
+        for message in islice(self._bag.messages([self._topic]), _N_FIRST):
+            try:
+                decoded = self._bag.decode(message)
+                stamps.append(stamp_of(decoded.header))
+                self._frame = self._frame or str(decoded.header.frame_id)
+                scan_of(decoded, range_max=self._range_max)
+                is_sound = True
+            except (BrokenMessageError, AttributeError, TypeError, OverflowError):
+                continue
+        self._is_unstamped = len(stamps) > 1 and not any(stamps)
+        return is_sound
+
+    def _no_scan_message(self) -> str:
+        faults = self._surveyed().faults
+        reason = (
+            f"{faults[0].rule} ({faults[0].count} times, first in {faults[0].first})"
+            if faults
+            else "its table of contents promises messages that are not there"
+        )
+        return (
+            f"{self._bag.path} is a {self.format} without a scan that can be read on topic "
+            f"{shown(self._topic)}: {reason}"
+        )
+
+    def _scan(self, decoded: Any, message: Message) -> LaserScan:
+        stamp = message.received / 10**9 if self._is_unstamped else None
+        return scan_of(decoded, stamp=stamp, range_max=self._range_max)
+
+
+def _laser_topics(bag: Bag) -> dict[str, int]:
+    return {
+        name: topic.count
+        for name, topic in bag.topics.items()
+        if topic.msgtype == LASER_SCAN and topic.count
+    }
+
+
+def _choose_topic(bag: Bag, topic: str | None) -> str:
+    lasers = _laser_topics(bag)
+    if not lasers:
+        raise LogFormatError(_no_laser_message(bag))
+    listed = ", ".join(
+        f"{shown(name)} ({n:,} scans)" for name, n in list(lasers.items())[:_MAX_LISTED]
+    )
+    if topic is None:
+        if len(lasers) == 1:
+            return next(iter(lasers))
+        raise InvalidArgumentError(
+            f"{bag.path} holds laser scans on {len(lasers)} topics: {listed}; choose one with "
+            f"--topic {shown(next(iter(lasers)))} (topic= in Python)"
+        )
+    for name in lasers:
+        if name.strip("/") == topic.strip("/"):
+            return name
+    near = difflib.get_close_matches(topic, lasers, n=1, cutoff=0.0)[0]
+    other = bag.topics.get(topic)
+    what = (
+        f"topic {topic} of {bag.path} holds {short_name(other.msgtype)}"
+        if other
+        else f"{bag.path} has no topic {topic!r} with laser scans"
+    )
+    raise InvalidArgumentError(f"{what}: the nearest is {shown(near)}; it holds {listed}")
+
+
+def _no_laser_message(bag: Bag) -> str:
+    held = [
+        f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})"
+        for name, topic in bag.topics.items()
+    ]
+    more = f" and {len(held) - _MAX_LISTED} more" if len(held) > _MAX_LISTED else ""
+    return (
+        f"{bag.path} is a {bag.kind.value} without a laser scan: it needs sensor_msgs/LaserScan messages, and "
+        f"holds {', '.join(held[:_MAX_LISTED]) or 'no topic'}{more}"
+    )

@@ -1,0 +1,214 @@
+"""What a user knows of a laser better than its log: beams to ignore, how it is mounted, which way it turns.
+
+One record, and one view of a log that applies it to every scan and to the wheel odometry: readers know nothing of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import Fault, GyroLog, Log
+from curvescan.scan import LaserScan, mirrored, swept_backwards
+from curvescan.types import Floats, Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserSetup:
+    """How a laser is set up, where its log does not say so or is wrong.
+
+    Parameters
+    ----------
+    ignore_beams : (int, int)
+        How many beams at the beginning and at the end of each scan, in the log's order, give no reading: they see
+        the robot, or nothing that can be trusted.
+    laser_pose : (3,) float or None
+        Pose x, y, theta of the laser on the robot, metres, metres, radians: it carries the wheel odometry to the
+        laser in place of the log's own mount. Theta is where the laser's x axis points. None: what the log says.
+    upside_down : bool or None
+        Whether the laser hangs upside down, so that its scans are mirrored. None: what the log says.
+    clockwise : bool
+        Whether the laser turns against what its log says, so that its scans are mirrored.
+    drop_stale : bool
+        Whether a beam that repeats its value of the sweep before to the last digit gives no reading: some drivers leave
+        the old value standing where a turn of the sensor brought no new one.
+    backwards : bool
+        Whether the log has the beams of a sweep in the reverse of the order in which they were swept, as some drivers
+        of RPLIDARs do: they are turned round, so that the times of the beams hold.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a number breaks these rules.
+    """
+
+    ignore_beams: tuple[int, int] = (0, 0)
+    laser_pose: tuple[float, float, float] | None = None
+    upside_down: bool | None = None
+    clockwise: bool = False
+    drop_stale: bool = False
+    backwards: bool = False
+
+    def __post_init__(self) -> None:
+        beams = self.ignore_beams
+        if len(beams) != 2 or not all(isinstance(n, int) and n >= 0 for n in beams):
+            raise InvalidArgumentError(
+                f"ignore_beams must be two whole numbers >= 0, of beams at the sweep's beginning and end, got {beams}"
+            )
+        pose = self.laser_pose
+        if pose is not None and (len(pose) != 3 or not all(map(math.isfinite, pose))):
+            raise InvalidArgumentError(
+                f"laser_pose must be three finite numbers x, y, theta (metres, metres, radians), got {pose}"
+            )
+
+
+@runtime_checkable
+class MountedLog(Protocol):
+    """A log that knows how its laser is mounted, and so tells the robot's motion from the laser's."""
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the *robot* at each scan; None without."""
+        ...
+
+    def hangs_upside_down(self) -> bool:
+        """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
+        ...
+
+
+def set_up(log: Log, setup: LaserSetup) -> Log:
+    """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes.
+
+    Parameters
+    ----------
+    log : Log
+        As its reader gives it. Where it is no MountedLog its odometry is taken for the robot's.
+    setup : LaserSetup
+        What its user knows better.
+    """
+    hangs = setup.upside_down
+    if hangs is None:
+        hangs = isinstance(log, MountedLog) and log.hangs_upside_down()
+    is_mirrored = hangs != setup.clockwise
+    if not (
+        is_mirrored
+        or any(setup.ignore_beams)
+        or setup.laser_pose is not None
+        or setup.drop_stale
+        or setup.backwards
+    ):
+        return log
+    return _LogSetUp(log, setup, is_mirrored=is_mirrored)
+
+
+class _LogSetUp:
+    """A log as its user has set it up; a Log."""
+
+    def __init__(self, log: Log, setup: LaserSetup, *, is_mirrored: bool) -> None:
+        self._log = log
+        self._setup = setup
+        self._is_mirrored = is_mirrored
+
+    @property
+    def name(self) -> str:
+        return self._log.name
+
+    @property
+    def format(self) -> str:
+        return self._log.format
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        if self._setup.laser_pose is None:
+            return self._log.odometry
+        if (robot := self.robot_odometry()) is None:
+            return None
+        poses = se2.compose(robot.poses, np.array(self._setup.laser_pose))
+        return Trajectory(stamps=robot.stamps, poses=poses)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return what the log says of the robot; with a pose of the laser given, its odometry is the robot's."""
+        if isinstance(self._log, MountedLog):
+            return self._log.robot_odometry()
+        return None if self._setup.laser_pose is None else self._log.odometry
+
+    def hangs_upside_down(self) -> bool:
+        """Return what the user says, else the log; the scans have been mirrored for it."""
+        if self._setup.upside_down is not None:
+            return self._setup.upside_down
+        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+
+    def turned_by_gyro(self) -> Floats | None:
+        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        return self._log.faults
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        return self._log.tag_counts
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        notes = []
+        if self._is_mirrored:
+            notes.append(
+                "the scans are mirrored: the laser "
+                + (
+                    "turns against what the log says"
+                    if self._setup.clockwise
+                    else "hangs upside down"
+                )
+            )
+        if self._setup.drop_stale:
+            notes.append("readings that repeat those of the sweep before are dropped")
+        if self._setup.backwards:
+            notes.append("the beams of each scan are turned round: they were swept in that order")
+        if any(self._setup.ignore_beams):
+            first, last = self._setup.ignore_beams
+            notes.append(
+                f"the first {first:,} and the last {last:,} beams of each scan are ignored"
+            )
+        if self._setup.laser_pose is not None:
+            x, y, theta = self._setup.laser_pose
+            notes.append(
+                f"the laser's mount is taken as given: x {x:.3f} m, y {y:.3f} m, "
+                f"yaw {math.degrees(theta):.1f} deg"
+            )
+        return (*self._log.notes, *notes)
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        scans = fresh(self._log) if self._setup.drop_stale else self._log
+        return map(self._seen, scans)
+
+    def _seen(self, scan: LaserScan) -> LaserScan:
+        first, last = self._setup.ignore_beams
+        if first or last:
+            ranges = scan.ranges.copy()
+            ranges[:first] = np.nan
+            ranges[max(len(ranges) - last, 0) :] = np.nan
+            scan = replace(scan, ranges=ranges)
+        scan = mirrored(scan) if self._is_mirrored else scan
+        return swept_backwards(scan) if self._setup.backwards else scan
+
+
+def fresh(scans: Iterable[LaserScan]) -> Iterator[LaserScan]:
+    """Yield scans without the readings that repeat the same beam's of the scan before to the last digit."""
+    before = np.empty(0)
+    for scan in scans:
+        ranges = scan.ranges
+        if len(before) == len(ranges):
+            is_stale = scan.valid & (ranges == before)
+            if is_stale.any():
+                scan = replace(scan, ranges=np.where(is_stale, np.nan, ranges))
+        before = ranges
+        yield scan

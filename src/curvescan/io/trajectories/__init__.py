@@ -1,0 +1,1 @@
+"""Trajectories, pose graphs and relations as files."""

@@ -1,0 +1,115 @@
+"""The table of further files that an odometry run can be written as, beside its TUM and CSV.
+
+A row is a file's name and the writer as ``"module:function"``, imported when it is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import PoseEdge, Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunData:
+    """What a run has to be written.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        A pose a scan.
+    edges : sequence of PoseEdge
+        The matches behind it.
+    scans : iterable of LaserScan
+        What it ran over, to be read anew.
+    """
+
+    trajectory: Trajectory
+    edges: Sequence[PoseEdge]
+    scans: Iterable[LaserScan]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FurtherFile:
+    """One row of the table.
+
+    Attributes
+    ----------
+    filename : str
+        In the folder of the run.
+    writer : str
+        ``"module:function"``.
+    takes : tuple of str
+        Fields of RunData that the writer takes, behind the path.
+    """
+
+    filename: str
+    writer: str
+    takes: tuple[str, ...]
+
+    def write(self, folder: Path, data: RunData) -> None:
+        """Write the file into a folder, importing the writer's module."""
+        module, _, name = self.writer.partition(":")
+        function: Callable[..., None] = getattr(importlib.import_module(module), name)
+        function(folder / self.filename, *(getattr(data, field) for field in self.takes))
+
+
+FURTHER_FILES: dict[str, FurtherFile] = {
+    "kitti": FurtherFile(
+        filename="trajectory.kitti",
+        writer="curvescan.io.trajectories.kitti:write_kitti",
+        takes=("trajectory",),
+    ),
+    "g2o": FurtherFile(
+        filename="graph.g2o",
+        writer="curvescan.io.trajectories.g2o:write_g2o",
+        takes=("trajectory", "edges"),
+    ),
+    "mcap": FurtherFile(
+        filename="run.mcap",
+        writer="curvescan.io.ros.odometry_export:write_odometry_mcap",
+        takes=("trajectory", "scans"),
+    ),
+}
+"""Name of each further file."""
+
+
+def takes_edges(names: Iterable[str]) -> bool:
+    """Return whether any of these further files is written from the matches, which have to be gathered for it."""
+    return any("edges" in FURTHER_FILES[name].takes for name in names)
+
+
+def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
+    """Write further files of a run into an existing folder, and return their names.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to.
+    names : iterable of str
+        Names of FURTHER_FILES.
+    data : RunData
+        The run.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a name is unknown.
+    OutputError
+        When a file cannot be written.
+    """
+    rows = []
+    for name in names:
+        if name not in FURTHER_FILES:
+            raise InvalidArgumentError(
+                f"a further file must be one of {', '.join(FURTHER_FILES)}, got {name!r}"
+            )
+        rows.append(FURTHER_FILES[name])
+    for row in rows:
+        row.write(folder, data)
+    return tuple(row.filename for row in rows)

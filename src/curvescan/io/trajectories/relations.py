@@ -1,0 +1,121 @@
+"""read_relations: manually checked relative poses of a log, the reference of the Freiburg SLAM benchmark.
+
+R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009). One relation a line:
+``t1 t2 x y z roll pitch yaw``, the pose of the robot at t2 seen from the robot at t1; seconds, metres, radians.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from array import array
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
+from curvescan.io.files.lines import read_lines
+from curvescan.io.files.read_errors import FaultCounter
+from curvescan.types import Floats, Pose
+
+_MAX_TILT = math.radians(5.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Relations:
+    """Relative poses between scans of a log, in the order of their file.
+
+    Attributes
+    ----------
+    first_stamps, second_stamps : (n,) float64
+        Seconds, as the log gives them; some second ones are the earlier.
+    poses : (n, 3) float64
+        [x, y, theta] of the robot at the second stamp seen from the robot at the first.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When the lengths disagree.
+    """
+
+    first_stamps: Floats
+    second_stamps: Floats
+    poses: Pose
+
+    def __post_init__(self) -> None:
+        n = len(self.first_stamps)
+        if self.second_stamps.shape != (n,) or self.poses.shape != (n, 3):
+            raise InvalidArgumentError(
+                "relations have stamps of shape (n,) and poses of shape (n, 3), got "
+                f"{self.first_stamps.shape}, {self.second_stamps.shape} and {self.poses.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.first_stamps)
+
+    @property
+    def gaps(self) -> Floats:
+        """(n,) time between the two scans of each relation, seconds, at least 0."""
+        gaps: Floats = np.abs(self.second_stamps - self.first_stamps)
+        return gaps
+
+
+def read_relations(path: str | os.PathLike[str]) -> Relations:
+    """Return the relations in a file, plain or gzip-compressed.
+
+    Blank lines and lines that start with ``#`` are skipped; z is dropped.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened.
+    LogFormatError
+        When a line does not hold 8 finite numbers or leaves the plane by more than 5 deg, the file is damaged, or there is
+        no line.
+    """
+    rows = array("d")
+    faults = FaultCounter()
+    if not Path(path).exists():  # the reader of lines would speak of a log
+        raise LogFileError(f"relations file {path} does not exist: check the path")
+    for number, line in read_lines(Path(path), faults):
+        fields = line.split()
+        if fields and not fields[0].startswith(b"#"):
+            rows.extend(_numbers(fields, f"{path}, line {number}"))
+    for fault in faults.faults():
+        raise LogFormatError(f"{path}, {fault.first}: {fault.rule}")
+    if not rows:
+        raise LogFormatError(
+            f"{path} holds no relation: a line is t1 t2 x y z roll pitch yaw (s, m, rad)"
+        )
+    table = np.array(rows).reshape(-1, 8)
+    return Relations(
+        first_stamps=table[:, 0],
+        second_stamps=table[:, 1],
+        poses=np.column_stack([table[:, 2:4], se2.wrap(table[:, 7])]),
+    )
+
+
+def _numbers(fields: list[bytes], where: str) -> list[float]:
+    if len(fields) != 8:
+        raise LogFormatError(
+            f"{where}: a relation has 8 fields (t1 t2 x y z roll pitch yaw), got {len(fields)}"
+        )
+    try:
+        values = [float(field) for field in fields]
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise LogFormatError(f"{where}: a field of a relation is not a finite number")
+    tilt = max(abs(values[5]), abs(values[6]))
+    if tilt > _MAX_TILT:
+        raise LogFormatError(
+            f"{where}: a planar relation turns about z alone, and this one tilts by {math.degrees(tilt):.1f} deg"
+        )
+    return values

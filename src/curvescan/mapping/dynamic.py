@@ -1,0 +1,122 @@
+"""Which readings of a scan belong to something that moves, given where earlier scans were taken from.
+
+A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves
+less than his own width from one scan to the next, so scans of about the last second are asked, not the last one alone;
+and a segment of which a part was not there before is taken to move as a whole.
+
+After Núñez et al. 2009, section 2: the segments without a partner are the dynamic ones. Looking through is the
+test that tells what moved from what only came into view.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.matchers.cfsma.config import SegmentationConfig
+from curvescan.matchers.cfsma.segmentation import segment
+from curvescan.scan import LaserScan, valid_readings
+from curvescan.types import Bools, Floats, Ints, Pose
+
+MARGIN = 0.1
+"""A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
+
+SHARE = 0.3
+"""Share of a segment's readings that must be new for all of it to count as moving."""
+
+LAGS = (1, 3, 6)
+"""How many scans back the earlier scans lie; at 5 to 10 Hz about the last second."""
+
+_HOLE = 3.5
+"""Steps between two unevenly spaced beams from which on the sensor looked away between them."""
+
+_SEGMENTS = SegmentationConfig(min_readings=3)
+
+
+def moved_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
+    """Return which readings of a scan lie on something that moved since the earlier scans.
+
+    Parameters
+    ----------
+    current : LaserScan
+        The scan in question.
+    earlier : sequence of (LaserScan, (3,) float64)
+        Earlier scans, each with the pose of `current` seen from it.
+
+    Returns
+    -------
+    (n_beams,) bool
+        False for beams without a reading, and for readings out of sight of all earlier scans.
+    """
+    is_new = np.zeros(len(current), dtype=np.bool_)
+    for scan, pose in earlier:
+        is_new |= _was_free(current, scan, pose)
+    moved = is_new.copy()
+    readings = valid_readings(current)
+    segments = segment(readings, _SEGMENTS)
+    for start, stop in zip(segments.starts, segments.stops, strict=True):
+        beams = readings.beam_idx[segments.order[start:stop]]
+        if np.count_nonzero(is_new[beams]) > SHARE * beams.size:
+            moved[beams] = True
+    return moved
+
+
+def moved_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
+    """Yield the moved readings of each scan of a drive, told from the scans before it.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        The drive; held are the last few scans only.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, in one frame.
+    is_joined : (n,) bool
+        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked.
+    """
+    seen_from = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
+    history: deque[LaserScan] = deque(maxlen=max(LAGS))
+    for k, (scan, joined) in enumerate(zip(scans, is_joined, strict=False)):
+        if not joined:
+            history.clear()
+        lags = [lag for lag in LAGS if lag <= len(history)]
+        yield moved_readings(scan, [(history[-lag], seen_from[lag][k - lag]) for lag in lags])
+        history.append(scan)
+
+
+def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
+    """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
+    if len(earlier) < 2:
+        return np.zeros(len(current), dtype=np.bool_)
+    x, y = se2.transform(pose, current.points).T
+    distance = np.hypot(x, y)
+    left, is_seen = _beam_before(earlier, np.arctan2(y, x))
+    is_seen &= current.valid
+    reach = _reach(earlier)
+    was_free: Bools = is_seen & (np.minimum(reach[left], reach[left + 1]) > distance + MARGIN)
+    return was_free
+
+
+def _beam_before(scan: LaserScan, bearings: Floats) -> tuple[Ints, Bools]:
+    """Return the beam that a scan swept just before each bearing, and whether the next beam came just after it."""
+    # beams are counted from the first, whatever the way the sensor turns and wherever it starts
+    way, step = np.sign(scan.angle_increment), abs(scan.angle_increment)
+    turn = np.remainder(way * (bearings - scan.angle_min), 2.0 * np.pi)
+    if scan.has_uniform_angles:
+        beam = turn / step
+        is_seen = beam < len(scan) - 1
+        return np.where(is_seen, beam, 0.0).astype(np.int64), is_seen
+    offsets = way * (scan.angles - scan.angle_min)
+    beam = np.searchsorted(offsets, turn, side="right") - 1
+    # what lies in a hole between two beams was not seen, though both saw past it
+    widths = np.append(np.diff(offsets), np.inf)
+    is_seen = (beam >= 0) & (widths[beam] < _HOLE * step)
+    return np.where(is_seen, beam, 0), is_seen
+
+
+def _reach(scan: LaserScan) -> Floats:
+    """Return (n_beams,) how far each beam is known to have met nothing; 0 where that is not known."""
+    free_to_the_end = np.isposinf(scan.ranges) & np.isfinite(scan.range_max)
+    return np.where(scan.valid, scan.ranges, np.where(free_to_the_end, scan.range_max, 0.0))

@@ -1,0 +1,81 @@
+"""The maps of a drive from one reading of its scans: what stands, what moved, what is free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import tee
+
+from curvescan import se2
+from curvescan.errors import MapTooLargeError
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.dynamic import moved_along
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.mapping.occupied_cells import Cells
+from curvescan.scan import LaserScan
+from curvescan.types import Bools, Points, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DriveMap:
+    """What a drive tells of the place.
+
+    Attributes
+    ----------
+    standing, moved : (k, 2), (m, 2) float64
+        Centres of the cells in which a reading ended on what stands, and on what moved while the sensor passed; metres,
+        frame of the poses. A cell may be in both.
+    grid : OccupancyGrid or None
+        The occupancy map, in which what moved is no obstacle; None where it was not asked for or is left out.
+    why_no_grid : str
+        Why an occupancy map that was asked for is left out, a sentence; else empty.
+    """
+
+    standing: Points
+    moved: Points
+    grid: OccupancyGrid | None = None
+    why_no_grid: str = ""
+
+
+def map_drive(
+    scans: Iterable[LaserScan],
+    poses: Pose,
+    is_joined: Bools,
+    *,
+    cell: float = 0.05,
+    occupancy: OccupancyConfig | None = None,
+) -> DriveMap:
+    """Return the maps of a drive.
+
+    Parameters
+    ----------
+    scans : iterable of LaserScan
+        Read once, one at a time; scans beyond the poses are left out.
+    poses : (n, 3) float64
+        Pose of the sensor at each scan, frame of the map; none may be NaN.
+    is_joined : (n,) bool
+        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked what moved.
+    cell : float
+        Side of the cells of `standing` and `moved`, metres, > 0.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map; None for none. A map that would be too large is left out, and the rest stays.
+    """
+    standing, moving = Cells(cell), Cells(cell)
+    builder = OccupancyBuilder(occupancy) if occupancy else None
+    why_no_grid = ""
+    kept, watched = tee(scans)
+    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
+        points = se2.transform(pose, scan.points)
+        standing.add(points[scan.valid & ~moved])
+        moving.add(points[moved])
+        if builder:
+            try:
+                builder.add(scan, pose, ignored=moved)
+            except MapTooLargeError as error:
+                builder, why_no_grid = None, str(error)
+    grid = builder.grid() if builder else None
+    if grid is not None and not grid.log_odds.size:
+        grid, why_no_grid = None, "no scan has a reading to map"
+    return DriveMap(
+        standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid
+    )

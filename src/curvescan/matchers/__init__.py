@@ -1,0 +1,136 @@
+"""Two scans in, the pose of the second seen from the first out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, find_matcher
+from curvescan.matchers.result import Label, MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Pose
+
+__all__ = [
+    "DEFAULT_METHOD",
+    "MATCHERS",
+    "Label",
+    "MatchResult",
+    "Matcher",
+    "Outcome",
+    "PreparedScan",
+    "find_matcher",
+    "match",
+    "prepare",
+]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PreparedScan:
+    """A scan with all that one matcher computes from it alone, to be matched any number of times.
+
+    Attributes
+    ----------
+    scan : LaserScan
+        The scan itself.
+    matcher : Matcher
+        Whose features these are.
+    features : object
+        The matcher's own record, ``ConsensusFeatures`` for "curvescan", ``CfSmaFeatures`` for "cfsma".
+    """
+
+    scan: LaserScan
+    matcher: Matcher
+    features: Any
+
+
+def prepare(
+    scan: LaserScan, *, method: str = DEFAULT_METHOD, config: object | None = None
+) -> PreparedScan:
+    """Return a scan with its features computed, ready to be matched as reference and as current scan.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        Any scan, also one without valid readings.
+    method : str
+        Name of the matcher.
+    config : object or None
+        Its configuration; None for the defaults.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `scan` is not a LaserScan, the method is unknown or the config is another method's.
+    """
+    return _prepared(scan, find_matcher(method, config), "scan")
+
+
+def match(
+    reference: LaserScan | PreparedScan,
+    current: LaserScan | PreparedScan,
+    *,
+    method: str = DEFAULT_METHOD,
+    guess: ArrayLike | None = None,
+    config: object | None = None,
+) -> MatchResult:
+    """Return the pose of `current` seen from `reference`, with its covariance.
+
+    Parameters
+    ----------
+    reference, current : LaserScan or PreparedScan
+        The earlier and the later scan. A scan prepared for another method or configuration is prepared
+        anew.
+    method : str
+        Name of the matcher; see ``MATCHERS``.
+    guess : (3,) array_like or None
+        Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
+        faster with a good one and no worse with a wrong one, and follows it along a direction that the scans leave
+        open; "cfsma" uses none.
+    config : object or None
+        The matcher's configuration; None for its defaults.
+
+    Returns
+    -------
+    MatchResult
+        ``ok`` tells whether there is a pose, ``outcome`` how it ended. Scans that cannot be matched give a
+        result with a reason, never an exception.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When an argument is not of the kinds above.
+    """
+    matcher = find_matcher(method, config)
+    return matcher.match(
+        _prepared(reference, matcher, "reference").features,
+        _prepared(current, matcher, "current").features,
+        None if guess is None else _as_guess(guess),
+    )
+
+
+def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:
+    if isinstance(scan, PreparedScan):
+        if scan.matcher is matcher:
+            return scan
+        scan = scan.scan
+    if not isinstance(scan, LaserScan):
+        raise InvalidArgumentError(
+            f"{name} must be a LaserScan or a PreparedScan, got {type(scan).__name__}"
+        )
+    return PreparedScan(scan=scan, matcher=matcher, features=matcher.prepare(scan))
+
+
+def _as_guess(guess: ArrayLike) -> Pose:
+    try:
+        pose = np.asarray(guess, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"guess must be three numbers [x, y, theta]: {error}") from error
+    if pose.shape != (3,) or not np.isfinite(pose).all():
+        raise InvalidArgumentError(
+            f"guess must be three finite numbers [x, y, theta], got {guess!r}"
+        )
+    return pose

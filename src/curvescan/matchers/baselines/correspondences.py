@@ -1,0 +1,269 @@
+"""Which point of the reference a point of the current scan belongs to: the rules of IDC, PL-ICP and Cox.
+
+All searches walk the reference's readings outwards from the point's own bearing and stop as soon as no farther
+ray can hold anything nearer (the idea of Censi's jump tables, ICRA 2008, without the tables): exact, and short
+once the scans lie close. Readings are a ring, so that full circles need no seam.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.baselines.points import Sweep
+from curvescan.types import Bools, Floats, Ints, Points
+
+_TWO_PI = 2.0 * math.pi
+_TOUCH = (
+    1e-9  # metres: a reading that is itself the least or greatest range of a surface is still on it
+)
+
+
+def nearest_readings(points: Points, reference: Sweep, max_distance: float) -> tuple[Ints, Floats]:
+    """Return the reading of the reference nearest to each point, and the squared distance to it.
+
+    Parameters
+    ----------
+    points : (n, 2) float64
+        Metres, in the frame of the reference.
+    reference : Sweep
+        At least one reading.
+    max_distance : float
+        Metres; nothing farther is a partner.
+
+    Returns
+    -------
+    ref_idx : (n,) int64
+        Index into the reference's readings, -1 where there is none near enough.
+    squared : (n,) float64
+        Square metres; inf where there is none.
+    """
+    return _nearest_readings(points, reference.points, reference.angles, max_distance)
+
+
+def closest_points(
+    points: Points, reference: Sweep, window: float, max_distance: float
+) -> tuple[Points, Floats, Ints]:
+    """Return the point of the reference's surfaces closest to each point: IDC's closest-point rule.
+
+    The surface between two joined readings is the straight line between them; an isolated reading is a point.
+
+    Parameters
+    ----------
+    points : (n, 2) float64
+        Metres, in the frame of the reference.
+    reference : Sweep
+        At least one reading.
+    window : float
+        Readings farther than this from the point's bearing are not looked at, radians.
+    max_distance : float
+        Metres; nothing farther is a partner.
+
+    Returns
+    -------
+    partners : (n, 2) float64
+        Metres, frame of the reference; NaN where there is none.
+    squared : (n,) float64
+        Square metres; inf where there is none.
+    ref_idx : (n,) int64
+        The reading of the reference at which the stretch begins; -1 where there is none.
+    """
+    return _closest_points(
+        points, reference.points, reference.angles, reference.is_joined, window, max_distance
+    )
+
+
+def matching_range_points(
+    points: Points, reference: Sweep, window: float, max_distance: float
+) -> tuple[Points, Floats, Ints]:
+    """Return the point of the reference's surfaces at each point's own range: IDC's matching-range rule.
+
+    Of several crossings within the window the one nearest in bearing is taken.
+
+    Parameters
+    ----------
+    points, reference, window, max_distance
+        As for :func:`closest_points`.
+
+    Returns
+    -------
+    partners, squared, ref_idx
+        As for :func:`closest_points`.
+    """
+    return _matching_range_points(
+        points,
+        reference.points,
+        reference.ranges,
+        reference.angles,
+        reference.is_joined,
+        window,
+        max_distance,
+    )
+
+
+@kernel
+def _first_at_or_after(angles: Floats, bearing: float) -> tuple[int, float]:
+    """Return the index of the first of the ascending angles >= bearing, and the bearing it was compared as."""
+    bearing -= _TWO_PI * math.floor((bearing - angles[0]) / _TWO_PI)
+    low, high = 0, angles.size
+    while low < high:
+        middle = (low + high) // 2
+        if angles[middle] < bearing:
+            low = middle + 1
+        else:
+            high = middle
+    return low, bearing
+
+
+@kernel
+def _index_on_the_way(m: int, start: int, step: int, way: int) -> tuple[int, float]:
+    """Return the reading met at a step from `start` on, up (way 1) or down (-1), and the full turn it was met after."""
+    k = start + step if way == 1 else start - 1 - step
+    if k >= m:
+        return k - m, _TWO_PI
+    if k < 0:
+        return k + m, -_TWO_PI
+    return k, 0.0
+
+
+@kernel
+def _stretch_on_the_way(angles: Floats, start: int, step: int, way: int) -> tuple[int, int, float]:
+    """Return both ends of the stretch met at a step, and the angle of the one that is met first."""
+    k, turn = _index_on_the_way(angles.size, start, step, way)
+    following = k + 1 if k + 1 < angles.size else 0
+    if way == 1:
+        return k, following, angles[k] + turn
+    return k, following, angles[following] + (turn + _TWO_PI if following == 0 else turn)
+
+
+@kernel
+def _reach(squared: float, rho: float) -> float:
+    """Return the turn beyond which every ray passes a point, at range rho, farther off than a squared distance."""
+    if squared >= rho * rho:
+        return math.pi
+    return math.asin(math.sqrt(squared) / rho)
+
+
+@kernel
+def _nearest_readings(
+    points: Points, ref_points: Points, ref_angles: Floats, max_distance: float
+) -> tuple[Ints, Floats]:
+    """Walk both ways until the next ray is farther from the point than the best reading so far."""
+    n, m = points.shape[0], ref_angles.size
+    nearest = np.full(n, -1, dtype=np.int64)
+    squared = np.full(n, np.inf)
+    for i in range(n):
+        x, y = points[i, 0], points[i, 1]
+        rho = math.hypot(x, y)
+        start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
+        best = max_distance * max_distance
+        reach = _reach(best, rho)
+        for way in (1, -1):
+            for step in range(m):
+                k, turn = _index_on_the_way(m, start, step, way)
+                if way * (ref_angles[k] + turn - bearing) > reach:
+                    break
+                dx, dy = ref_points[k, 0] - x, ref_points[k, 1] - y
+                distance = dx * dx + dy * dy
+                # a tie goes to the lower index, whichever way it was met
+                if distance < best or (distance == best and (nearest[i] < 0 or k < nearest[i])):
+                    best = distance
+                    reach = _reach(best, rho)
+                    nearest[i] = k
+                    squared[i] = distance
+    return nearest, squared
+
+
+@kernel
+def _closest_points(
+    points: Points,
+    ref_points: Points,
+    ref_angles: Floats,
+    is_joined: Bools,
+    window: float,
+    max_distance: float,
+) -> tuple[Points, Floats, Ints]:
+    """As _nearest_readings, with the stretch from each reading to the next in place of the reading."""
+    n, m = points.shape[0], ref_angles.size
+    partners = np.full((n, 2), np.nan)
+    squared = np.full(n, np.inf)
+    ref_idx = np.full(n, -1, dtype=np.int64)
+    for i in range(n):
+        x, y = points[i, 0], points[i, 1]
+        rho = math.hypot(x, y)
+        start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
+        best = max_distance * max_distance
+        reach = min(_reach(best, rho), window)
+        for way in (1, -1):
+            # the stretch that begins before the bearing may end after it: it belongs to the way down
+            for step in range(m):
+                k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
+                if way * (angle - bearing) > reach:
+                    break
+                px, py = ref_points[k, 0], ref_points[k, 1]
+                if is_joined[k]:
+                    along_x, along_y = ref_points[following, 0] - px, ref_points[following, 1] - py
+                    length2 = along_x * along_x + along_y * along_y
+                    share = 0.0
+                    if length2 > 0.0:
+                        share = ((x - px) * along_x + (y - py) * along_y) / length2
+                        share = min(max(share, 0.0), 1.0)
+                    px += share * along_x
+                    py += share * along_y
+                distance = (px - x) ** 2 + (py - y) ** 2
+                if distance < best or (distance == best and np.isinf(squared[i])):
+                    best = distance
+                    reach = min(_reach(best, rho), window)
+                    partners[i, 0], partners[i, 1] = px, py
+                    squared[i] = distance
+                    ref_idx[i] = k
+    return partners, squared, ref_idx
+
+
+@kernel
+def _matching_range_points(
+    points: Points,
+    ref_points: Points,
+    ref_ranges: Floats,
+    ref_angles: Floats,
+    is_joined: Bools,
+    window: float,
+    max_distance: float,
+) -> tuple[Points, Floats, Ints]:
+    """Walk both ways from the bearing to the first stretch whose ranges enclose the point's own."""
+    n, m = points.shape[0], ref_angles.size
+    partners = np.full((n, 2), np.nan)
+    squared = np.full(n, np.inf)
+    ref_idx = np.full(n, -1, dtype=np.int64)
+    for i in range(n):
+        x, y = points[i, 0], points[i, 1]
+        rho = math.hypot(x, y)
+        start, bearing = _first_at_or_after(ref_angles, math.atan2(y, x))
+        best = max_distance * max_distance
+        # points at the same range lie a chord apart
+        reach = 2.0 * math.asin(min(0.5 * max_distance / rho, 1.0)) if rho > 0.0 else math.pi
+        reach = min(reach, window)
+        for way in (1, -1):
+            for step in range(m):
+                k, following, angle = _stretch_on_the_way(ref_angles, start, step, way)
+                if way * (angle - bearing) > reach:
+                    break
+                if not is_joined[k]:
+                    continue
+                here, there = ref_ranges[k] - rho, ref_ranges[following] - rho
+                if here * there > 0.0 and min(abs(here), abs(there)) > _TOUCH:
+                    continue
+                share = min(max(here / (here - there), 0.0), 1.0) if here != there else 0.0
+                px = ref_points[k, 0] + share * (ref_points[following, 0] - ref_points[k, 0])
+                py = ref_points[k, 1] + share * (ref_points[following, 1] - ref_points[k, 1])
+                distance = (px - x) ** 2 + (py - y) ** 2
+                if distance <= best:
+                    best = distance
+                    partners[i, 0], partners[i, 1] = px, py
+                    squared[i] = distance
+                    ref_idx[i] = k
+                    if step > 0:
+                        break
+    return partners, squared, ref_idx

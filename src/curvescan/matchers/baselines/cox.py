@@ -1,0 +1,115 @@
+"""The matcher "cox": points to lines.
+
+I. J. Cox, "Blanche: an experiment in guidance and navigation of an autonomous robot vehicle", IEEE Transactions on
+Robotics and Automation 7 (1991); with lines taken from the reference scan by J.-S. Gutmann and C. Schlegel, "AMOS:
+comparison of scan matching approaches for self-localization in indoor environments", EUROBOT 1996.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.matchers.baselines.config import CoxConfig
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend
+from curvescan.matchers.baselines.least_squares import (
+    jacobian,
+    point_to_line_step,
+    propagated_covariance,
+)
+from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
+from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Ints, Points, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CoxFeatures:
+    """Readings and lines of one scan."""
+
+    sweep: Sweep
+    lines: Lines
+
+
+class CoxMatcher:
+    """Cox's matcher: assign each reading to the nearest line, minimise the normal distances, repeat.
+
+    Departure: the greatest distance of a reading from its line shrinks from iteration to iteration, as the scans
+    come together. Cox drives between scans and knows his motion to centimetres.
+    """
+
+    def __init__(self, config: CoxConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> CoxFeatures:
+        """Return the readings and the lines of a scan."""
+        sweep = sweep_of(scan)
+        return CoxFeatures(sweep=sweep, lines=extract_lines(sweep, self.config.lines))
+
+    def can_be_reference(self, features: CoxFeatures) -> bool:
+        """Return whether the scan has a line."""
+        return len(features.lines) > 0
+
+    def match(
+        self, reference: CoxFeatures, current: CoxFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the guess on."""
+        lines, sweep = reference.lines, current.sweep
+        if not (has_surfaces(reference.sweep) and has_surfaces(sweep)):
+            return failure("cox", Outcome.NO_SEGMENTS, reference.sweep, sweep)
+        if len(lines) == 0:
+            return failure("cox", Outcome.NO_LINES, reference.sweep, sweep)
+        gate = self.config.gate
+
+        def step(pose: Pose, iteration: int) -> Pose | None:
+            cur_idx, line_idx = _assign(lines, sweep, pose, gate.at(iteration))
+            if cur_idx.size < LEAST_PAIRS:
+                return None
+            return point_to_line_step(
+                sweep.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose
+            )
+
+        descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
+        cur_idx, line_idx = _assign(lines, sweep, descent.pose, gate.last)
+        return conclude(
+            "cox",
+            descent,
+            reference.sweep,
+            sweep,
+            (lines.readings(reference.sweep, np.unique(line_idx)), cur_idx),
+            self.config.min_share,
+            lambda: _covariance(lines, line_idx, sweep.points[cur_idx], descent.pose),
+        )
+
+
+def _assign(lines: Lines, current: Sweep, pose: Pose, gate: float) -> tuple[Ints, Ints]:
+    """Return the readings that have a line within the gate, and that line."""
+    line_idx, _ = nearest_lines(se2.transform(pose, current.points), lines, gate)
+    cur_idx = np.flatnonzero(line_idx >= 0)
+    return cur_idx, line_idx[cur_idx]
+
+
+def _covariance(lines: Lines, line_idx: Ints, points_cur: Points, pose: Pose) -> Cov:
+    """Return the covariance of the least squares fit, the lines' own errors included.
+
+    A line fitted to m readings errs by sigma / sqrt(m) across at its centre, and by sigma / sqrt(sum s^2) in angle.
+
+    Departure: Cox's lines are a map and exact. Here they have the noise of the one scan they come from, and
+    without it the covariance would be half of what it is.
+    """
+    normals = lines.normals[line_idx]
+    away = se2.transform(pose, points_cur) - lines.centres[line_idx]
+    errors = np.sum(normals * away, axis=1)
+    along = np.sum(lines.directions[line_idx] * away, axis=1)
+    n_readings = (lines.stops - lines.starts)[line_idx]
+    length = np.ptp(lines.extents, axis=1)[line_idx]
+    sources = (
+        (np.arange(line_idx.size), np.ones(line_idx.size)),
+        (line_idx, 1.0 / np.sqrt(n_readings)),
+        (line_idx, along / (length * np.sqrt(n_readings / 12.0))),  # readings spread evenly
+    )
+    return propagated_covariance(jacobian(points_cur, normals, pose), errors, sources)

@@ -1,0 +1,222 @@
+"""The matcher "histogram": rotation from angle histograms, translation from x and y histograms.
+
+G. Weiss, E. v. Puttkamer, "A map based on laserscans without geometric interpretation", Intelligent Autonomous
+Systems 4 (1995); the line filter by J.-S. Gutmann and C. Schlegel, "AMOS: comparison of scan matching approaches
+for self-localization in indoor environments", EUROBOT 1996.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.matchers.baselines.config import HistogramConfig
+from curvescan.matchers.baselines.histograms import Peak, best_lag, ring_histogram
+from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
+from curvescan.matchers.baselines.lines import extract_lines
+from curvescan.matchers.baselines.outcome_checks import failure, has_surfaces, labels, start
+from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Floats, Ints, Points, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HistogramFeatures:
+    """What the histograms are made of.
+
+    Attributes
+    ----------
+    sweep : Sweep
+        The scan.
+    on_line : (n,) int64
+        Its readings that pass the line filter.
+    angles : (n,) float64
+        Direction of their tangents, radians.
+    angle_histogram : (angle_bins,) float64
+        Smoothed histogram of these.
+    """
+
+    sweep: Sweep
+    on_line: Ints
+    angles: Floats
+    angle_histogram: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistogramTrace:
+    """The three peaks, None where there was none; main_direction in radians, frame ref."""
+
+    main_direction: float
+    rotation: Peak | None
+    x: Peak | None = None
+    y: Peak | None = None
+
+
+class HistogramMatcher:
+    """Angle histograms turn the scans to each other, x and y histograms along the main direction shift them.
+
+    Departure: a tangent is fitted to the readings within 0.15 m, not drawn from one reading to the next, whose noise
+    turns it by tens of degrees near the sensor.
+
+    Departure: a reading counts in the x histogram by how much its surface faces x (its normal's x, squared), so that
+    a wall along x does not fill that histogram with its length, as T. Röfer, "Using histogram correlation to create
+    consistent laser scan maps", IROS 2002, does. A corridor is then told by its few doors, or not at all.
+    """
+
+    def __init__(self, config: HistogramConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> HistogramFeatures:
+        """Return the tangent angles of a scan's lines and their histogram."""
+        config = self.config
+        sweep = sweep_of(scan)
+        lines = extract_lines(sweep, config.lines)
+        on_line = lines.readings(sweep, np.arange(len(lines)))
+        angles = np.arctan2(sweep.tangents[on_line, 1], sweep.tangents[on_line, 0])
+        step = 2.0 * math.pi / config.angle_bins
+        histogram = ring_histogram(
+            angles / step, np.ones(angles.size), config.angle_bins, config.angle_smoothing / step
+        )
+        return HistogramFeatures(
+            sweep=sweep, on_line=on_line, angles=angles, angle_histogram=histogram
+        )
+
+    def can_be_reference(self, features: HistogramFeatures) -> bool:
+        """Return whether the scan has a line."""
+        return features.on_line.size > 0
+
+    def match(
+        self, reference: HistogramFeatures, current: HistogramFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`, looked for around the guess."""
+        if not (has_surfaces(reference.sweep) and has_surfaces(current.sweep)):
+            return _failure(Outcome.NO_SEGMENTS, reference, current)
+        if reference.on_line.size == 0 or current.on_line.size == 0:
+            return _failure(Outcome.NO_LINES, reference, current)
+        expected = start(guess)
+        main = _main_direction(reference.angle_histogram)
+        rotation = self._rotation(reference, current, expected[2])
+        trace = HistogramTrace(main_direction=main, rotation=rotation)
+        if rotation is None:
+            return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
+        theta = rotation.lag * 2.0 * math.pi / self.config.angle_bins
+        x, y = self._translation(reference, current, main, theta, expected)
+        trace = HistogramTrace(main_direction=main, rotation=rotation, x=x, y=y)
+        least = self.config.min_agreement
+        if x is None or y is None or min(x.agreement, y.agreement) < least:
+            return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
+        shift = self.config.bin_width * np.array([x.lag, y.lag])
+        pose = np.append(se2.rotation(main) @ shift, se2.wrap(theta))
+        points, angles = current.sweep.points[current.on_line], current.angles + theta
+        rows = jacobian(points, np.stack([-np.sin(angles), np.cos(angles)], axis=1), pose)
+        if not is_constrained(rows, points):
+            return _failure(Outcome.UNCONSTRAINED, reference, current, trace)
+        return MatchResult(
+            method="histogram",
+            outcome=Outcome.MATCHED,
+            pose=pose,
+            covariance=self._covariance(trace, points, angles, theta),
+            n_matched=current.on_line.size,
+            trace=trace,
+            labels_reference=labels(reference.sweep, reference.on_line),
+            labels_current=labels(current.sweep, current.on_line),
+        )
+
+    def _rotation(
+        self, reference: HistogramFeatures, current: HistogramFeatures, expected: float
+    ) -> Peak | None:
+        step = 2.0 * math.pi / self.config.angle_bins
+        return best_lag(
+            reference.angle_histogram,
+            current.angle_histogram,
+            expected / step,
+            self.config.max_rotation / step,
+        )
+
+    def _translation(
+        self,
+        reference: HistogramFeatures,
+        current: HistogramFeatures,
+        main: float,
+        theta: float,
+        expected: Pose,
+    ) -> tuple[Peak | None, Peak | None]:
+        """Return the peaks of the x and y histograms, axes along the main direction of the reference."""
+        config = self.config
+        ref = reference.sweep.points[reference.on_line] @ se2.rotation(main)
+        cur = current.sweep.points[current.on_line] @ se2.rotation(main - theta)
+        ref_facing = _facing(reference.angles - main)
+        cur_facing = _facing(current.angles + theta - main)
+        centre = expected[:2] @ se2.rotation(main) / config.bin_width
+        # a ring long enough that nothing meets itself around it
+        length = 2.0 * (np.abs(ref).max() + np.abs(cur).max()) + config.max_translation
+        n_bins = 1 << math.ceil(math.log2(length / config.bin_width + 2.0))
+        x, y = (
+            best_lag(
+                self._shadow(ref[:, axis], ref_facing[:, axis], n_bins),
+                self._shadow(cur[:, axis], cur_facing[:, axis], n_bins),
+                centre[axis],
+                config.max_translation / config.bin_width,
+            )
+            for axis in (0, 1)
+        )
+        return x, y
+
+    def _shadow(self, coordinates: Floats, weights: Floats, n_bins: int) -> Floats:
+        width = self.config.bin_width
+        return ring_histogram(coordinates / width, weights, n_bins, self.config.smoothing / width)
+
+    def _covariance(
+        self, trace: HistogramTrace, points: Points, angles: Floats, theta: float
+    ) -> Cov:
+        """Return the covariance from the widths of the peaks: width^2 / n, rotation carried into translation.
+
+        The authors give none. A peak of n readings that err independently by its width has its centre to
+        width / sqrt(n); what is written down once more here is that the x histogram of a scan turned by too much is
+        moved by that angle times the mean y of the readings that face x.
+        """
+        assert trace.rotation
+        assert trace.x
+        assert trace.y
+        facing = _facing(angles - trace.main_direction)
+        turned = points @ se2.rotation(trace.main_direction - theta)
+        variance = np.array(
+            [
+                _variance(trace.x, self.config.bin_width, facing[:, 0].sum()),
+                _variance(trace.y, self.config.bin_width, facing[:, 1].sum()),
+                _variance(trace.rotation, 2.0 * math.pi / self.config.angle_bins, len(points)),
+            ]
+        )
+        carried = np.eye(3)
+        carried[0, 2] = np.average(turned[:, 1], weights=facing[:, 0])
+        carried[1, 2] = -np.average(turned[:, 0], weights=facing[:, 1])
+        carried[:2] = se2.rotation(trace.main_direction) @ carried[:2]
+        covariance: Cov = carried @ np.diag(variance) @ carried.T
+        return 0.5 * (covariance + covariance.T)
+
+
+def _main_direction(angle_histogram: Floats) -> float:
+    """Return the direction most surfaces run in, radians."""
+    return int(np.argmax(angle_histogram)) * 2.0 * math.pi / angle_histogram.size
+
+
+def _facing(angles: Floats) -> Floats:
+    """Return (n, 2) shares by which surfaces that run in these directions face x and y."""
+    return np.stack([np.sin(angles) ** 2, np.cos(angles) ** 2], axis=1)
+
+
+def _variance(peak: Peak, bin_width: float, n: float) -> float:
+    return (peak.width * bin_width) ** 2 / max(n, 1.0)
+
+
+def _failure(
+    outcome: Outcome,
+    reference: HistogramFeatures,
+    current: HistogramFeatures,
+    trace: HistogramTrace | None = None,
+) -> MatchResult:
+    return failure("histogram", outcome, reference.sweep, current.sweep, trace)

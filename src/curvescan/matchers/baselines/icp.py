@@ -1,0 +1,101 @@
+"""The matcher "icp": point to point ICP.
+
+P. J. Besl, N. D. McKay, "A method for registration of 3-D shapes", IEEE Transactions on Pattern Analysis and Machine
+Intelligence 14 (1992); partners that are too far are dropped, as Z. Zhang, "Iterative point matching for registration
+of free-form curves and surfaces", International Journal of Computer Vision 13 (1994), showed to be needed where one
+scan sees what the other does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.matchers.baselines.config import IcpConfig
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend, keep_best
+from curvescan.matchers.baselines.neighbours import plant_tree
+from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.cfsma.alignment import align
+from curvescan.matchers.cfsma.covariance import pose_covariance
+from curvescan.matchers.result import MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Ints, Points, Pose
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IcpFeatures:
+    """Readings of one scan and the tree in which the nearest of them is looked up."""
+
+    sweep: Sweep
+    tree: cKDTree
+
+
+class IcpMatcher:
+    """ICP: pair each reading with the nearest of the reference, align the pairs in closed form, repeat.
+
+    Departure: the greatest distance of a pair shrinks from iteration to iteration, as the scans come together.
+    """
+
+    def __init__(self, config: IcpConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> IcpFeatures:
+        """Return the readings of a scan and their tree."""
+        sweep = sweep_of(scan)
+        return IcpFeatures(sweep=sweep, tree=plant_tree(sweep.points))
+
+    def can_be_reference(self, features: IcpFeatures) -> bool:
+        """Return whether the scan has a surface at all."""
+        return has_surfaces(features.sweep)
+
+    def match(
+        self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the guess on."""
+        ref, cur = reference.sweep, current.sweep
+        if not (has_surfaces(ref) and has_surfaces(cur)):
+            return failure("icp", Outcome.NO_SEGMENTS, ref, cur)
+        gate = self.config.gate
+
+        def step(pose: Pose, iteration: int) -> Pose | None:
+            cur_idx, ref_idx = self._pair(reference, cur, pose, gate.at(iteration))
+            if cur_idx.size < LEAST_PAIRS:
+                return None
+            return align(ref.points[ref_idx], cur.points[cur_idx]).pose
+
+        descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
+        cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
+        return conclude(
+            "icp",
+            descent,
+            ref,
+            cur,
+            (ref_idx, cur_idx),
+            self.config.min_share,
+            lambda: _covariance(ref.points[ref_idx], cur.points[cur_idx], descent.pose),
+        )
+
+    def _pair(
+        self, reference: IcpFeatures, current: Sweep, pose: Pose, gate: float
+    ) -> tuple[Ints, Ints]:
+        """Return the current readings that keep a partner, and the reading nearest to each."""
+        points = se2.transform(pose, current.points)
+        distances, ref_idx = reference.tree.query(points, distance_upper_bound=gate)
+        cur_idx = np.flatnonzero(keep_best(distances * distances, self.config.kept_share))
+        return cur_idx, ref_idx[cur_idx]
+
+
+def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
+    """Return the covariance of eqs. 16-17, which takes the pairs for the same points seen twice.
+
+    They are not: along a surface a pair says nothing, yet counts. Expect it to be far too small (docs/rivals.md).
+    """
+    apart = se2.transform(pose, points_cur) - points_ref
+    return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))

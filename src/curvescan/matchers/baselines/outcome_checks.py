@@ -1,0 +1,105 @@
+"""From where an iterated method stopped to a MatchResult: the checks that all of them pass, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, Descent
+from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
+from curvescan.matchers.baselines.points import Sweep
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.types import Codes, Cov, Ints, Pose
+
+
+def start(guess: Pose | None) -> Pose:
+    """Return where an iterated method starts: at the guess, or at no motion."""
+    return se2.identity() if guess is None else guess
+
+
+def has_surfaces(sweep: Sweep) -> bool:
+    """Return whether a scan has enough readings on surfaces for a pose."""
+    return sweep.order.size >= LEAST_PAIRS
+
+
+def conclude(
+    method: str,
+    descent: Descent,
+    reference: Sweep,
+    current: Sweep,
+    matched: tuple[Ints, Ints],
+    min_share: float,
+    covariance: Callable[[], Cov],
+) -> MatchResult:
+    """Return the result of an iterated method: its pose when it converged and something holds it, or why not.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    descent : Descent
+        How it got there; becomes the trace.
+    reference, current : Sweep
+        The scans.
+    matched : ((k,) int64, (n,) int64)
+        Readings of the reference and of the current scan that the last pose stands on; those of the reference may
+        repeat.
+    min_share : float
+        Least share of the current readings that must take part.
+    covariance : callable
+        Called for a good pose only.
+    """
+    ref_idx, cur_idx = matched
+    if descent.is_lost or cur_idx.size < max(LEAST_PAIRS, min_share * len(current)):
+        return failure(method, Outcome.TOO_FEW_PAIRS, reference, current, descent)
+    if not _holds(descent.pose, current, cur_idx):
+        return failure(method, Outcome.UNCONSTRAINED, reference, current, descent)
+    if not descent.has_converged:
+        return failure(method, Outcome.NOT_CONVERGED, reference, current, descent)
+    return MatchResult(
+        method=method,
+        outcome=Outcome.MATCHED,
+        pose=descent.pose,
+        covariance=covariance(),
+        n_matched=cur_idx.size,
+        trace=descent,
+        labels_reference=labels(reference, ref_idx),
+        labels_current=labels(current, cur_idx),
+    )
+
+
+def _holds(pose: Pose, current: Sweep, cur_idx: Ints) -> bool:
+    """Return whether the surfaces the matched readings lie on fix the pose.
+
+    Asked of the current scan's own surfaces: the lines that Cox makes of a round room would say that it has corners.
+    """
+    on_surface = cur_idx[~np.isnan(current.tangents[cur_idx, 0])]
+    points, normals = current.points[on_surface], current.normals[on_surface]
+    return is_constrained(jacobian(points, normals @ se2.rotation(pose[2]).T, pose), points)
+
+
+def failure(
+    method: str, outcome: Outcome, reference: Sweep, current: Sweep, trace: object = None
+) -> MatchResult:
+    """Return a result without a pose."""
+    nothing = np.empty(0, dtype=np.int64)
+    return MatchResult(
+        method=method,
+        outcome=outcome,
+        pose=NO_POSE,
+        covariance=NO_COVARIANCE,
+        n_matched=0,
+        trace=trace,
+        labels_reference=labels(reference, nothing),
+        labels_current=labels(current, nothing),
+    )
+
+
+def labels(sweep: Sweep, matched: Ints) -> Codes:
+    """Return a Label for each beam of a scan."""
+    codes = np.full(sweep.n_beams, Label.NO_READING, dtype=np.uint8)
+    codes[sweep.beam_idx] = Label.UNMATCHED
+    codes[sweep.beam_idx[matched]] = Label.MATCHED
+    return codes

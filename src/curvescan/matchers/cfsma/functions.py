@@ -1,0 +1,145 @@
+"""CF-SMA2 (a): curvature functions paired in the Fourier domain (section 2, eq. 6).
+
+A person who moved or an object that left the view has no partner and takes no part in the pose: this is
+where dynamic objects drop out.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan._jit import kernel
+from curvescan.matchers.cfsma.config import FunctionsConfig
+from curvescan.types import Floats, Ints
+
+_FLAT = 1e-9
+"""Total turning, radians, under which a function is zero but for rounding: it has no shape to compare."""
+
+
+def spectra(eta: Floats, starts: Ints, stops: Ints, length: int) -> NDArray[np.complex128]:
+    """Return the spectrum of each curvature function, at a common length and of unit energy (eq. 6).
+
+    The functions are brought to the common length by resampling their running sum: each of the `length`
+    samples is the turning within its share of the segment, so that a corner one reading wide is neither
+    missed nor doubled.
+
+    Departure: each function is divided by its norm, so that the correlation of eq. 6 lies in [-1, 1] and
+    U_c means the same for a long and a short, a strong and a weak function.
+
+    Parameters
+    ----------
+    eta : (m,) float64
+        Curvature index of each reading, radians.
+    starts, stops : (s,) int64
+        Segment k is eta[starts[k]:stops[k]].
+    length : int
+        Common length, a power of two.
+
+    Returns
+    -------
+    (s, length // 2 + 1) complex128
+        Spectra; a row of zeros for a function that is zero everywhere, which then correlates with nothing.
+    """
+    return np.fft.rfft(_resample(eta, starts, stops, length), axis=1)
+
+
+def correlations(
+    spectra_cur: NDArray[np.complex128], spectra_ref: NDArray[np.complex128], length: int
+) -> Floats:
+    """Return the best circular correlation over all lags of every pair of functions (eq. 6).
+
+    Parameters
+    ----------
+    spectra_cur : (s, length // 2 + 1) complex128
+        Of the current scan.
+    spectra_ref : (t, length // 2 + 1) complex128
+        Of the reference scan.
+    length : int
+        Common length of the functions.
+
+    Returns
+    -------
+    (s, t) float64
+        upsilon_ij in [-1, 1].
+    """
+    products = spectra_cur[:, np.newaxis, :] * np.conj(spectra_ref)[np.newaxis, :, :]
+    if products.size == 0:
+        return np.zeros(products.shape[:2])
+    return cast(Floats, np.fft.irfft(products, n=length, axis=2).max(axis=2))
+
+
+def pair_functions(upsilon: Floats, config: FunctionsConfig) -> tuple[Ints, Ints]:
+    """Return the pairs of functions: the best pair, then the best of what is left, down to U_c.
+
+    The best pair of all is the best of its row and of its column, so that no order of rows favours a
+    function; each function is used once.
+
+    Parameters
+    ----------
+    upsilon : (s, t) float64
+        Correlations, current by reference.
+    config : FunctionsConfig
+        U_c.
+
+    Returns
+    -------
+    cur_idx, ref_idx : (p,) int64
+        Segments paired, most alike first.
+    """
+    flat = upsilon.ravel()
+    candidates = np.flatnonzero(flat >= config.min_correlation)
+    candidates = candidates[np.argsort(-flat[candidates], kind="stable")]
+    return _take_once(candidates, *upsilon.shape)
+
+
+@kernel
+def _resample(eta: Floats, starts: Ints, stops: Ints, length: int) -> Floats:
+    """Return (s, length) functions of unit norm: differences of the running sum at equal shares."""
+    functions = np.zeros((starts.size, length))
+    for s in range(starts.size):
+        n = stops[s] - starts[s]
+        step = n / length
+        total = 0.0  # running sum of eta over whole readings before `i`
+        i = starts[s]
+        before = 0.0
+        energy = 0.0
+        turning = 0.0
+        for j in range(length):
+            at = starts[s] + (j + 1) * step
+            while i + 1 <= at and i < stops[s]:
+                total += eta[i]
+                i += 1
+            partial = eta[i] * (at - i) if i < stops[s] else 0.0
+            value = total + partial - before
+            before = total + partial
+            functions[s, j] = value
+            energy += value * value
+            turning += abs(value)
+        scale = 1.0 / np.sqrt(energy) if turning > _FLAT else 0.0
+        for j in range(length):
+            functions[s, j] *= scale
+    return functions
+
+
+@kernel
+def _take_once(candidates: Ints, n_rows: int, n_cols: int) -> tuple[Ints, Ints]:
+    """Return rows and columns of the flat indices, in order, skipping a row or column already used."""
+    rows = np.empty(min(n_rows, n_cols), dtype=np.int64)
+    cols = np.empty(min(n_rows, n_cols), dtype=np.int64)
+    row_used = np.zeros(n_rows, dtype=np.bool_)
+    col_used = np.zeros(n_cols, dtype=np.bool_)
+    n = 0
+    for candidate in candidates:
+        row = candidate // n_cols
+        col = candidate - row * n_cols
+        if row_used[row] or col_used[col]:
+            continue
+        row_used[row] = True
+        col_used[col] = True
+        rows[n] = row
+        cols[n] = col
+        n += 1
+    return rows[:n], cols[:n]

@@ -1,0 +1,107 @@
+"""The matcher "cfsma": the paper's three stages in its order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan.matchers.cfsma.alignment import align
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.cfsma.covariance import pose_covariance
+from curvescan.matchers.cfsma.features import CfSmaFeatures, extract_features
+from curvescan.matchers.cfsma.functions import correlations, pair_functions
+from curvescan.matchers.cfsma.landmarks import Verdict, matched_readings, pair_landmarks
+from curvescan.matchers.cfsma.trace import CfSmaTrace
+from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.scan import LaserScan
+from curvescan.types import Codes, Cov, Ints, Pose
+
+
+class CfSmaMatcher:
+    """CF-SMA as the paper prints it: no guess, no iteration, one pass through its stages."""
+
+    def __init__(self, config: CfSmaConfig) -> None:
+        self.config = config
+
+    def prepare(self, scan: LaserScan) -> CfSmaFeatures:
+        """Return the segments, curvature functions, spectra and characteristic points of a scan."""
+        return extract_features(scan, self.config)
+
+    def can_be_reference(self, features: CfSmaFeatures) -> bool:
+        """Return whether the scan has a segment at all."""
+        return len(features.starts) > 0
+
+    def match(
+        self, reference: CfSmaFeatures, current: CfSmaFeatures, guess: Pose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`; the guess is not used."""
+        config = self.config
+        upsilon = correlations(current.spectra, reference.spectra, config.functions.length)
+        function_pairs = pair_functions(upsilon, config.functions)
+        landmark_pairs = pair_landmarks(
+            current.points,
+            current.landmarks,
+            reference.points,
+            reference.landmarks,
+            function_pairs,
+            config.landmarks,
+        )
+        cur_idx, ref_idx = matched_readings(
+            current.landmarks, reference.landmarks, landmark_pairs, config.landmarks
+        )
+        trace = CfSmaTrace(
+            reference=reference,
+            current=current,
+            function_pairs=function_pairs,
+            correlation=upsilon[function_pairs],
+            landmark_pairs=landmark_pairs,
+            reading_pairs=(cur_idx, ref_idx),
+        )
+        outcome = _outcome(trace)
+        if outcome is not Outcome.MATCHED:
+            return _result(outcome, trace)
+        points_cur, points_ref = current.points[cur_idx], reference.points[ref_idx]
+        alignment = align(points_ref, points_cur)
+        if not alignment.fixes_rotation:
+            return _result(Outcome.DEGENERATE, trace)
+        covariance = pose_covariance(points_cur, alignment.pose, alignment.error)
+        return _result(outcome, trace, alignment.pose, covariance)
+
+
+def _result(
+    outcome: Outcome, trace: CfSmaTrace, pose: Pose = NO_POSE, covariance: Cov = NO_COVARIANCE
+) -> MatchResult:
+    cur_idx, ref_idx = trace.reading_pairs
+    n_matched = cur_idx.size if outcome is Outcome.MATCHED else 0
+    return MatchResult(
+        method="cfsma",
+        outcome=outcome,
+        pose=pose,
+        covariance=covariance,
+        n_matched=n_matched,
+        trace=trace,
+        labels_reference=_labels(trace.reference, ref_idx[:n_matched]),
+        labels_current=_labels(trace.current, cur_idx[:n_matched]),
+    )
+
+
+def _outcome(trace: CfSmaTrace) -> Outcome:
+    """Return MATCHED, or which of the paper's gates left nothing."""
+    if len(trace.reference.starts) == 0 or len(trace.current.starts) == 0:
+        return Outcome.NO_SEGMENTS
+    if trace.function_pairs[0].size == 0:
+        return Outcome.NO_COMMON_FUNCTION
+    furthest = trace.landmark_pairs.verdict.max(initial=Verdict.NO_CANDIDATE)
+    if furthest == Verdict.NO_CANDIDATE:
+        return Outcome.NO_LANDMARKS
+    if furthest == Verdict.WEAK:
+        return Outcome.DISSIMILAR_LANDMARKS
+    if furthest < Verdict.PAIRED:
+        return Outcome.AMBIGUOUS_LANDMARKS
+    return Outcome.MATCHED
+
+
+def _labels(features: CfSmaFeatures, matched: Ints) -> Codes:
+    labels = np.full(features.n_beams, Label.NO_READING, dtype=np.uint8)
+    labels[features.beam_idx] = Label.UNMATCHED
+    labels[features.beam_idx[matched]] = Label.MATCHED
+    return labels

@@ -1,0 +1,108 @@
+"""All that the matcher knows of one scan, computed once and used whether it is the current scan or the reference."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.range_image import View, polar_lookup, uneven_lookup
+from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
+from curvescan.matchers.curvescan.sampling import choose_probes
+from curvescan.matchers.curvescan.segments import sweep
+from curvescan.matchers.curvescan.surfels import fit_surfels
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Ints
+
+
+class ConsensusFeatures(NamedTuple):
+    """Surfels, frames and the polar view of one scan.
+
+    Attributes
+    ----------
+    n_beams : int
+        Beams of the scan.
+    beam_idx : (m,) int64
+        The scan's own index of each valid reading, readings counter-clockwise from a breakpoint on.
+    bounds : (s + 1,) int64
+        Surface k is readings bounds[k]:bounds[k + 1].
+    view : View
+        The readings and the lines through them, and which reading stands in which direction.
+    whole : View
+        The same with all readings for probes.
+    frames : (k, 5) float64
+        Corners and ends of surfaces; columns as in frames.py.
+    directions : (120,) float64
+        Length of surface that faces each direction.
+    """
+
+    n_beams: int
+    beam_idx: Ints
+    bounds: Ints
+    view: View
+    whole: View
+    frames: Floats
+    directions: Floats
+
+    def with_probes(self, n_probes: int) -> View:
+        """Return the view with another number of probes."""
+        return self.view._replace(probes=choose_probes(self.view.surfels, n_probes))
+
+    @property
+    def sigma(self) -> float:
+        """Range noise of the scan, metres."""
+        return float(self.view.fan[2])
+
+    @property
+    def points(self) -> Floats:
+        """(m, 2) readings, metres, sensor frame."""
+        return self.view.surfels[:, :2]
+
+
+def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatures:
+    """Return the features of a scan, also of one without a valid reading."""
+    n, step = len(scan), abs(scan.angle_increment)
+    is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
+    is_even = scan.has_uniform_angles
+    surfaces, frames = config.surfaces, config.frames
+    beam_idx, readings, bounds = sweep(
+        scan.ranges,
+        scan.directions,
+        scan.valid,
+        is_clockwise,
+        is_closed,
+        step,
+        scan.angles[:0] if is_even else scan.angles,
+        surfaces.incidence_limit,
+        surfaces.max_gap,
+    )
+    surfels, sums, sigma = fit_surfels(
+        readings, bounds, step, surfaces.arm, surfaces.range_sigma_min
+    )
+    corners = find_corners(
+        surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames
+    )
+    corners_and_ends = with_ends(
+        corners, surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames
+    )
+    if is_even:
+        angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
+        n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
+        lookup, density = polar_lookup(beam_idx, n, n_slots, is_clockwise, is_closed), 1.0 / step
+    else:
+        angle_min = float(scan.angles[-1 if is_clockwise else 0])
+        lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
+    fan = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
+    few = choose_probes(surfels, config.verification.n_probes)
+    return ConsensusFeatures(
+        n_beams=n,
+        beam_idx=beam_idx,
+        bounds=bounds,
+        view=View(few, surfels, fan, lookup),
+        whole=View(surfels, surfels, fan, lookup),
+        frames=corners_and_ends,
+        directions=direction_histogram(surfels),
+    )

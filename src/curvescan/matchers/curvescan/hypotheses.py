@@ -1,0 +1,101 @@
+"""Hypotheses: where the current scan may have been taken, from pairs of frames, the most voted first.
+
+Two frames of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones scatter. So
+a pose gets the votes of all poses in its cell of a coarse grid, in the manner of Hough's transform.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.se2.angles import wrap_angle
+from curvescan.types import Floats
+
+
+@kernel
+def is_in_sight(x: float, y: float, view: View, margin: float) -> bool:
+    """Return whether a scan leaves the way from its sensor to a place free, as far as it tells."""
+    j = reading_at(x, y, view)
+    if j < 0:
+        return True
+    reach = view.surfels[j, 2] + margin
+    return bool(x * x + y * y < reach * reach)
+
+
+@kernel
+def pair_frames(
+    frames_ref: Floats,
+    frames_cur: Floats,
+    ref: View,
+    cur: View,
+    turn_tolerance: float,
+    max_pairs: int,
+) -> Floats:
+    """Return (h, 3) poses of the current scan in the reference, one for each pair of frames of one kind.
+
+    Left out are poses at which one sensor would stand behind what the other saw.
+    """
+    poses = np.empty((max_pairs, 3))
+    n = 0
+    for i in range(frames_cur.shape[0]):
+        x, y, direction = frames_cur[i, 0], frames_cur[i, 1], frames_cur[i, 2]
+        turn, kind = frames_cur[i, 3], frames_cur[i, 4]
+        for j in range(frames_ref.shape[0]):
+            if frames_ref[j, 4] != kind or n >= max_pairs:
+                continue
+            if abs(frames_ref[j, 3] - turn) > turn_tolerance:
+                continue
+            theta = wrap_angle(frames_ref[j, 2] - direction)
+            c, s = math.cos(theta), math.sin(theta)
+            tx = frames_ref[j, 0] - c * x + s * y
+            ty = frames_ref[j, 1] - s * x - c * y
+            if not is_in_sight(tx, ty, ref, 0.1):
+                continue
+            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, 0.1):
+                continue
+            poses[n, 0], poses[n, 1], poses[n, 2] = tx, ty, theta
+            n += 1
+    return poses[:n]
+
+
+@kernel
+def most_voted(poses: Floats, cell: float, turn: float, max_kept: int) -> Floats:
+    """Return at most max_kept poses, those of the fullest cells first.
+
+    Cells are `cell` metres and `turn` radians wide; two grids half a cell apart are summed, so that no border
+    halves a cluster. Cells share the counters of a hash table: a clash adds a vote, no more.
+    """
+    n = poses.shape[0]
+    size = 2048
+    counts = np.zeros((2, size), dtype=np.int16)
+    keys = np.empty((n, 2), dtype=np.int64)
+    for h in range(n):
+        for g in range(2):
+            a = math.floor(poses[h, 0] / cell + 0.5 * g)
+            b = math.floor(poses[h, 1] / cell + 0.5 * g)
+            # theta in (-pi, pi]: the seam may cut a cell, the other grid cuts it elsewhere
+            d = math.floor((poses[h, 2] + math.pi) / turn + 0.5 * g)
+            key = (a * 73856093 ^ b * 19349663 ^ d * 83492791) & (size - 1)
+            counts[g, key] += 1
+            keys[h, g] = key
+    most = 64
+    starts = np.zeros(most + 1, dtype=np.int64)
+    votes = np.empty(n, dtype=np.int64)
+    for h in range(n):
+        v = counts[0, keys[h, 0]] + counts[1, keys[h, 1]]
+        votes[h] = most - 1 - min(int(v), most - 1)
+        starts[votes[h] + 1] += 1
+    for v in range(most):
+        starts[v + 1] += starts[v]
+    kept = np.empty((min(n, max_kept), 3))
+    for h in range(n):
+        place = starts[votes[h]]
+        starts[votes[h]] += 1
+        if place < max_kept:
+            for k in range(3):
+                kept[place, k] = poses[h, k]
+    return kept

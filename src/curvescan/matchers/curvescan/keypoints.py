@@ -1,0 +1,194 @@
+"""Frames: characteristic points at three arm lengths, and physical ends of surfaces: the frames that hypotheses are made of.
+
+A characteristic point is where a surface turns, as in CF-SMA (eq. 7), but measured between the two lines
+that leave it with arms of a fixed length, so that noise at close range makes no corners. It carries a
+direction, and a frame with it: one pair of frames is a full pose. An end of a surface is physical when what
+lies behind it is farther away, and a shadow when it is nearer: only the first stays where it is as the sensor moves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.surfels import fit_line
+from curvescan.types import Floats, Ints
+
+FX, FY, DIRECTION, TURN, KIND = range(5)
+"""Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind."""
+
+BEGIN, END = 10, 20
+"""Kinds of the first and last reading of a surface, plus the arm's number; a corner's kind is the arm's number."""
+
+
+@kernel
+def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tuple[float, float]:
+    """Return the unit direction of the line through readings low..high, pointing the way of (dx, dy)."""
+    if high - low < 2:
+        norm = math.sqrt(dx * dx + dy * dy)
+        return dx / norm, dy / norm
+    _, _, ux, uy, _, _ = fit_line(sums, low, high)
+    if ux * dx + uy * dy < 0.0:
+        return -ux, -uy
+    return ux, uy
+
+
+@kernel
+def find_corners(
+    surfels: Floats,
+    sums: Floats,
+    bounds: Ints,
+    arms: Floats,
+    sigma: float,
+    min_turn: float,
+    max_frames: int,
+) -> Floats:
+    """Return (k, 5) corners at each arm length, max_frames at most."""
+    m = surfels.shape[0]
+    found = np.empty((max_frames, 5))
+    n_found = 0
+    bend = np.empty(m)
+    lows = np.empty(m, dtype=np.int64)
+    highs = np.empty(m, dtype=np.int64)
+    min_bend = 1.0 - math.cos(min_turn)
+    # square, its sign kept, of the cosine of half the least turn
+    straight = math.cos(0.5 * min_turn) * abs(math.cos(0.5 * min_turn))
+    for a in range(arms.size - 1, -1, -1):
+        arm2 = arms[a] * arms[a]
+        least2 = 0.49 * arm2
+        bend[:] = 0.0
+        for s in range(bounds.size - 1):
+            start, stop = bounds[s], bounds[s + 1]
+            if stop - start < 5:
+                continue
+            low, high, upcoming = start, start, start
+            for i in range(start, stop):
+                if i < upcoming:
+                    continue
+                x, y = surfels[i, 0], surfels[i, 1]
+                while low < i:
+                    dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
+                    if dx * dx + dy * dy <= arm2 or i - low <= 2:
+                        break
+                    low += 1
+                high = max(high, i)
+                while high + 1 < stop:
+                    dx, dy = surfels[high + 1, 0] - x, surfels[high + 1, 1] - y
+                    if dx * dx + dy * dy > arm2 and high - i >= 2:
+                        break
+                    high += 1
+                if i - low < 2 or high - i < 2:
+                    continue
+                dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
+                if dx * dx + dy * dy < least2:
+                    continue
+                dx, dy = surfels[high, 0] - x, surfels[high, 1] - y
+                if dx * dx + dy * dy < least2:
+                    continue
+                # chords to the middle of each arm, times its readings: a mean's end is half as noisy
+                inx = (i - low) * x - (sums[i, 0] - sums[low, 0])
+                iny = (i - low) * y - (sums[i, 1] - sums[low, 1])
+                outx = sums[high + 1, 0] - sums[i + 1, 0] - (high - i) * x
+                outy = sums[high + 1, 1] - sums[i + 1, 1] - (high - i) * y
+                dot = inx * outx + iny * outy
+                squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
+                if dot * abs(dot) > straight * squares:
+                    upcoming = i + 1 + (high - low) // 8  # no corner within a quarter of an arm
+                    continue
+                lows[i], highs[i] = low, high
+                bend[i] = 1.0 - dot / math.sqrt(squares)
+            for i in range(start + 1, stop - 1):
+                height = bend[i]
+                if height < min_bend or bend[i - 1] > height or bend[i + 1] >= height:
+                    continue
+                low, high = lows[i], highs[i]
+                is_peak = True
+                for j in range((i + low) // 2, (i + high + 1) // 2 + 1):
+                    if bend[j] > height:
+                        is_peak = False
+                        break
+                if not is_peak or n_found >= max_frames:
+                    continue
+                x, y = surfels[i, 0], surfels[i, 1]
+                inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, 0], y - surfels[low, 1])
+                outx, outy = arm_direction(
+                    sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
+                )
+                cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
+                turn = math.atan2(cross, dot)
+                # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
+                doubt = sigma * math.sqrt(12.0 / (i - low) + 12.0 / (high - i)) / arms[a]
+                if abs(turn) < max(min_turn, 3.0 * doubt):
+                    continue
+                if abs(cross) > 0.5:
+                    # where the two lines meet is sharper than any reading
+                    ax = (sums[i, 0] - sums[low, 0]) / (i - low)
+                    ay = (sums[i, 1] - sums[low, 1]) / (i - low)
+                    bx = (sums[high + 1, 0] - sums[i + 1, 0]) / (high - i)
+                    by = (sums[high + 1, 1] - sums[i + 1, 1]) / (high - i)
+                    along = ((bx - ax) * outy - (by - ay) * outx) / cross
+                    px, py = ax + along * inx, ay + along * iny
+                    if (px - x) ** 2 + (py - y) ** 2 < 0.25 * arm2:
+                        x, y = px, py
+                found[n_found, 0], found[n_found, 1] = x, y
+                found[n_found, 2] = math.atan2(iny + outy, inx + outx)
+                found[n_found, 3] = turn
+                found[n_found, 4] = a
+                n_found += 1
+    return found[:n_found].copy()
+
+
+@kernel
+def with_ends(
+    corners: Floats,
+    surfels: Floats,
+    sums: Floats,
+    bounds: Ints,
+    arm: float,
+    is_closed: bool,
+    max_ends: int,
+) -> Floats:
+    """Return (k, 5) corners and after them physical ends of surfaces: those that hide nothing nearer than themselves."""
+    m, n_found = surfels.shape[0], corners.shape[0]
+    found = np.empty((n_found + max_ends, 5))
+    for i in range(n_found):  # one by one: assigning a slice takes more than a second to compile
+        for column in range(5):
+            found[i, column] = corners[i, column]
+    for s in range(bounds.size - 1):
+        start, stop = bounds[s], bounds[s + 1]
+        if stop - start < 4:
+            continue
+        for side in range(2):
+            i = start if side == 0 else stop - 1
+            j = i - 1 if side == 0 else i + 1
+            if j < 0 or j >= m:
+                if not is_closed:
+                    continue
+                j = m - 1 if j < 0 else 0
+            if surfels[j, 2] < surfels[i, 2] or n_found >= found.shape[0]:
+                continue
+            k = i
+            way = 1 if side == 0 else -1
+            x, y = surfels[i, 0], surfels[i, 1]
+            far = 0.0
+            while start <= k + way < stop:
+                dx, dy = surfels[k + way, 0] - x, surfels[k + way, 1] - y
+                if dx * dx + dy * dy > arm * arm:
+                    break
+                far = dx * dx + dy * dy
+                k += way
+            if abs(k - i) < 3 or far < 0.36 * arm * arm:
+                continue
+            low, high = min(i, k), max(i, k)
+            dx, dy = surfels[high, 0] - surfels[low, 0], surfels[high, 1] - surfels[low, 1]
+            ux, uy = arm_direction(sums, low, high, dx, dy)
+            if abs(ux * y - uy * x) < 0.2 * surfels[i, 2]:
+                continue  # grazed: where it ends depends on where one stands
+            found[n_found, 0], found[n_found, 1] = x, y
+            found[n_found, 2] = math.atan2(uy, ux)
+            found[n_found, 3] = 0.0
+            found[n_found, 4] = 10.0 + 10.0 * side
+            n_found += 1
+    return found[:n_found].copy()

@@ -1,0 +1,129 @@
+"""Labels: what each reading of one scan is to the other scan, at the pose found."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.types import Bools, Codes, Floats, Ints
+
+HIDDEN, AGREES, MOVED = 0, 1, 2
+"""Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
+
+
+@kernel
+def compare_readings(
+    surfels: Floats,
+    other: View,
+    pose: Floats,
+    margin: float,
+) -> tuple[Codes, Ints]:
+    """Return what each reading is to the other scan, and the reading there that it agrees with.
+
+    Parameters
+    ----------
+    surfels : (m, 10) float64
+        The readings.
+    other : View
+        The other scan.
+    pose : (3,) float64
+        Of the readings' scan in the other.
+    margin : float
+        Metres that two readings of one surface may lie apart besides three standard deviations of their noise.
+
+    Returns
+    -------
+    codes : (m,) uint8
+        HIDDEN, AGREES or MOVED.
+    partner : (m,) int64
+        Reading of the other scan where it AGREES, else -1.
+    """
+    m = surfels.shape[0]
+    codes = np.zeros(m, dtype=np.uint8)
+    partner = np.full(m, -1, dtype=np.int64)
+    surfels_other = other.surfels
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(m):
+        ax, ay = surfels[i, 0], surfels[i, 1]
+        qx, qy = c * ax - s * ay + pose[0], s * ax + c * ay + pose[1]
+        j = reading_at(qx, qy, other)
+        if j < 0:
+            continue
+        ux, uy = qx - surfels_other[j, 3], qy - surfels_other[j, 4]
+        nx, ny = surfels_other[j, 5], surfels_other[j, 6]
+        across, along = nx * ux + ny * uy, ny * ux - nx * uy
+        variance = abs(surfels[i, 7]) + abs(surfels_other[j, 7])
+        limit = 3.0 * math.sqrt(variance) + margin
+        reach = 0.1 + 0.1 * surfels_other[j, 2]
+        if surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+            limit, reach = 0.05 + margin, 0.1
+        if abs(across) < limit and along * along < reach * reach:
+            codes[i] = 1
+            partner[i] = j
+            continue
+        front = surfels_other[j, 2] - 2.0 * limit - 0.05
+        if front > 0.0 and qx * qx + qy * qy < front * front:
+            codes[i] = 2
+    return codes, partner
+
+
+@kernel
+def surfaces_at_rest(
+    surfels: Floats,
+    bounds: Ints,
+    partner: Ints,
+    surfels_other: Floats,
+    pose: Floats,
+    limit: float,
+    least: float,
+) -> tuple[Bools, int]:
+    """Return which readings are of surfaces that did not move as a whole, and how many surfaces did.
+
+    A leg that took a small step agrees reading by reading, and yet lies to one side with all of them: a surface has
+    moved when the mean distance of its readings from their partners' lines exceeds `limit` standard deviations of
+    that mean, and `least`: lasers have errors that the readings of a wall share.
+
+    Parameters
+    ----------
+    surfels, surfels_other : (m, 10), (k, 10) float64
+        Readings of both scans.
+    bounds : (s + 1,) int64
+        Surface k is surfels[bounds[k]:bounds[k + 1]].
+    partner : (m,) int64
+        Reading of the other scan, -1 for none.
+    pose : (3,) float64
+        Of the readings' scan in the other.
+    limit : float
+        Standard deviations.
+    least : float
+        Metres.
+
+    Returns
+    -------
+    at_rest : (m,) bool
+        False on surfaces that moved; True on those with fewer than four partners.
+    n_moved : int
+        Surfaces that moved.
+    """
+    at_rest = np.ones(surfels.shape[0], dtype=np.bool_)
+    n_moved = 0
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for k in range(bounds.size - 1):
+        total, variance, n = 0.0, 0.0, 0
+        for i in range(bounds[k], bounds[k + 1]):
+            j = partner[i]
+            if j < 0 or surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+                continue
+            ax, ay = surfels[i, 0], surfels[i, 1]
+            total += surfels_other[j, 5] * (c * ax - s * ay + pose[0] - surfels_other[j, 3])
+            total += surfels_other[j, 6] * (s * ax + c * ay + pose[1] - surfels_other[j, 4])
+            variance += surfels[i, 7] + surfels_other[j, 7]
+            n += 1
+        if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
+            n_moved += 1
+            for i in range(bounds[k], bounds[k + 1]):
+                at_rest[i] = False
+    return at_rest, n_moved

@@ -1,0 +1,169 @@
+"""Refinement: robust point-to-line Gauss-Newton between two scans, each reading against the other scan's line.
+
+Each reading is paired with the reading that the other sensor has in its direction (projective association,
+as Blais and Levine 1995; point to line as Censi 2008), both ways round, so that swapping the scans swaps the result.
+A residual is weighed by the variance of both readings across the line: a range error counts for little
+where the surface is grazed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.se2.angles import wrap_angle
+from curvescan.types import Floats
+
+
+@kernel
+def accumulate(
+    surfels_a: Floats,
+    view_b: View,
+    pose: Floats,
+    way: float,
+    slack: float,
+    slack_slope: float,
+    system: Floats,
+) -> None:
+    """Add the normal equations of the readings of scan a against the lines of scan b.
+
+    Parameters
+    ----------
+    surfels_a : (p, 10) float64
+        Readings of scan a.
+    view_b : View
+        Scan b.
+    pose : (3,) float64
+        Of the current scan in the reference.
+    way : float
+        1 where scan a is the current one, -1 where it is the reference (no bool: for each constant one Numba would
+        compile anew).
+    slack, slack_slope : float
+        Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
+    system : (9,) float64
+        What is added to: the upper triangle of the information (0:6) over x, y and theta, theta turning about the
+        current sensor; the gradient (6:9).
+    """
+    surfels_b = view_b.surfels
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    tx, ty = pose[0], pose[1]
+    for i in range(surfels_a.shape[0]):
+        va = surfels_a[i, 7]
+        if va < 0.0:
+            continue
+        ax, ay = surfels_a[i, 0], surfels_a[i, 1]
+        if way < 0.0:
+            dx, dy = ax - tx, ay - ty
+            qx, qy = c * dx + s * dy, c * dy - s * dx
+        else:
+            dx, dy = c * ax - s * ay, s * ax + c * ay
+            qx, qy = dx + tx, dy + ty
+        j = reading_at(qx, qy, view_b)
+        if j < 0:
+            continue
+        vb = surfels_b[j, 7]
+        if vb < 0.0:
+            continue
+        ux, uy = qx - surfels_b[j, 3], qy - surfels_b[j, 4]
+        nx, ny = surfels_b[j, 5], surfels_b[j, 6]
+        e = nx * ux + ny * uy
+        extra = slack + slack_slope * surfels_b[j, 2]
+        variance = va + vb + extra * extra
+        u2 = e * e / variance
+        if u2 > 16.0:
+            continue
+        reach = 0.1 + 3.0 * extra
+        apart = uy * nx - ux * ny
+        if apart * apart > reach * reach + 0.01 * surfels_b[j, 2] * surfels_b[j, 2]:
+            continue
+        # facing: both lines must look the same way
+        mx, my = surfels_a[i, 5], surfels_a[i, 6]
+        if way < 0.0:
+            mx, my = c * mx + s * my, c * my - s * mx
+        else:
+            mx, my = c * mx - s * my, s * mx + c * my
+        if mx * nx + my * ny < 0.7:
+            continue
+        weight = 1.0 / variance
+        if u2 > 4.0:
+            weight *= (16.0 - u2) * (16.0 - u2) / 144.0
+        if way < 0.0:
+            nx, ny = -(c * nx - s * ny), -(s * nx + c * ny)
+        j2 = nx * -dy + ny * dx
+        wx, wy, wt = weight * nx, weight * ny, weight * j2
+        system[0] += wx * nx
+        system[1] += wx * ny
+        system[2] += wx * j2
+        system[3] += wy * ny
+        system[4] += wy * j2
+        system[5] += wt * j2
+        system[6] += wx * e
+        system[7] += wy * e
+        system[8] += wt * e
+
+
+@kernel
+def solve(system: Floats, damping: float) -> tuple[float, float, float]:
+    """Return minus the solution of the 3 x 3 normal equations, by Cholesky, each diagonal raised by `damping`."""
+    a00 = system[0] + damping
+    a11, a22 = system[3] + damping, system[5] + damping
+    a01, a02, a12 = system[1], system[2], system[4]
+    l00 = math.sqrt(a00)
+    l10, l20 = a01 / l00, a02 / l00
+    l11 = math.sqrt(max(a11 - l10 * l10, 1e-12))
+    l21 = (a12 - l20 * l10) / l11
+    l22 = math.sqrt(max(a22 - l20 * l20 - l21 * l21, 1e-12))
+    y0 = -system[6] / l00
+    y1 = (-system[7] - l10 * y0) / l11
+    y2 = (-system[8] - l20 * y0 - l21 * y1) / l22
+    z2 = y2 / l22
+    z1 = (y1 - l21 * z2) / l11
+    z0 = (y0 - l10 * z1 - l20 * z2) / l00
+    return z0, z1, z2
+
+
+@kernel
+def refine(
+    poses: Floats,
+    ref: View,
+    cur: View,
+    slacks: Floats,
+) -> Floats:
+    """Return (h, 3) refined poses.
+
+    Parameters
+    ----------
+    poses : (h, 3) float64
+        Where to start, of the current scan in the reference.
+    ref, cur : View
+        Both scans; their probes are what is compared with the other scan.
+    slacks : (n,) float64
+        One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
+        for each metre away from it.
+    """
+    refined = poses.copy()
+    system = np.empty(9)
+    for h in range(refined.shape[0]):
+        pose = refined[h]
+        for slack in slacks:
+            system[:] = 0.0
+            accumulate(cur.probes, ref, pose, 1.0, slack, 0.3 * slack, system)
+            accumulate(ref.probes, cur, pose, -1.0, slack, 0.3 * slack, system)
+            dx, dy, dtheta = solve(system, 10.0)
+            step = max(abs(dx), abs(dy), abs(dtheta))
+            shrink = 0.5 / step if step > 0.5 else 1.0
+            pose[0] += shrink * dx
+            pose[1] += shrink * dy
+            pose[2] = wrap_angle(pose[2] + shrink * dtheta)
+    return refined
+
+
+@kernel
+def refine_fully(poses: Floats, ref: View, cur: View, closer: Floats, full: Floats) -> Floats:
+    """Return (h, 3) poses refined on the probes of two views, then on all of their readings; slacks as `refine` takes."""
+    all_ref = View(probes=ref.surfels, surfels=ref.surfels, fan=ref.fan, lookup=ref.lookup)
+    all_cur = View(probes=cur.surfels, surfels=cur.surfels, fan=cur.fan, lookup=cur.lookup)
+    return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

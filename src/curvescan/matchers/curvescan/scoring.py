@@ -1,0 +1,201 @@
+"""Verification: how well two scans agree at a pose, each seen in the other's polar frame.
+
+A reading agrees when it lies near the line through the reading that the other sensor has in its direction,
+and both surfaces face alike. It contradicts when it lies in front: there the other sensor saw through. What lies
+behind is hidden and says nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.types import Floats
+
+
+@kernel
+def support(
+    probes: Floats,
+    low: int,
+    high: int,
+    view: View,
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+    tolerance: float,
+    slope: float,
+) -> float:
+    """Return the agreements less half the contradictions of probes low..high - 1 of one scan in another.
+
+    (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
+    """
+    score = 0.0
+    surfels = view.surfels
+    for k in range(low, high):
+        ax, ay = probes[k, 0], probes[k, 1]
+        qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
+        j = reading_at(qx, qy, view)
+        if j < 0:
+            continue
+        ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
+        nx, ny = surfels[j, 5], surfels[j, 6]
+        limit = tolerance + slope * surfels[j, 2]
+        across = (nx * ux + ny * uy) / limit
+        badness = across * across
+        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit * limit:
+            mx, my = probes[k, 5], probes[k, 6]
+            alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
+            if alike > 0.0:
+                score += (1.0 - badness) * alike
+                continue
+        front = surfels[j, 2] - 2.0 * limit
+        if front > 0.0 and qx * qx + qy * qy < front * front:
+            score -= 0.5
+    return score
+
+
+@kernel
+def verify(
+    pose: Floats,
+    ref: View,
+    cur: View,
+    tolerance: float,
+    slope: float,
+    n_first: int,
+    least: float,
+) -> float:
+    """Return the score of one pose, both ways round, at most 1.
+
+    n_first probes of each scan are tried, then as many more as before, until all are or the score has no
+    prospect of reaching `least`; it is then that of the probes tried.
+    """
+    x, y, theta = pose[0], pose[1], pose[2]
+    c, s = math.cos(theta), math.sin(theta)
+    ix, iy = -c * x - s * y, s * x - c * y
+    n_ref, n_cur = ref.probes.shape[0], cur.probes.shape[0]
+    low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
+    while low < max(n_ref, n_cur):
+        score += support(
+            cur.probes,
+            low,
+            min(high, n_cur),
+            ref,
+            x,
+            y,
+            c,
+            s,
+            tolerance,
+            slope,
+        )
+        score += support(
+            ref.probes,
+            low,
+            min(high, n_ref),
+            cur,
+            ix,
+            iy,
+            c,
+            -s,
+            tolerance,
+            slope,
+        )
+        rate = score / (min(high, n_ref) + min(high, n_cur))
+        # few probes err more: what is certain of a score narrows with the root of their number
+        if rate < least - 0.6 / math.sqrt(min(high, n_ref) + min(high, n_cur)):
+            break
+        low = high
+        high *= 2
+    return rate
+
+
+@kernel
+def select(
+    poses: Floats,
+    ref: View,
+    cur: View,
+    tolerance: float,
+    slope: float,
+    n_kept: int,
+    n_first: int,
+    apart: float,
+) -> tuple[Floats, Floats]:
+    """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
+    best = np.empty((n_kept, 3))
+    scores = np.full(n_kept, -1.0)
+    n_alike = np.zeros(n_kept, dtype=np.int64)
+    n = 0
+    for h in range(poses.shape[0]):
+        x, y, theta = poses[h, 0], poses[h, 1], poses[h, 2]
+        least = scores[n - 1] if n == n_kept else -1.0
+        like = -1
+        for k in range(n):
+            turn = abs(best[k, 2] - theta)
+            dx, dy = best[k, 0] - x, best[k, 1] - y
+            if dx * dx + dy * dy < apart * apart and min(turn, 2.0 * math.pi - turn) < 0.5 * apart:
+                like = k
+                break
+        if like >= 0:
+            n_alike[like] += 1
+            if n_alike[like] > 4:
+                continue
+            least = scores[like]
+        score = verify(
+            poses[h],
+            ref,
+            cur,
+            tolerance,
+            slope,
+            n_first,
+            least,
+        )
+        if score <= least:
+            continue
+        place = like  # the entry that goes: its like, or the last
+        alike = n_alike[like] if like >= 0 else 1
+        if like < 0:
+            place = min(n, n_kept - 1)
+            n = min(n + 1, n_kept)
+        while place > 0 and scores[place - 1] < score:
+            scores[place], n_alike[place] = scores[place - 1], n_alike[place - 1]
+            for k in range(3):
+                best[place, k] = best[place - 1, k]
+            place -= 1
+        scores[place], n_alike[place] = score, alike
+        best[place, 0], best[place, 1], best[place, 2] = x, y, theta
+    return best[:n], scores[:n]
+
+
+@kernel
+def best_beside(
+    pose: Floats,
+    axis: Floats,
+    offsets: Floats,
+    ref: View,
+    cur: View,
+    tolerance: float,
+    slope: float,
+) -> float:
+    """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
+    best = -1.0
+    moved = np.empty(3)
+    for offset in offsets:
+        for sign in (-1.0, 1.0):
+            for k in range(3):
+                moved[k] = pose[k] + sign * offset * axis[k]
+            best = max(
+                best,
+                verify(
+                    moved,
+                    ref,
+                    cur,
+                    tolerance,
+                    slope,
+                    4096,
+                    -1.0,
+                ),
+            )
+    return best

@@ -1,0 +1,1 @@
+"""The paper's calibration and experiments, with its figures and tables."""

@@ -1,0 +1,321 @@
+"""The paper's way of finding its parameters, from scans of plane surfaces and of corners (section 4).
+
+sigma_rho: how far readings lie from the plane they are on. U_k: the least tolerance at which no false peak shows on a
+plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: most corners are found, and
+planes show none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import Log
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.cfsma.curvature import curvature_functions
+from curvescan.matchers.cfsma.functions import correlations, spectra
+from curvescan.matchers.cfsma.landmarks import characteristic_points
+from curvescan.matchers.cfsma.segmentation import segment
+from curvescan.paper.planes import wall_scans
+from curvescan.scan import LaserScan, valid_readings
+from curvescan.simulation import Sensor
+from curvescan.types import Bools, Floats, Ints, Points
+
+TOLERANCES: Floats = np.array(
+    [0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2]
+)
+"""U_k tried, metres."""
+
+CURVATURES: Floats = np.arange(0.05, 1.01, 0.05)
+"""U_p tried, radians."""
+
+CORNER_ANGLES: Floats = np.radians([30.0, 45.0, 60.0, 75.0, 90.0])
+"""Angles by which the corners turn, radians."""
+
+_FREE = 0.1
+"""Mean number of peaks a plane may show where none is said to show."""
+
+_LEAST_PLANE = 20
+"""Readings that a surface must have to be judged a plane."""
+
+_MOST_PLANES = 400
+"""Planes taken from a log, in its order."""
+
+_NEAR_CORNER = 3
+"""Readings by which a peak may lie farther from its corner than eq. 3 puts it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlaneGroup:
+    """Planes that belong together: at one distance, or of one log.
+
+    Attributes
+    ----------
+    name : str
+        "2 m", say.
+    planes : tuple of (m, 2) float64
+        Readings of each plane in sweep order, metres, sensor frame.
+    """
+
+    name: str
+    planes: tuple[Points, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """What was measured, and the parameters that follow.
+
+    Attributes
+    ----------
+    config : CfSmaConfig
+        The parameters found; the others keep their defaults.
+    groups : tuple of PlaneGroup
+        The planes.
+    false_peaks : (g, len(TOLERANCES)) float64
+        Mean number of characteristic points a plane shows, for each group and U_k.
+    is_free : (g,) bool
+        Whether some U_k leaves a group without peaks; the others were left out of the choice.
+    residual_correlations : (k,) float64
+        Correlations of pairs of plane functions at the chosen U_k, sorted.
+    detection, false_alarms : (len(CURVATURES),) float64
+        Share of corners found, and of planes that show a peak, for each U_p.
+    """
+
+    config: CfSmaConfig
+    groups: tuple[PlaneGroup, ...]
+    false_peaks: Floats
+    is_free: Bools
+    residual_correlations: Floats
+    detection: Floats
+    false_alarms: Floats
+
+
+def simulated_planes(
+    sensor: Sensor, distances: Iterable[float], *, n_scans: int = 40, seed: int = 0
+) -> tuple[PlaneGroup, ...]:
+    """Return planes ahead of a simulated sensor, a group a distance (metres)."""
+    groups = []
+    for k, distance in enumerate(distances):
+        scans = wall_scans(
+            sensor, distance, sigma=sensor.sigma_range, n_scans=n_scans, seed=seed + k
+        )
+        planes = tuple(scan.points[scan.valid] for scan in scans)
+        if len(planes[0]) < _LEAST_PLANE:
+            raise InvalidArgumentError(
+                f"a plane {distance} m away gives {sensor.name} only {len(planes[0])} readings, "
+                f"{_LEAST_PLANE} are needed: choose smaller distances"
+            )
+        groups.append(PlaneGroup(name=f"{distance:g} m", planes=planes))
+    return tuple(groups)
+
+
+def planes_of_log(scans: Iterable[LaserScan], name: str) -> tuple[PlaneGroup, ...]:
+    """Return the plane surfaces of a log as one group: segments that a straight line explains.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When there are none.
+    """
+    planes: list[Points] = []
+    config = CfSmaConfig().segmentation
+    for scan in scans:
+        readings = valid_readings(scan)
+        segments = segment(readings, config)
+        for start, stop in zip(segments.starts, segments.stops, strict=True):
+            points = readings.points[segments.order[start:stop]]
+            if len(points) >= _LEAST_PLANE and _is_plane(points):
+                planes.append(points)
+        if len(planes) >= _MOST_PLANES:
+            break
+    if not planes:
+        raise InvalidArgumentError(
+            f"{name} shows no plane of {_LEAST_PLANE} readings: record the sensor in front of a bare wall"
+        )
+    return (PlaneGroup(name=name, planes=tuple(planes)),)
+
+
+def sensor_of_log(log: Log) -> Sensor:
+    """Return a simulated sensor with the beams and limits of a log's first scan, without noise."""
+    scan = next(iter(log))
+    return Sensor(
+        name=log.name,
+        n_beams=len(scan),
+        angle_min=scan.angle_min,
+        angle_increment=scan.mean_increment,  # a simulated sensor has even beams
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        sigma_range=0.0,
+        dropout=0.0,
+        period=1.0,
+    )
+
+
+def calibrate(
+    groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 40, seed: int = 0
+) -> Calibration:
+    """Return the four parameters that planes and corners decide.
+
+    Parameters
+    ----------
+    groups : tuple of PlaneGroup
+        From :func:`simulated_planes` or :func:`planes_of_log`.
+    sensor : Sensor
+        Whose corners are simulated for U_p, with the noise that the planes show.
+    n_scans : int
+        Scans of each corner.
+    seed : int
+        Of the simulated noise.
+    """
+    sigma = float(np.median([_sigma(plane) for group in groups for plane in group.planes]))
+    base = CfSmaConfig()
+    base = replace(base, segmentation=replace(base.segmentation, range_sigma=round(sigma, 5)))
+
+    false_peaks = np.array(
+        [[_mean_peaks(g, _with(base, u_k=u_k)) for u_k in TOLERANCES] for g in groups]
+    )
+    is_free: Bools = np.any(false_peaks <= _FREE, axis=1)
+    if not is_free.any():
+        raise InvalidArgumentError(
+            f"no U_k up to {TOLERANCES[-1]:g} m leaves any of the planes without a false peak: "
+            "their noise is larger than the distance of neighbouring readings, choose planes farther away"
+        )
+    enough = (false_peaks[is_free] <= _FREE).all(axis=0)
+    # beyond the first tolerance that serves, all should; a lone later peak does not matter
+    config = _with(base, u_k=float(TOLERANCES[np.argmax(enough)]))
+
+    residual = _residual_correlations(groups, config)
+    u_c = float(np.ceil(20.0 * np.percentile(residual, 95.0)) / 20.0) if residual.size else 0.4
+    config = _with(config, u_c=min(u_c, 0.95))
+
+    free_planes = [p for g, free in zip(groups, is_free, strict=True) if free for p in g.planes]
+    corners = _corners(sensor, sigma, n_scans, seed)
+    detection = np.array([_found(corners, _with(config, u_p=u_p)) for u_p in CURVATURES])
+    false_alarms = np.array(
+        [
+            np.mean([_n_peaks(p, _with(config, u_p=u_p)) > 0 for p in free_planes])
+            for u_p in CURVATURES
+        ]
+    )
+    config = _with(config, u_p=float(CURVATURES[np.argmax(detection - false_alarms)]))
+    return Calibration(
+        config=config,
+        groups=groups,
+        false_peaks=false_peaks,
+        is_free=is_free,
+        residual_correlations=residual,
+        detection=detection,
+        false_alarms=false_alarms,
+    )
+
+
+def _with(
+    config: CfSmaConfig,
+    u_k: float | None = None,
+    u_c: float | None = None,
+    u_p: float | None = None,
+) -> CfSmaConfig:
+    if u_k is not None:
+        config = replace(config, curvature=replace(config.curvature, arc_tolerance=u_k))
+    if u_c is not None:
+        config = replace(config, functions=replace(config.functions, min_correlation=u_c))
+    if u_p is not None:
+        config = replace(config, landmarks=replace(config.landmarks, min_curvature=round(u_p, 3)))
+    return config
+
+
+def _functions(plane: Points, config: CfSmaConfig) -> tuple[Floats, tuple[Ints, Ints]]:
+    whole = (np.array([0]), np.array([len(plane)]))
+    return curvature_functions(plane, *whole, config.curvature)[0], whole
+
+
+def _n_peaks(plane: Points, config: CfSmaConfig) -> int:
+    eta, whole = _functions(plane, config)
+    return len(characteristic_points(eta, *whole, config.landmarks))
+
+
+def _mean_peaks(group: PlaneGroup, config: CfSmaConfig) -> float:
+    return float(np.mean([_n_peaks(plane, config) for plane in group.planes]))
+
+
+def _residual_correlations(groups: tuple[PlaneGroup, ...], config: CfSmaConfig) -> Floats:
+    length = config.functions.length
+    found = []
+    for group in groups:
+        rows = []
+        for plane in group.planes:
+            eta, whole = _functions(plane, config)
+            if eta.any():
+                rows.append(spectra(eta, *whole, length))
+        if len(rows) > 1:
+            all_rows = np.concatenate(rows[:100])
+            upsilon = correlations(all_rows, all_rows, length)
+            found.append(upsilon[np.triu_indices(len(all_rows), k=1)])
+    return np.sort(np.concatenate(found)) if found else np.empty(0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Corner:
+    points: Points
+    at: Points  # (2,) where it is
+    turn: float  # radians
+
+
+def _corners(sensor: Sensor, sigma: float, n_scans: int, seed: int) -> list[_Corner]:
+    """Return corners of all angles, 2 to 4 m away."""
+    settings = [(distance, turn) for distance in (2.0, 3.0, 4.0) for turn in CORNER_ANGLES]
+    return [
+        _Corner(points=scan.points[scan.valid], at=np.array([distance, 0.0]), turn=float(turn))
+        for k, (distance, turn) in enumerate(settings)
+        for scan in wall_scans(
+            sensor, distance, sigma=sigma, n_scans=n_scans, seed=seed + 1000 + k, angle=turn / 2.0
+        )
+    ]
+
+
+def _found(corners: list[_Corner], config: CfSmaConfig) -> float:
+    """Return the share of corners that show a peak where eq. 3 puts it.
+
+    Two sides of length a and b waste a + b - c of their arc on the chord c: the walk gets round the corner from
+    U_k / (1 - cos(turn)) before it, and that is where the peak stands.
+    """
+    found = 0
+    for corner in corners:
+        eta, whole = _functions(corner.points, config)
+        peaks = characteristic_points(eta, *whole, config.landmarks).extents[:, 0]
+        step = np.hypot(*np.diff(corner.points, axis=0).T)
+        reach = config.curvature.arc_tolerance / (1.0 - np.cos(corner.turn))
+        reach += _NEAR_CORNER * np.median(step)
+        found += bool((np.hypot(*(corner.points[peaks] - corner.at).T) <= reach).any())
+    return found / len(corners)
+
+
+def _line(points: Points) -> tuple[Points, float]:
+    """Return the unit normal and the distance from the origin of the line nearest to the points."""
+    centre = points.mean(axis=0)
+    normal = np.linalg.svd(points - centre, full_matrices=False)[2][1]
+    return normal, float(normal @ centre)
+
+
+def _is_plane(points: Points) -> bool:
+    """Return whether a line explains the points, and what it leaves is noise and not a bend."""
+    normal, offset = _line(points)
+    residual = points @ normal - offset
+    is_thin = residual.std() < 0.03 and np.ptp(points, axis=0).max() > 0.5
+    thirds = [part.mean() for part in np.array_split(residual, 3)]
+    return bool(is_thin and np.ptp(thirds) < residual.std())
+
+
+def _sigma(points: Points) -> float:
+    """Return the range noise that readings of a plane show, metres: robust, along the beams."""
+    normal, offset = _line(points)
+    ranges = np.hypot(points[:, 0], points[:, 1])
+    incidence = np.abs(points @ normal) / ranges
+    steep = incidence > 0.5  # grazing beams say little of the range
+    if np.count_nonzero(steep) < 5:
+        steep = np.ones(len(points), dtype=np.bool_)
+    residual = (points @ normal - offset)[steep] / incidence[steep]
+    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))

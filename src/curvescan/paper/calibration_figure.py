@@ -1,0 +1,77 @@
+"""The curves from which a calibration chose its parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from curvescan.paper.calibration import CURVATURES, TOLERANCES, Calibration
+from curvescan.plots.canvas import DARK, PATH, drawing, segment_colour
+from curvescan.runs.table import ResultTable
+
+
+def draw_calibration(path: Path, calibration: Calibration) -> None:
+    """Save false peaks against U_k, residual correlations with U_c, and corners found against U_p."""
+    config = calibration.config
+    with drawing(path, 13.0, 4.3) as figure:
+        left, middle, right = figure.subplots(1, 3)
+        for k, (group, peaks) in enumerate(
+            zip(calibration.groups, calibration.false_peaks, strict=True)
+        ):
+            left.plot(TOLERANCES, peaks, ".-", color=segment_colour(k), label=group.name)
+        left.set(xlabel="U_k [m]", ylabel="false peaks a plane", yscale="symlog", ylim=(0, None))
+        left.set_yscale("symlog", linthresh=0.1)
+        left.axvline(config.curvature.arc_tolerance, color=PATH, ls="--", lw=1.0)
+        left.set_title(f"U_k = {config.curvature.arc_tolerance:g} m")
+        left.legend(title="planes")
+
+        residual = calibration.residual_correlations
+        if residual.size:
+            share = np.arange(1, residual.size + 1) / residual.size
+            middle.plot(residual, 100.0 * share, color=DARK)
+        middle.axvline(config.functions.min_correlation, color=PATH, ls="--", lw=1.0)
+        middle.set(xlabel="correlation of two planes' functions", ylabel="pairs below [%]")
+        middle.set_title(f"U_c = {config.functions.min_correlation:g}")
+
+        right.plot(
+            CURVATURES, 100.0 * calibration.detection, ".-", color=DARK, label="corners found"
+        )
+        right.plot(
+            CURVATURES,
+            100.0 * calibration.false_alarms,
+            ".-",
+            color=PATH,
+            label="planes with a peak",
+        )
+        right.axvline(config.landmarks.min_curvature, color=PATH, ls="--", lw=1.0)
+        right.set(xlabel="U_p [rad]", ylabel="share [%]")
+        right.set_title(f"U_p = {config.landmarks.min_curvature:g} rad")
+        right.legend()
+
+
+def calibration_table(calibration: Calibration) -> ResultTable:
+    """Return what was found beside the paper's values."""
+    config = calibration.config
+    return ResultTable(
+        title="Parameters found",
+        columns=("parameter", "found", "paper"),
+        rows=[
+            ("sigma_rho, range noise", f"{config.segmentation.range_sigma:.4f} m", "lost"),
+            ("U_k, arc minus chord", f"{config.curvature.arc_tolerance:g} m", "1.0, unit unknown"),
+            ("U_c, correlation of functions", f"{config.functions.min_correlation:g}", "0.4"),
+            ("U_p, curvature of a corner", f"{config.landmarks.min_curvature:g} rad", "0.2 rad"),
+        ],
+    )
+
+
+def peak_table(calibration: Calibration) -> ResultTable:
+    """Return the mean number of false peaks a plane for each U_k."""
+    return ResultTable(
+        title="False peaks a plane",
+        columns=("U_k [m]", *(group.name for group in calibration.groups)),
+        rows=[
+            (f"{u_k:g}", *(f"{peaks:.2f}" for peaks in column))
+            for u_k, column in zip(TOLERANCES, calibration.false_peaks.T, strict=True)
+        ],
+    )

@@ -1,0 +1,88 @@
+"""Figures of the paper's experiments: error histograms, maps side by side (8), trajectories and what moved (9)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from curvescan.mapping.occupied_cells import occupied_cells
+from curvescan.mapping.run_maps import map_drive
+from curvescan.paper.experiments import DriveComparison
+from curvescan.paper.random_transform import SUCCESS, Moves, RandomTransformRuns
+from curvescan.plots.canvas import DARK, FAILED, PATH, TRUTH, as_place, drawing, segment_colour
+from curvescan.plots.map import draw_map, from_first
+
+
+def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformRuns]) -> None:
+    """Save the histograms of the errors of experiment 1."""
+    with drawing(path, 11.0, 4.5) as figure:
+        left, right = figure.subplots(1, 2)
+        for k, ((moves, share), runs) in enumerate(all_runs.items()):
+            style = {"histtype": "step", "color": segment_colour(k), "lw": 1.3}
+            label = f"the {moves} moved, {100 * share:.0f} % people"
+            for axes, errors, limits in (
+                (left, runs.translation_error, np.geomspace(1e-3, 10.0, 31)),
+                (right, np.degrees(runs.rotation_error), np.geomspace(1e-2, 180.0, 31)),
+            ):
+                known = errors[~np.isnan(errors)]
+                axes.hist(np.clip(known, limits[0], limits[-1]), bins=limits, label=label, **style)
+        for axes, limit, name in (
+            (left, SUCCESS[0], "translation error [m]"),
+            (right, np.degrees(SUCCESS[1]), "rotation error [deg]"),
+        ):
+            axes.axvline(limit, color=PATH, ls="--", lw=0.9)
+            axes.set(xscale="log", xlabel=name, ylabel="runs")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def draw_maps(path: Path, drive: DriveComparison) -> None:
+    """Save the maps of all methods side by side, each at the scale that shows all of it (figure 8)."""
+    truth = from_first(drive.log.truth.poses)
+    n_columns = min(len(drive.results), 4)
+    n_rows = -(-len(drive.results) // n_columns)
+    with drawing(path, 3.6 * n_columns, 3.9 * n_rows + 0.5) as figure:
+        places = np.ravel(figure.subplots(n_rows, n_columns, squeeze=False))
+        for axes in places:
+            axes.axis("off")
+        for axes, (method, result) in zip(places, drive.results.items(), strict=False):
+            axes.axis("on")
+            poses = result.run.trajectory.poses
+            axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0.0)
+            axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
+            axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label="matching")
+            failed = result.run.is_failed
+            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.0, label="match failed")
+            end = result.errors.end_translation
+            as_place(axes, f"{method}: end off by {end:.2f} m, {result.n_failed} failed")
+            axes.set_aspect("equal", adjustable="datalim")
+        figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def draw_trajectories(path: Path, drive: DriveComparison) -> None:
+    """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
+    truth = from_first(drive.log.truth.poses)
+    with drawing(path, 9.0, 7.0) as figure:
+        axes = figure.subplots()
+        for k, (method, result) in enumerate(drive.results.items()):
+            x, y = result.run.trajectory.poses[:, :2].T
+            axes.plot(x, y, color=segment_colour(k), lw=1.1, label=method)
+        axes.plot(*truth[:, :2].T, "--", color="black", lw=1.4, label="truth")
+        margin = 0.35 * float(np.ptp(truth[:, :2], axis=0).max()) + 0.5
+        low, high = truth[:, :2].min(axis=0) - margin, truth[:, :2].max(axis=0) + margin
+        as_place(axes, "a method that leaves the frame has lost its way")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        figure.legend(loc="outside lower center", ncols=5)
+
+
+def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
+    """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
+    run = drive.results[method].run
+    draw_map(
+        path,
+        run,
+        map_drive(drive.log, run.trajectory.poses, run.is_joined),
+        title=f"experiment {drive.experiment.number}, {method}",
+        wheels=None if drive.experiment.n_people else drive.log,
+        truth=drive.log.truth.poses,
+    )

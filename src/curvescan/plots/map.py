@@ -1,0 +1,96 @@
+"""The map of a run, as in the paper's figure 7: from matching (dark) over from wheel odometry (light)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from curvescan import se2
+from curvescan.io.log import Log
+from curvescan.mapping.occupied_cells import occupied_cells
+from curvescan.mapping.run_maps import DriveMap
+from curvescan.odometry import OdometryRun
+from curvescan.plots.canvas import (
+    DARK,
+    FAILED,
+    GREY,
+    LIGHT,
+    PATH,
+    TRUTH,
+    WHEELS,
+    as_place,
+    drawing_places,
+)
+from curvescan.types import Points, Pose
+
+
+def draw_map(
+    path: Path,
+    run: OdometryRun,
+    place: DriveMap,
+    *,
+    title: str,
+    wheels: Log | None = None,
+    truth: Pose | None = None,
+) -> None:
+    """Save the map of a run as a picture.
+
+    Parameters
+    ----------
+    path : Path
+        The PNG to write.
+    run : OdometryRun
+        The trajectory from matching; where its match failed it is marked by crosses.
+    place : DriveMap
+        What stands under that trajectory, and what moved, in grey.
+    title : str
+        Drawn above the map.
+    wheels : Log or None
+        The log of the run, where the map under its wheel odometry is to be drawn beneath, if it has any.
+    truth : (>= n, 3) float64 or None
+        True poses, in any frame.
+    """
+    poses, failed = run.trajectory.poses, run.is_failed
+    cells, moved_cells = place.standing, place.moved
+    true_poses = None if truth is None else from_first(truth[: len(poses)])
+    everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
+    wheel_poses = wheel_cells = None
+    if wheels is not None and wheels.odometry is not None:
+        wheel_poses = from_first(wheels.odometry.poses[: len(poses)])
+        wheel_cells = occupied_cells(wheels, wheel_poses)
+        everything.append(wheel_cells)
+    with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
+        as_place(axes, title)
+        if wheel_cells is not None:
+            _draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
+        if len(moved_cells):
+            _draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
+        _draw_cells(axes, cells, DARK, "map from scan matching")
+        if wheel_poses is not None:
+            axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
+        if true_poses is not None:
+            axes.plot(*true_poses[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
+        if failed.any():
+            label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
+            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
+        axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
+        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
+        figure.legend(loc="outside lower center", ncols=3)
+
+
+def from_first(poses: Pose) -> Pose:
+    """Return poses seen from the first one that is known."""
+    known = np.flatnonzero(~np.isnan(poses[:, 2]))
+    if known.size == 0:
+        return poses
+    return se2.between(poses[known[0]], poses)
+
+
+def _draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
+    # as large as a cell of 0.05 m on paper, but never too small to see
+    size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
+    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0)
+    axes.plot([], [], "s", color=colour, ms=4.0, mew=0.0, label=label)

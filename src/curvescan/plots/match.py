@@ -1,0 +1,185 @@
+"""The paper's figures of one match: segments (4), curvature functions (5), matched points (6 and 9)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from curvescan import __version__, se2
+from curvescan.matchers import match
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.cfsma.features import CfSmaFeatures
+from curvescan.matchers.cfsma.landmarks import Verdict
+from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
+from curvescan.matchers.result import Label, MatchResult
+from curvescan.plots.canvas import (
+    DARK,
+    GREY,
+    PAIRED,
+    PATH,
+    as_place,
+    drawing,
+    drawing_places,
+    segment_colour,
+)
+from curvescan.scan import LaserScan
+from curvescan.types import Ints, Points
+
+_SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls": "none"}
+
+
+def save_match(
+    folder: Path,
+    result: MatchResult,
+    *,
+    scans: tuple[LaserScan, LaserScan],
+    names: tuple[str, str],
+    cfsma: CfSmaConfig,
+) -> None:
+    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder; see :func:`curvescan.io.output_folder`.
+    result : MatchResult
+        Of any method. Segments and curvature functions are those of CF-SMA, whatever method found the pose.
+    scans : (LaserScan, LaserScan)
+        The reference and the current scan.
+    names : (str, str)
+        What to call them.
+    cfsma : CfSmaConfig
+        Parameters of the segments and functions.
+    """
+    paper = result if result.method == "cfsma" else match(*scans, method="cfsma", config=cfsma)
+    trace = paper.trace
+    assert isinstance(trace, CfSmaTrace)
+    draw_segments(folder / "segments.png", trace, names)
+    draw_curvature(folder / "curvature.png", trace, names, cfsma.landmarks.min_curvature)
+    draw_matched(folder / "matched.png", result, scans, names)
+    weak = result.weak_direction
+    record = {
+        "curvescan": __version__,
+        "reference": names[0],
+        "current": names[1],
+        "method": result.method,
+        "outcome": result.outcome.name.lower(),
+        "meaning": result.outcome.value,
+        "pose": result.pose.tolist() if result.ok else None,
+        "covariance": result.covariance.tolist() if result.ok else None,
+        "weak_direction": None if weak is None else weak.tolist(),
+        "n_matched": result.n_matched,
+    }
+    if result.method == "cfsma":
+        record |= {
+            "rejections": trace.rejections(),
+            "readings_reference": count_gates(trace.gates_reference),
+            "readings_current": count_gates(trace.gates_current),
+        }
+    (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+
+
+def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:
+    """Save the segments of both scans in colours, isolated readings in grey (figure 4)."""
+    scans = (trace.reference, trace.current)
+    points = np.concatenate([features.points for features in scans])
+    with drawing_places(path, _with_sensor(points), 2) as (figure, places):
+        for axes, features, name in zip(places, scans, names, strict=True):
+            _draw_segments(axes, features)
+            n_points = len(features.landmarks)
+            as_place(axes, f"{name}: CF-SMA, {len(features.starts)} segments, {n_points} corners")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def draw_curvature(
+    path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float
+) -> None:
+    """Save the curvature functions of both scans, with U_p and the characteristic points (figure 5)."""
+    paired_rows = np.flatnonzero(trace.landmark_pairs.verdict == Verdict.PAIRED)
+    paired = {
+        "current": paired_rows,
+        "reference": trace.landmark_pairs.partner[paired_rows],
+    }
+    with drawing(path, 12.0, 7.0) as figure:
+        top, bottom = figure.subplots(2, 1)
+        for axes, features, name, rows in (
+            (top, trace.reference, names[0], paired["reference"]),
+            (bottom, trace.current, names[1], paired["current"]),
+        ):
+            _draw_functions(axes, features, rows)
+            for sign in (1, -1):
+                axes.axhline(
+                    sign * min_curvature,
+                    color=PATH,
+                    lw=0.8,
+                    ls="--",
+                    label=f"±U_p = {min_curvature:g} rad" if sign > 0 else None,
+                )
+            axes.set_title(name)
+            axes.set_ylabel("curvature index [rad]")
+        bottom.set_xlabel("reading along the sweep (valid readings, counter-clockwise)")
+        figure.legend(*bottom.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def draw_matched(
+    path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]
+) -> None:
+    """Save the matched points of both scans, the rest in grey, before and after (figures 6 and 9)."""
+    reference, before = scans[0].points, scans[1].points
+    after = se2.transform(result.pose, before) if result.ok else None
+    shown = [reference, before] + ([] if after is None else [after])
+    with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
+        _draw_overlay(left, result, reference, before)
+        as_place(left, "as measured, each scan in its own sensor frame")
+        if after is None:
+            right.axis("off")
+            right.text(0.5, 0.5, result.outcome.value, ha="center", va="center", wrap=True)
+        else:
+            _draw_overlay(right, result, reference, after)
+            as_place(right, f"after the match: {result.n_matched} readings matched")
+        left.plot([], [], ".", color=DARK, label=f"{names[0]}, matched")
+        left.plot([], [], ".", color=PAIRED, label=f"{names[1]}, matched")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def _with_sensor(points: Points) -> Points:
+    return np.concatenate([points, np.zeros((1, 2))])
+
+
+def _draw_segments(axes: Axes, features: CfSmaFeatures) -> None:
+    axes.plot(*features.points.T, ".", color=GREY, ms=3.0, label="isolated reading")
+    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+        axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3.0, lw=0.7)
+    corners = features.points[features.landmarks.extents[:, 0]]
+    axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7.0, label="characteristic point")
+    axes.plot(0, 0, **_SENSOR, label="sensor")
+
+
+def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
+    for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
+        axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=0.9)
+        axes.axvline(start, color=GREY, lw=0.5, zorder=0)
+    at = features.landmarks.extents[:, 0]
+    axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6.0, label="characteristic point")
+    axes.plot(at[paired], features.eta[at[paired]], "o", color=PAIRED, ms=6.0, label="paired")
+    axes.margins(x=0.01)
+
+
+def _draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
+    took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
+    axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="took no part")
+    axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)
+    if isinstance(result.trace, CfSmaTrace):
+        # the one method that pairs reading with reading, once
+        cur_idx, ref_idx = result.trace.reading_pairs
+        beams_ref = result.trace.reference.beam_idx[ref_idx]
+        beams_cur = result.trace.current.beam_idx[cur_idx]
+        ends = np.stack([points_ref[beams_ref], points_cur[beams_cur]])
+        axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
+    axes.plot(*points_ref[took_part[0]].T, ".", color=DARK, ms=4.0)
+    axes.plot(*points_cur[took_part[1]].T, ".", color=PAIRED, ms=4.0)
+    axes.plot(0, 0, **_SENSOR, label="sensor of the first")

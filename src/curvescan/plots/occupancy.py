@@ -1,0 +1,68 @@
+"""The occupancy map as a picture: white free, dark occupied, grey unknown, and the way of the sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from numpy.typing import NDArray
+
+from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
+from curvescan.types import Pose
+
+_COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
+"""From what gives way to what shows, where many cells are drawn as one."""
+
+_MAX_PIXELS = 2000
+"""Largest number of cells drawn along a side; of more, blocks are merged."""
+
+
+def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
+    """Save an occupancy map as a picture.
+
+    Parameters
+    ----------
+    path : Path
+        The PNG to write.
+    grid : OccupancyGrid
+        A map of at least one cell.
+    poses : (n, 3) float64
+        Trajectory of the sensor, frame of the map.
+    title : str
+        Drawn above the map.
+    """
+    ranks, side = _merged_ranks(grid)
+    left, bottom = grid.origin
+    right, top = grid.origin + side * np.array(ranks.shape[::-1])
+    with drawing_places(path, np.array([[left, bottom], [right, top]])) as (figure, [axes]):
+        as_place(axes, f"{title}, cells of {grid.resolution:g} m")
+        axes.grid(visible=False)
+        axes.imshow(
+            ranks,
+            extent=(left, right, bottom, top),
+            origin="lower",
+            cmap=ListedColormap(list(_COLOURS.values())),
+            vmin=0,
+            vmax=2,
+            interpolation_stage="rgba",  # a mean of ranks would be another rank
+        )
+        axes.set(xlim=(left, right), ylim=(bottom, top))
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="way of the sensor")
+        for label, colour in _COLOURS.items():
+            axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6.0, label=label)
+        figure.legend(loc="outside lower center", ncols=4)
+
+
+def _merged_ranks(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float]:
+    """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the highest of each block, and a block's side in metres."""
+    ranks = grid.is_free.astype(np.uint8)
+    ranks[grid.is_occupied] = 2
+    n = -(-max(ranks.shape) // _MAX_PIXELS)
+    if n > 1:
+        n_rows, n_columns = (-(-size // n) for size in ranks.shape)
+        missing = [(0, n * n_rows - ranks.shape[0]), (0, n * n_columns - ranks.shape[1])]
+        blocks = np.pad(ranks, missing).reshape(n_rows, n, n_columns, n)
+        ranks = blocks.max(axis=(1, 3))
+    return ranks, n * grid.resolution

@@ -1,0 +1,161 @@
+"""The result folder of an odometry run: trajectory, map, and all that is needed to repeat it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import platform
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from curvescan import __version__
+from curvescan.io.log import Log
+from curvescan.io.ros.bag_files import storage_files
+from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.map_server import write_map
+from curvescan.mapping.run_maps import map_drive
+from curvescan.odometry import Odometry, OdometryRun, StepOutcome
+from curvescan.odometry.deskewing import deskewed_along
+from curvescan.plots.map import draw_map
+from curvescan.plots.occupancy import draw_occupancy
+from curvescan.types import Pose
+
+
+def save_run(
+    folder: Path,
+    run: OdometryRun,
+    log: Log,
+    *,
+    odometry: Odometry,
+    command: Sequence[str] = (),
+    source: Path | None = None,
+    truth: Pose | None = None,
+    occupancy: OccupancyConfig | None = None,
+) -> tuple[str, ...]:
+    """Write the trajectory, the maps and the record of a run into an existing folder.
+
+    trajectory.tum, trajectory.csv, map.png, run.json; and the occupancy map: map.pgm with map.yaml, as a map server loads
+    it, and occupancy.png.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; see :func:`curvescan.io.output_folder`.
+    run : OdometryRun
+        The run, at least one scan; also a partial one.
+    log : Log
+        What it ran over; read once more for the map.
+    odometry : Odometry
+        What ran, for its configuration.
+    command : sequence of str
+        The command line that asked for it.
+    source : Path or None
+        The file or folder of the log, for its size and digest.
+    truth : (n, 3) float64 or None
+        True poses, drawn with the map.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map; None for the defaults.
+
+    Returns
+    -------
+    tuple of str
+        What was left out and why, a sentence each.
+    """
+    occupancy = occupancy or OccupancyConfig()
+    write_tum(folder / "trajectory.tum", run.trajectory)
+    write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
+    seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
+    place = map_drive(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    draw_map(folder / "map.png", run, place, title=_title(run, log), wheels=log, truth=truth)
+    left_out: tuple[str, ...] = ()
+    if place.grid is not None:
+        write_map(folder, place.grid)
+        title = f"{_title(run, log)}: occupancy"
+        draw_occupancy(folder / "occupancy.png", place.grid, run.trajectory.poses, title=title)
+    else:
+        left_out = (f"no occupancy map: {place.why_no_grid}",)
+    record = describe_run(run, log, odometry, command, source)
+    record["occupancy"] = as_plain(occupancy)
+    record["left_out"] = list(left_out)
+    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return left_out
+
+
+def describe_run(
+    run: OdometryRun,
+    log: Log,
+    odometry: Odometry,
+    command: Sequence[str] = (),
+    source: Path | None = None,
+) -> dict[str, object]:
+    """Return what run.json holds: version, command, input, configuration, outcomes, times."""
+    outcomes = Counter(run.outcomes)
+    median, p99, worst = np.percentile(1e3 * run.seconds, [50.0, 99.0, 100.0])
+    return {
+        "curvescan": __version__,
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in ("numpy", "numba")},
+        "machine": platform.machine(),
+        "command": list(command),
+        "input": {"name": log.name, "format": log.format, "scans": len(log)} | _digest(source),
+        "method": run.method,
+        "config": {
+            run.method: as_plain(odometry.matcher.config),
+            "odometry": as_plain(odometry.config),
+        },
+        "odometry_prior": run.has_prior,
+        "is_partial": run.is_partial,
+        "scans": len(run.outcomes),
+        "outcomes": {kind.name.lower(): outcomes[kind] for kind in StepOutcome},
+        "failures": {
+            outcome.name.lower(): {"count": count, "meaning": outcome.value}
+            for outcome, count in run.failures.items()
+        },
+        "milliseconds_per_scan": {
+            "median": round(float(median), 4),
+            "p99": round(float(p99), 4),
+            "max": round(float(worst), 4),
+        },
+        "milliseconds_between_scans": round(1e3 * run.scan_period, 4)
+        if math.isfinite(run.scan_period)
+        else None,
+        "input_faults": [dataclasses.asdict(fault) for fault in log.faults],
+    }
+
+
+def as_plain(value: object) -> object:
+    """Return a configuration as dictionaries, lists, numbers and strings."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: as_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {str(key): as_plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_plain(item) for item in value]
+    return value
+
+
+def _digest(source: Path | None) -> dict[str, object]:
+    if source is None:
+        return {}
+    if source.is_dir():  # of a ROS 2 bag
+        return {"files": {file.name: _digest(file) for file in storage_files(source)}}
+    with source.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"bytes": source.stat().st_size, "sha256": digest}
+
+
+def _title(run: OdometryRun, log: Log) -> str:
+    title = f"{log.name}: {len(run.outcomes):,} scans, {run.method}"
+    if run.is_partial:
+        title += f" (partial: interrupted, {len(log):,} scans in all)"
+    return title

@@ -1,1 +1,0 @@
-"""Figures and result folders. Matplotlib is loaded when the first figure is drawn."""

@@ -1,0 +1,51 @@
+"""Which way a log's beams were swept, told by the scans themselves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+import curvescan as cs
+from curvescan.diagnostics.beam_order import SweepOrder, judge_sweeps, lists_beams_backwards
+from curvescan.io import LaserSetup, read_log, set_up
+from curvescan.simulation import SENSORS
+from curvescan.simulation.pursuit import Drive
+
+SENSOR = SENSORS["spinning-360"]
+SWEPT = replace(SENSOR, time_increment=SENSOR.period / SENSOR.n_beams)
+
+
+@pytest.mark.slow
+def test_a_lively_drive_tells_the_order_of_the_beams():
+    drive = Drive(turn_rate=2.0, acceleration=1.5)
+    log = cs.simulate("office", sensor=SWEPT, n_scans=200, seed=1, drive=drive)
+    assert judge_sweeps(log).is_forwards
+    assert lists_beams_backwards(set_up(log, LaserSetup(backwards=True)))
+
+
+def test_what_cannot_tell_says_nothing():
+    still = cs.simulate("office", sensor=SENSOR, n_scans=4, seed=1)
+    for order in (judge_sweeps(still), judge_sweeps([])):
+        assert order.n_pairs == 0
+        assert math.isnan(order.gain)
+        assert not order.is_backwards
+        assert not order.is_forwards
+    assert not lists_beams_backwards(still)
+    one = SweepOrder(n_pairs=1, gain=-1.0, standard_error=math.nan)
+    assert not one.is_backwards
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "is_backwards"),
+    [
+        ("turtlebot4-rplidar/macfirst_floor_take_2", True),
+        ("ccny-handheld-hokuyo/demo.bag", False),
+    ],
+)
+def test_real_logs(real_data, name, is_backwards):
+    assert judge_sweeps(read_log(real_data / name)).is_backwards is is_backwards
+    if is_backwards:
+        assert judge_sweeps(read_log(real_data / name, backwards=True)).is_forwards

@@ -1,0 +1,280 @@
+"""output_folder: all results or none, and a bad place is refused before the work."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from curvescan.errors import OutputError
+from curvescan.io import output_folder
+from curvescan.io.files.output import output_file
+
+
+def tree(folder: Path) -> dict[str, str | None]:
+    """Return every path below a folder with the text of the files."""
+    return {
+        str(path.relative_to(folder)): path.read_text() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def test_results_are_moved_when_the_block_ends(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with output_folder(target) as folder:
+        (folder / "a.txt").write_text("1")
+        (folder / "sub").mkdir()
+        (folder / "sub" / "b.txt").write_text("2")
+        assert not target.exists()
+        assert folder.parent == tmp_path
+        assert folder.name.startswith(".")
+    assert tree(tmp_path) == {"out": None, "out/a.txt": "1", "out/sub": None, "out/sub/b.txt": "2"}
+
+
+def test_parents_are_made(tmp_path: Path) -> None:
+    with output_folder(tmp_path / "x" / "y" / "out") as folder:
+        (folder / "a").write_text("1")
+    assert (tmp_path / "x" / "y" / "out" / "a").read_text() == "1"
+
+
+def test_target_has_ordinary_access_rights(tmp_path: Path) -> None:
+    (tmp_path / "plain").mkdir()
+    with output_folder(tmp_path / "out"):
+        pass
+    # a temporary folder is private; the results are not meant to be
+    assert (tmp_path / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_existing_files_are_replaced_and_others_stay(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    (target / "a").write_text("old")
+    (target / "other").write_text("kept")
+    with output_folder(target) as folder:
+        (folder / "a").write_text("new")
+        assert tree(target) == {"a": "old", "other": "kept"}
+    assert tree(tmp_path) == {"out": None, "out/a": "new", "out/other": "kept"}
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("is_there", [False, True])
+def test_after_an_error_all_is_as_before(
+    tmp_path: Path, error: type[BaseException], is_there: bool
+) -> None:
+    target = tmp_path / "x" / "out"
+    if is_there:
+        target.mkdir(parents=True)
+        (target / "a").write_text("old")
+    before = tree(tmp_path)
+
+    def work() -> None:
+        with output_folder(target) as folder:
+            (folder / "a").write_text("new")
+            raise error
+
+    with pytest.raises(error):
+        work()
+    assert tree(tmp_path) == before
+
+
+def test_parents_that_others_use_meanwhile_stay(tmp_path: Path) -> None:
+    def work() -> None:
+        with output_folder(tmp_path / "x" / "y" / "out"):
+            (tmp_path / "x" / "theirs").write_text("1")
+            raise ValueError
+
+    with pytest.raises(ValueError):  # noqa: PT011
+        work()
+    assert tree(tmp_path) == {"x": None, "x/theirs": "1"}
+
+
+def refused(path: Path | str, sentence: str) -> None:
+    """Check that a place is refused before the block runs."""
+    n_runs = 0
+    with pytest.raises(OutputError, match=sentence), output_folder(path):
+        n_runs += 1
+    assert n_runs == 0
+
+
+def test_target_that_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    refused(tmp_path / "out", "is a file: results need a folder")
+    assert tree(tmp_path) == {"out": "mine"}
+
+
+def test_target_below_a_file(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    refused(tmp_path / "file" / "out", "cannot write results to .*; choose another folder")
+    refused(tmp_path / "file" / "x" / "out", "cannot write results to .*; choose another folder")
+    assert tree(tmp_path) == {"file": "mine"}
+
+
+def test_path_that_cannot_exist(tmp_path: Path) -> None:
+    refused(f"{tmp_path}/a\0b", "cannot write results")
+    refused(tmp_path / ("n" * 300) / "out", "cannot write results")
+    assert tree(tmp_path) == {}
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc on this system")
+def test_place_that_no_user_can_write() -> None:
+    refused("/proc/out", "cannot write results to '/proc/out'")
+    refused("/proc/self", "cannot write results to '/proc/self'")
+
+
+def test_existing_target_without_permission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    make = tempfile.mkdtemp
+
+    def refuse_target(prefix: str, dir: Path) -> str:  # noqa: A002
+        if dir == target:
+            raise PermissionError(13, "Permission denied")
+        return make(prefix=prefix, dir=dir)
+
+    # the tests may run as root, whom no access right stops
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse_target)
+    refused(target, "Permission denied; choose another folder")
+    assert tree(tmp_path) == {"out": None}
+
+
+def test_target_whose_parent_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    make = tempfile.mkdtemp
+
+    def refuse_parent(prefix: str, dir: Path) -> str:  # noqa: A002
+        if dir == tmp_path:
+            raise PermissionError(13, "Permission denied")
+        return make(prefix=prefix, dir=dir)
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse_parent)
+    with output_folder(target) as folder:
+        assert folder.parent == target
+        (folder / "a").write_text("1")
+    assert tree(tmp_path) == {"out": None, "out/a": "1"}
+
+
+def test_parents_made_before_one_fails_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mkdir = Path.mkdir
+
+    def refuse_second(path: Path) -> None:
+        if path.name == "second":
+            raise PermissionError(13, "Permission denied")
+        mkdir(path)
+
+    monkeypatch.setattr(Path, "mkdir", refuse_second)
+    refused(tmp_path / "first" / "second" / "out", "Permission denied")
+    assert tree(tmp_path) == {}
+
+
+def test_target_that_is_a_link_to_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with output_folder(tmp_path / "link") as folder:
+        (folder / "a").write_text("1")
+    assert (tmp_path / "link").is_symlink()
+    assert tree(tmp_path / "real") == {"a": "1"}
+
+
+@pytest.mark.skipif(not os.path.ismount("/dev/shm"), reason="no second file system at hand")
+def test_target_that_is_a_mount_point() -> None:
+    target = Path("/dev/shm")
+    name = f"curvescan-test-{os.getpid()}"
+    try:
+        with output_folder(target) as folder:
+            # beside it is another file system, from which nothing can be moved in one step
+            assert folder.parent == target
+            (folder / name).write_text("1")
+        assert (target / name).read_text() == "1"
+        assert not folder.exists()
+    finally:
+        (target / name).unlink(missing_ok=True)
+
+
+def test_new_target_is_not_there_when_the_move_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, goal: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+
+    def work() -> None:
+        with output_folder(tmp_path / "x" / "out") as folder:
+            (folder / "a").write_text("1")
+
+    with pytest.raises(OutputError, match="No space left on device"):
+        work()
+    assert tree(tmp_path) == {}
+
+
+def test_new_folders_appear_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace, moves = Path.replace, []
+
+    def watch(path: Path, goal: Path) -> None:
+        moves.append(goal.relative_to(tmp_path).as_posix())
+        replace(path, goal)
+
+    monkeypatch.setattr(Path, "replace", watch)
+    for _ in range(2):
+        with output_folder(tmp_path / "out") as folder:
+            (folder / "sub").mkdir()
+            for name in ("a", "sub/b"):
+                (folder / name).write_text("1")
+    assert moves == ["out", "out/a", "out/sub/b"]
+
+
+def test_file_is_replaced_when_the_block_ends(tmp_path: Path) -> None:
+    path = tmp_path / "sub" / "a.txt"
+    for old, new in ((None, "1"), ("1", "2")):
+        with output_file(path) as file:
+            assert file.parent.parent == path.parent  # a hidden folder, where the file will be
+            file.write_text(new)
+            assert (path.read_text() if path.exists() else None) == old
+        assert tree(tmp_path) == {"sub": None, "sub/a.txt": new}
+    with pytest.raises(ValueError), output_file(path) as file:  # noqa: PT011, PT012
+        file.write_text("3")
+        raise ValueError
+    assert tree(tmp_path) == {"sub": None, "sub/a.txt": "2"}
+
+
+def test_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with output_file(tmp_path / "link") as file:
+        file.write_text("new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+
+
+def test_places_where_no_file_can_be(tmp_path: Path) -> None:
+    for path in (tmp_path, "/dev/null", f"{tmp_path}/a\0b"):
+        with pytest.raises(OutputError), output_file(path):
+            pass
+
+
+@pytest.mark.parametrize("path", ["a", "sub/b"])
+def test_result_in_the_way_of_what_is_there(tmp_path: Path, path: str) -> None:
+    target = tmp_path / "out"
+    (target / "a").mkdir(parents=True)
+    (target / "sub").write_text("a file")
+    (target / "0").write_text("old")
+    before = tree(tmp_path)
+
+    def work() -> None:
+        with output_folder(target) as folder:
+            (folder / "0").write_text("new")
+            (folder / path).parent.mkdir(exist_ok=True)
+            (folder / path).write_text("1")
+
+    with pytest.raises(OutputError, match=r"is a (file|folder) .*remove"):
+        work()
+    assert tree(tmp_path) == before

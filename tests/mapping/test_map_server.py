@@ -1,0 +1,102 @@
+"""Maps on disk, read back by other readers (Pillow, PyYAML) and by the rules of Nav2's map_server."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from curvescan import LaserScan
+from curvescan.errors import InvalidArgumentError, OutputError
+from curvescan.mapping.map_server import write_map
+from curvescan.mapping.occupancy import OccupancyBuilder
+from curvescan.plots.occupancy import draw_occupancy
+
+yaml = pytest.importorskip("yaml", reason="needs PyYAML")
+Image = pytest.importorskip("PIL.Image", reason="needs Pillow")
+
+OCCUPIED, FREE, UNKNOWN = 100, 0, -1
+
+
+def load_as_nav2(path):
+    """Return what Nav2's map_server makes of a map: cells row by row from the smallest y, resolution, origin."""
+    described = yaml.safe_load(path.read_text())
+    assert set(described) == {
+        "image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh",
+    }  # fmt: skip
+    assert described["mode"] == "trinary"
+    with Image.open(path.parent / described["image"]) as image:
+        assert image.mode == "L"
+        shade = np.array(image) / 255.0
+    occ = shade if described["negate"] else 1.0 - shade
+    cells = np.full(occ.shape, UNKNOWN)
+    cells[occ < described["free_thresh"]] = FREE
+    cells[described["occupied_thresh"] < occ] = OCCUPIED
+    return cells[::-1], described["resolution"], described["origin"]
+
+
+@pytest.fixture
+def grid():
+    # a wall 2 m ahead, a post 1 m to the left, nothing to the right
+    builder = OccupancyBuilder()
+    angles = np.arange(-90, 91) * (np.pi / 180)
+    ranges = np.where(np.abs(angles) < 0.7, 2.0 / np.cos(angles), np.nan)
+    ranges[-1], ranges[0] = 1.0, math.inf
+    scan = LaserScan(ranges, angle_min=angles[0], angle_increment=np.pi / 180, range_max=3.0)
+    builder.add(scan, (0.51, -0.26, 0.0))
+    return builder.grid()
+
+
+def test_a_map_comes_back_as_nav2_loads_it(tmp_path, grid):
+    write_map(tmp_path, grid)
+    cells, resolution, (x, y, yaw) = load_as_nav2(tmp_path / "map.yaml")
+    np.testing.assert_array_equal(cells == OCCUPIED, grid.is_occupied)
+    np.testing.assert_array_equal(cells == FREE, grid.is_free)
+    np.testing.assert_array_equal(cells == UNKNOWN, grid.log_odds == 0.0)
+    assert {OCCUPIED, FREE, UNKNOWN} == set(np.unique(cells).tolist())
+    assert resolution == 0.05
+    np.testing.assert_allclose((x, y), grid.origin, atol=1e-12)
+    assert yaw == 0.0
+
+    def at(east, north):
+        return cells[math.floor((north - y) / resolution), math.floor((east - x) / resolution)]
+
+    # the world of the fixture, neither mirrored nor turned
+    assert at(0.51 + 2.0, -0.26) == OCCUPIED
+    assert at(0.51 + 2.0, -0.26 + 1.2) == OCCUPIED
+    assert at(0.51, -0.26 + 1.0) == OCCUPIED
+    assert at(0.51, -0.26 - 1.0) == FREE
+    assert at(0.51 + 1.0, -0.26) == FREE
+    assert at(0.51 + 0.1, -0.26 - 1.0) == UNKNOWN
+
+
+def test_the_top_row_of_the_picture_is_the_largest_y(tmp_path, grid):
+    write_map(tmp_path, grid, name="office")
+    assert yaml.safe_load((tmp_path / "office.yaml").read_text())["image"] == "office.pgm"
+    with Image.open(tmp_path / "office.pgm") as image:
+        pixels = np.array(image)
+    assert set(np.unique(pixels).tolist()) == {0, 205, 254}
+    rows = np.flatnonzero((pixels == 0).any(axis=1))
+    # the wall's upper end, 1.65 m north of the sensor, is the highest row
+    assert rows[0] == 0
+    assert (grid.is_occupied[-1]).any()
+
+
+def test_a_map_without_cells_and_a_folder_that_is_not_there_are_told(tmp_path, grid):
+    with pytest.raises(InvalidArgumentError, match="at least one cell"):
+        write_map(tmp_path, OccupancyBuilder().grid())
+    with pytest.raises(OutputError, match="cannot write"):
+        write_map(tmp_path / "missing", grid)
+
+
+@pytest.mark.parametrize("limit", [2000, 7])
+def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
+    monkeypatch.setattr("curvescan.plots.occupancy._MAX_PIXELS", limit)
+    draw_occupancy(tmp_path / "a.png", grid, np.array([[0.51, -0.26, 0.0]]), title="room")
+    with Image.open(tmp_path / "a.png") as image:
+        grey = np.array(image.convert("L"))
+    # the wall stands in the right half, from y = -1.9 up to the top; title and names of the axes are left out
+    left, top, middle = grey.shape[1] // 5, grey.shape[0] // 6, grey.shape[0] // 2
+    dark = (grey[top:middle, left:] < 60).mean(axis=0)
+    assert left + dark.argmax() > 0.6 * grey.shape[1]

@@ -1,0 +1,52 @@
+"""Scans and their features for the tests of the default matcher's stages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+import curvescan as cs
+from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.features import extract_features
+from tests.scenes import room_ranges, room_scan
+
+MOTION = np.array([0.12, -0.07, 0.09])
+
+
+def features(scan, config=None):
+    return extract_features(scan, config or ConsensusConfig())
+
+
+def pillar_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.005, seed=0, n_beams=361, fov=math.pi, **kwargs):
+    """The room of scenes.py with three square pillars, so that no half of it looks like the other."""
+    increment = fov / (n_beams - 1)
+    angles = -fov / 2 + increment * np.arange(n_beams)
+    ranges = room_ranges(pose, angles)
+    for x, y, side in ((1.2, 0.7, 0.3), (1.6, -0.8, 0.2), (-1.0, 1.2, 0.4)):
+        box = np.array([x, y, x + side, y + side])
+        c, s = np.cos(angles + pose[2]), np.sin(angles + pose[2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across = np.sort([(box[0] - pose[0]) / c, (box[2] - pose[0]) / c], axis=0)
+            along = np.sort([(box[1] - pose[1]) / s, (box[3] - pose[1]) / s], axis=0)
+        enter, leave = np.maximum(across[0], along[0]), np.minimum(across[1], along[1])
+        ranges = np.where((enter < leave) & (enter > 0), np.minimum(ranges, enter), ranges)
+    noise = sigma * np.random.default_rng(seed).standard_normal(n_beams)
+    return cs.LaserScan(
+        ranges + noise,
+        angle_min=-fov / 2,
+        angle_increment=increment,
+        range_max=20.0,
+        **kwargs,
+    )
+
+
+def pair(seed=0, motion=MOTION, **kwargs):
+    """Features of two scans of the room with pillars, `motion` apart."""
+    return (
+        features(pillar_scan(seed=2 * seed, **kwargs)),
+        features(pillar_scan(motion, seed=2 * seed + 1, **kwargs)),
+    )
+
+
+__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan"]

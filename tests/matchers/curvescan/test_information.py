@@ -1,0 +1,108 @@
+"""Covariance: the information of the fit, its principal directions, and what is open."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.config import InformationConfig
+from curvescan.matchers.curvescan.information import covariance, eigen3, pose_information
+from curvescan.matchers.curvescan.labels import compare_readings
+from curvescan.matchers.curvescan.refinement import refine
+from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
+from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
+from tests.reference import consensus as slow
+
+
+def told_at(ref, cur, pose):
+    _, partner_cur = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    _, partner_ref = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(pose), 0.01)
+    arguments = (ref.view.surfels, partner_ref, cur.view.surfels, partner_cur, pose)
+    return arguments, pose_information(*arguments)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_eigenvalues_and_eigenvectors_are_those_of_numpy(seed):
+    root = np.random.default_rng(seed).normal(size=(3, 3)) * [1.0, 10.0, 0.1]
+    matrix = root.T @ root
+    values, vectors = eigen3(matrix)
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrix), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(vectors @ np.diag(values) @ vectors.T, matrix, atol=1e-9)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(3), atol=1e-12)
+
+
+def test_eigen_of_a_diagonal_matrix():
+    values, vectors = eigen3(np.diag([3.0, 1.0, 2.0]))
+    np.testing.assert_array_equal(values, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(np.abs(vectors), np.eye(3)[:, [1, 2, 0]])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_information_is_that_of_the_slow_twin(seed):
+    ref, cur = pair(seed)
+    arguments, (told, feigned, axes, units) = told_at(ref, cur, MOTION)
+    net = axes @ np.diag(told) @ axes.T / np.outer(units, units)
+    expected = slow.information(*arguments)
+    # what tilt feigns is small in a room, and taken off
+    assert (feigned < 0.1 * told).all()
+    np.testing.assert_allclose(np.diag(net), np.diag(expected), rtol=0.05)
+    assert (np.diag(net) <= np.diag(expected) * (1 + 1e-6)).all()
+    cov = covariance(told, axes, units, np.zeros(3, dtype=bool), 1.0)
+    np.testing.assert_array_equal(cov, cov.T)
+    np.testing.assert_allclose(cov @ net, np.eye(3), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_covariance_is_that_of_a_monte_carlo():
+    errors, predicted = [], []
+    for seed in range(200):
+        ref, cur = pair(seed)
+        pose = refine(MOTION[np.newaxis], ref.whole, cur.whole, np.array([0.0, 0.0]))[0]
+        _, (told, _, axes, units) = told_at(ref, cur, pose)
+        errors.append(pose - MOTION)
+        predicted.append(covariance(told, axes, units, np.zeros(3, dtype=bool), 1.0))
+    nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, predicted, strict=True)]
+    # chi-square of 3 degrees of freedom: mean 3, and of 200 of them a standard error of 0.17
+    assert 2.3 < np.mean(nees) < 3.7
+    ratio = np.std(errors, axis=0) / np.sqrt(np.mean(predicted, axis=0).diagonal())
+    assert (np.abs(ratio - 1.0) < 0.25).all()
+
+
+def test_a_corridor_tells_nothing_along_itself():
+    for seed in range(10):
+        ref = features(hall_scan(0.0, seed=2 * seed))
+        cur = features(hall_scan(0.3, seed=2 * seed + 1))
+        _, (told, feigned, axes, units) = told_at(ref, cur, np.zeros(3))
+        assert abs(axes[0, 0]) > 0.98
+        assert told[0] < 2.0 * feigned[0] or told[0] < 100.0
+        assert told[1] > 1e4
+        cov = covariance(told, axes, units, np.array([True, False, False]), 1.0)
+        assert abs(math.sqrt(cov[0, 0]) - 1.0) < 0.05
+        assert math.sqrt(cov[1, 1]) < 0.05
+
+
+def test_an_open_turn_about_a_far_place_widens_the_position():
+    axes = np.eye(3)[:, [2, 0, 1]]
+    is_open = np.array([True, False, False])
+    plain = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_open, 0.4)
+    np.testing.assert_allclose(np.diag(plain), [1e-6, 1e-6, 0.16])
+    c, s = math.cos(0.6), math.sin(0.6)
+    axes = np.array([[s, c, 0.0], [0.0, 0.0, 1.0], [c, -s, 0.0]])
+    arc = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_open, 0.4)
+    assert arc[1, 1] > 1e-4
+    assert np.linalg.eigvalsh(arc).min() > 0
+
+
+def test_no_partners_tell_nothing():
+    one = features(pillar_scan())
+    nobody = np.full(len(one.view.surfels), -1)
+    told, feigned, _, _ = pose_information(
+        one.view.surfels, nobody, one.view.surfels, nobody, np.zeros(3)
+    )
+    assert not told.any()
+    assert not feigned.any()
+    with pytest.raises(cs.InvalidArgumentError, match="max_sigma must be > 0"):
+        InformationConfig(max_sigma=0.0)

@@ -1,0 +1,96 @@
+"""Labels: agreement, what has come or gone, what is out of sight."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.labels import (
+    AGREES,
+    HIDDEN,
+    MOVED,
+    compare_readings,
+    surfaces_at_rest,
+)
+from curvescan.matchers.curvescan.range_image import reading_at
+from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
+from tests.reference import consensus as slow
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_follow_their_definition(seed):
+    ref, cur = pair(seed)
+    pose = MOTION + 0.02 * np.random.default_rng(seed).standard_normal(3)
+    codes, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    for surfel, code, j in zip(cur.view.surfels, codes, partner, strict=True):
+        point = cs.se2.transform(pose, surfel[:2])
+        seen = reading_at(*point, ref.view)
+        assert (j >= 0) == (code == AGREES)
+        if seen < 0:
+            assert code == HIDDEN
+            continue
+        other = ref.view.surfels[seen]
+        if surfel[7] < 0 or other[7] < 0:
+            continue
+        limit = 3.0 * np.sqrt(surfel[7] + other[7]) + 0.01
+        across = abs(other[5:7] @ (point - other[3:5]))
+        if code == AGREES:
+            assert j == seen
+            assert across < limit
+        elif code == MOVED:
+            assert np.linalg.norm(point) < other[2] - 2.0 * limit
+        else:
+            assert np.linalg.norm(point) > other[2] - 2.0 * limit - 0.06
+
+
+def test_someone_who_walked_in_is_seen_as_moved():
+    ref = features(pillar_scan(seed=1))
+    scan = pillar_scan(MOTION, seed=2)
+    ranges = scan.ranges.copy()
+    ranges[100:110] = 0.6
+    cur = features(
+        cs.LaserScan(
+            ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
+        )
+    )
+    codes, _ = compare_readings(cur.view.surfels, ref.view, MOTION, 0.01)
+    is_person = np.isin(cur.beam_idx, np.arange(100, 110))
+    assert (codes[is_person] == MOVED).all()
+    assert np.mean(codes[~is_person] == AGREES) > 0.85
+    assert np.mean(codes[~is_person] == MOVED) < 0.02
+    # and from the other side: what the person hides is out of sight
+    codes, _ = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(MOTION), 0.01)
+    behind = np.isin(ref.beam_idx, np.arange(110, 113))
+    assert (codes[behind] != MOVED).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
+    ref, cur = pair(seed)
+    pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
+    _, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    for least in (0.0, 0.003, 0.01):
+        arguments = (cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0, least)
+        at_rest, n_moved = surfaces_at_rest(*arguments)
+        np.testing.assert_array_equal(at_rest, slow.surfaces_at_rest(*arguments))
+        assert n_moved == sum(not at_rest[a] for a, b in itertools.pairwise(cur.bounds))
+
+
+def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
+    ref, plain = pillar_scan(seed=1), pillar_scan(seed=2)
+    ranges = plain.ranges.copy()
+    is_box = (ref.points[:, 0] > 1.1) & (ref.points[:, 0] < 1.55) & (ref.points[:, 1] > 0.6)
+    is_box &= ref.points[:, 1] < 1.05
+    assert is_box.sum() > 20
+    ranges[is_box] += 0.02  # within the noise of any one reading
+    pushed = cs.LaserScan(
+        ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0
+    )
+    result = cs.match(ref, pushed)
+    assert np.mean(result.labels_current[is_box] == cs.matchers.Label.MOVED) > 0.9
+    assert np.mean(result.labels_current[~is_box] == cs.matchers.Label.MATCHED) > 0.9
+    still = cs.match(ref, plain)
+    assert (still.labels_current == cs.matchers.Label.MOVED).mean() < 0.02

@@ -1,0 +1,164 @@
+"""Figures and result folders: what is in them, not how they look."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import math
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.io import read_csv, read_tum
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupied_cells import occupied_cells
+from curvescan.matchers import MATCHERS
+from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
+from curvescan.odometry import Odometry, run_odometry
+from curvescan.plots.match import save_match
+from curvescan.runs.odometry import as_plain, save_run
+from curvescan.simulation import simulate
+from tests.scenes import room_scan
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def log():
+    return simulate("room", n_scans=6, seed=3)
+
+
+def save(folder, log, **kwargs):
+    odometry = Odometry("cfsma")
+    run = run_odometry(log, odometry)
+    save_run(folder, run, log, odometry=odometry, **kwargs)
+    return run
+
+
+def test_a_run_is_written_whole(tmp_path, log):
+    run = save(tmp_path, log, command=["curvescan", "odometry"], truth=log.truth.poses)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "map.pgm",
+        "map.png",
+        "map.yaml",
+        "occupancy.png",
+        "run.json",
+        "trajectory.csv",
+        "trajectory.tum",
+    ]
+    assert (tmp_path / "map.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "occupancy.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n")
+    assert "image: map.pgm\n" in (tmp_path / "map.yaml").read_text()
+    trajectory, outcomes = read_csv(tmp_path / "trajectory.csv")
+    np.testing.assert_array_equal(trajectory.poses, run.trajectory.poses)
+    np.testing.assert_array_equal(trajectory.covariances, run.trajectory.covariances)
+    assert outcomes[0] == "started"
+    tum = read_tum(tmp_path / "trajectory.tum")
+    np.testing.assert_array_equal(tum.stamps, run.trajectory.stamps)
+    with (tmp_path / "trajectory.csv").open() as file:
+        assert len(list(csv.reader(file))) == 7
+
+
+def test_run_json_holds_what_a_repeat_needs(tmp_path, log):
+    source = tmp_path / "source.log"
+    source.write_bytes(b"scans")
+    run = save(tmp_path, log, command=["curvescan", "odometry", "source.log"], source=source)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["curvescan"] == cs.__version__
+    assert record["command"] == ["curvescan", "odometry", "source.log"]
+    assert record["input"]["bytes"] == 5
+    assert record["input"]["sha256"] == hashlib.sha256(b"scans").hexdigest()
+    assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 30
+    assert sum(record["outcomes"].values()) == record["scans"] == 6
+    assert sum(f["count"] for f in record["failures"].values()) == sum(run.failures.values())
+    assert record["is_partial"] is False
+    assert record["occupancy"]["resolution"] == 0.05
+    assert record["left_out"] == []
+
+
+def test_a_run_without_a_map_says_so_and_keeps_the_rest(tmp_path, log):
+    odometry = Odometry("cfsma")
+    run = run_odometry(log, odometry)
+    cells = OccupancyConfig(resolution=1e-5)
+    (remark,) = save_run(tmp_path, run, log, odometry=odometry, occupancy=cells)
+    assert remark.startswith("no occupancy map: an occupancy map may take 1 GiB")
+    assert not (tmp_path / "map.yaml").exists()
+    assert not (tmp_path / "occupancy.png").exists()
+    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 6
+    assert json.loads((tmp_path / "run.json").read_text())["left_out"] == [remark]
+
+
+def test_a_partial_run_says_so(tmp_path, log):
+    def interrupted():
+        yield log[0]
+        yield log[1]
+        raise KeyboardInterrupt
+
+    odometry = Odometry("cfsma")
+    save_run(tmp_path, run_odometry(interrupted(), odometry), log, odometry=odometry)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["is_partial"] is True
+    assert record["scans"] == 2
+    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 2
+
+
+def test_cells_hold_each_point_once_whatever_the_number_of_scans():
+    scans = [room_scan()] * 3
+    once = occupied_cells(scans[:1], np.zeros((1, 3)), cell=0.1)
+    often = occupied_cells(scans, np.zeros((3, 3)), cell=0.1)
+    np.testing.assert_array_equal(once, often)
+    assert len(np.unique(often, axis=0)) == len(often)
+    points = scans[0].points
+    nearest = np.abs(points[:, None] - often[None]).max(axis=2).min(axis=1)
+    assert nearest.max() <= 0.05 + 1e-9
+
+
+def test_cells_leave_out_scans_without_a_pose():
+    poses = np.array([[0.0, 0.0, 0.0], [math.nan] * 3])
+    cells = occupied_cells([room_scan(), room_scan((1.0, 0.0, 0.0))], poses)
+    np.testing.assert_array_equal(cells, occupied_cells([room_scan()], poses[:1]))
+    with pytest.raises(cs.InvalidArgumentError, match="cell must be > 0 m, got 0"):
+        occupied_cells([], poses, cell=0.0)
+
+
+@pytest.mark.parametrize("min_similarity", [0.2, 1.0])
+def test_a_match_is_drawn_whether_or_not_it_found_a_pose(tmp_path, min_similarity):
+    config = CfSmaConfig(landmarks=LandmarksConfig(min_similarity=min_similarity))
+    scan = room_scan(sigma=0.01)
+    result = cs.match(scan, scan, method="cfsma", config=config)
+    assert result.ok is (min_similarity < 1.0)
+    save_match(tmp_path, result, scans=(scan, scan), names=("one", "two"), cfsma=config)
+    for name in ("segments.png", "curvature.png", "matched.png"):
+        assert (tmp_path / name).read_bytes().startswith(PNG)
+    record = json.loads((tmp_path / "match.json").read_text())
+    assert record["outcome"] == result.outcome.name.lower()
+    assert sum(record["readings_current"].values()) == 361
+    if result.ok:
+        np.testing.assert_array_equal(record["pose"], result.pose)
+        np.testing.assert_array_equal(record["covariance"], result.covariance)
+    else:
+        assert record["pose"] is None
+
+
+@pytest.mark.parametrize("method", sorted(set(MATCHERS) - {"cfsma"}))
+def test_a_match_of_any_method_is_drawn(tmp_path, method):
+    scan = room_scan(sigma=0.01)
+    result = cs.match(scan, scan, method=method)
+    save_match(tmp_path, result, scans=(scan, scan), names=("one", "two"), cfsma=CfSmaConfig())
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "curvature.png",
+        "match.json",
+        "matched.png",
+        "segments.png",
+    ]
+    assert (tmp_path / "matched.png").read_bytes().startswith(PNG)
+    assert json.loads((tmp_path / "match.json").read_text())["method"] == method
+
+
+def test_configurations_become_plain_values():
+    plain = as_plain(CfSmaConfig())
+    assert json.loads(json.dumps(plain)) == plain
+    assert as_plain((cs.Outcome.MATCHED, {"a": 1})) == ["matched", {"a": 1}]

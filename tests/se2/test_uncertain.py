@@ -1,0 +1,109 @@
+"""Poses with covariances: the kernels against se2 and plain linear algebra, and the laws between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from curvescan import se2
+from curvescan.se2.uncertain import (
+    UncertainPose,
+    between,
+    compose,
+    fuse,
+    identity,
+    inverse,
+)
+
+
+def draw(seed, scale=1.0):
+    """A pose anywhere, with a covariance of any shape."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-3, 0, 3)
+    pose = np.array([*rng.uniform(-5, 5, 2), rng.uniform(-3.1, 3.1)])
+    return UncertainPose(pose, scale * (root @ root.T + 1e-8 * np.eye(3)))
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(seeds, seeds)
+def test_chain_is_se2s_composition(a, b):
+    ab, bc = draw(a), draw(b)
+    ac = compose(ab, bc)
+    np.testing.assert_allclose(ac.pose, se2.compose(ab.pose, bc.pose), atol=1e-12)
+    expected = se2.compose_covariance(ab.pose, ab.cov, bc.pose, bc.cov)
+    np.testing.assert_allclose(ac.cov, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(ac.cov, ac.cov.T)
+
+
+@given(seeds)
+def test_invert_is_se2s_inverse(a):
+    ab = draw(a)
+    np.testing.assert_allclose(inverse(ab).pose, se2.inverse(ab.pose), atol=1e-12)
+    expected = se2.inverse_covariance(ab.pose, ab.cov)
+    np.testing.assert_allclose(inverse(ab).cov, expected, rtol=1e-9, atol=1e-12)
+
+
+@given(seeds, seeds)
+def test_between_undoes_compose(a, b):
+    ab, bc = draw(a), draw(b)
+    again = between(ab, compose(ab, bc))
+    np.testing.assert_allclose(again.pose, bc.pose, atol=1e-9)
+    size = np.abs(compose(ab, bc).cov).max()  # what is subtracted again loses its last digits
+    np.testing.assert_allclose(again.cov, bc.cov, atol=1e-12 * size + 1e-12)
+
+
+@given(seeds, seeds)
+def test_fusion_is_the_information_filter(a, b):
+    """Twin: the sum of the two informations, solved by NumPy."""
+    one = draw(a)
+    other = UncertainPose(one.pose + 0.1 * draw(b).pose / 5.0, draw(b).cov)
+    fused, distance = fuse(one, other)
+    apart = other.pose - one.pose
+    apart[2] = se2.wrap(apart[2])
+    total = one.cov + other.cov
+    # 1e-4: cofactors of a nearly singular sum, whose variances span eight orders of magnitude
+    np.testing.assert_allclose(distance, apart @ np.linalg.solve(total, apart), rtol=1e-4)
+    expected = one.cov - one.cov @ np.linalg.solve(total, one.cov)
+    np.testing.assert_allclose(fused.cov, expected, rtol=1e-4, atol=1e-7)
+    pull = fused.pose - one.pose
+    pull[2] = se2.wrap(pull[2])
+    np.testing.assert_allclose(pull, one.cov @ np.linalg.solve(total, apart), rtol=1e-4, atol=1e-7)
+    assert np.linalg.eigvalsh(fused.cov).min() > 0.0
+
+
+@given(seeds)
+def test_fusion_takes_both_alike(a):
+    one = draw(a)
+    other = UncertainPose(one.pose + np.array([0.02, -0.01, 0.03]), draw(a + 1).cov)
+    (left, d_left), (right, d_right) = fuse(one, other), fuse(other, one)
+    np.testing.assert_allclose(se2.wrap((left.pose - right.pose)[2]), 0.0, atol=1e-7)
+    np.testing.assert_allclose(left.pose[:2], right.pose[:2], atol=1e-7)
+    np.testing.assert_allclose(left.cov, right.cov, rtol=1e-4, atol=1e-7)
+    assert d_left == pytest.approx(d_right, rel=1e-6)
+
+
+def test_where_one_leaves_a_direction_open_the_other_decides():
+    along = UncertainPose(np.array([1.0, 0.0, 0.0]), np.diag([100.0**2, 1e-6, 1e-6]))
+    across = UncertainPose(np.array([2.0, 0.5, 0.1]), np.diag([0.1**2, 100.0, 100.0]))
+    fused, _ = fuse(along, across)
+    np.testing.assert_allclose(fused.pose, [2.0, 0.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(np.diag(fused.cov), [0.01, 1e-6, 1e-6], rtol=1e-4)
+
+
+def test_fusion_goes_the_short_way_round():
+    one = UncertainPose(np.array([0.0, 0.0, 3.1]), 0.01 * np.eye(3))
+    other = UncertainPose(np.array([0.0, 0.0, -3.1]), 0.01 * np.eye(3))
+    fused, distance = fuse(one, other)
+    assert abs(fused.pose[2]) == pytest.approx(np.pi)
+    assert distance == pytest.approx((2 * np.pi - 6.2) ** 2 / 0.02)
+
+
+def test_identity_is_the_unit_of_composition():
+    ab = draw(3)
+    for pose in (compose(identity(), ab), compose(ab, identity())):
+        np.testing.assert_allclose(pose.pose, ab.pose, atol=1e-15)
+        np.testing.assert_allclose(pose.cov, ab.cov, rtol=1e-12)
