@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         LogFormatError,
         MissingPackageError,
         OutputError,
+        SourceError,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
@@ -46,6 +47,7 @@ _HOMES = {
     "Outcome": "curvescan.matchers.result",
     "OutputError": "curvescan.errors",
     "PreparedScan": "curvescan.matchers",
+    "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "log_from_arrays": "curvescan.io",
@@ -72,6 +74,7 @@ __all__ = [
     "Outcome",
     "OutputError",
     "PreparedScan",
+    "SourceError",
     "StepOutcome",
     "Trajectory",
     "__version__",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, Laser, LaserSetUp, MapConfig, Method, Topic, open_log
+from curvescan.cli.options import Flag, Laser, LaserSetUp, Method, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -115,7 +115,9 @@ def live(
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a service manager stops us like Ctrl-C
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # a service manager stops us like Ctrl-C
     is_lossless = not source.is_live
     with ExitStack() as pages:
         viewer = None
@@ -136,7 +138,9 @@ def live(
             report = _track(source, tracker, viewer, results, record)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
-                files = results.write(folder, report, name=source.name, details=_details(mode, method))
+                files = results.write(
+                    folder, report, name=source.name, details=_details(mode, method)
+                )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None:
             ERR.print("the source has ended; Ctrl-C closes the page", markup=False)

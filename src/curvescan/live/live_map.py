@@ -45,7 +45,9 @@ class LiveMap:
         Whether poses of the past may change (SLAM): scans are then kept, one for every 0.25 m of the way.
     """
 
-    def __init__(self, config: OccupancyConfig | None = None, *, is_revisable: bool = False) -> None:
+    def __init__(
+        self, config: OccupancyConfig | None = None, *, is_revisable: bool = False
+    ) -> None:
         self._config, self._is_revisable = config, is_revisable
         self._builder = OccupancyBuilder(config)
         self._sweeps = Sweeps()

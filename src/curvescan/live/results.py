@@ -17,8 +17,8 @@ from curvescan.live.sinks import WorkerSink
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
-from curvescan.types import Trajectory
 from curvescan.plots.occupancy import draw_occupancy
+from curvescan.types import Trajectory
 
 
 class ResultsSink(WorkerSink):
@@ -101,7 +101,9 @@ class ResultsSink(WorkerSink):
             title = f"{name}: {report.n_scans:,} scans, live"
             draw_occupancy(folder / "occupancy.png", grid, trajectory.poses, title=title)
             written += ["map.pgm", "map.yaml", "occupancy.png"]
-        record = {"curvescan": __version__, "source": name} | record_of(report) | dict(details or {})
+        record = (
+            {"curvescan": __version__, "source": name} | record_of(report) | dict(details or {})
+        )
         (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         return (*written, "run.json")
 

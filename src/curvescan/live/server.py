@@ -85,7 +85,7 @@ class PageServer:
     def url(self) -> str:
         """Where the page is, for a browser on this machine."""
         host, port = self.address
-        shown = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host  # noqa: S104
+        shown = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
         return f"http://{f'[{shown}]' if ':' in shown and '[' not in shown else shown}:{port}/"
 
     def __enter__(self) -> Self:
@@ -123,7 +123,10 @@ class _Server(ThreadingHTTPServer):
     def server_bind(self) -> None:
         """Bind without asking a name server for our name, which may take seconds."""
         socketserver.TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+        self.server_name, self.server_port = (
+            str(self.server_address[0]),
+            int(self.server_address[1]),
+        )
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread of its own, if there is room."""

@@ -68,7 +68,8 @@ class Viewer(WorkerSink):
         self._closures: list[tuple[int, int]] = []
         self._recent: deque[float] = deque(maxlen=200)
         self._stamps: deque[float] = deque(maxlen=50)
-        self._length_m, self._last_pose = 0.0, None
+        self._length_m = 0.0
+        self._last_pose: tuple[float, float] | None = None
         self._n_lost = 0
         self._frame: dict[str, Any] | None = None
         self._n_events = 0
@@ -112,8 +113,7 @@ class Viewer(WorkerSink):
                 # the frame itself is made once and never changed: it is sent outside the lock
             if not batch:
                 yield None
-            for event in batch:
-                yield event
+            yield from batch
             time.sleep(_FRAME_PERIOD)
 
     def _unseen(self, seen: _Seen) -> Iterator[Event]:
