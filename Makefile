@@ -7,9 +7,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-# Numba's disk cache does not see an edit in another file (numba#1833): a new source tree, a new cache
-DIGEST := $(shell find src -name '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d' ' -f1)
-export NUMBA_CACHE_DIR := $(CURDIR)/.cache/kernels-$(DIGEST)
 export MPLBACKEND := Agg
 
 .PHONY: demo test lint coverage bench format clean
@@ -46,4 +43,4 @@ $(INSTALLED): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .cache demo
+	rm -rf $(VENV) .cache demo src/curvescan/__pycache__

@@ -62,7 +62,7 @@ def mcap_bag(path: Path, kind: str, chunk: bytes, *, claimed: int | None = None)
     writer.open()
     storage: Any = writer.storage
     storage.compressor, storage.compression = (lambda _: chunk), kind
-    _write(writer, bags.ROS2, bags.ROS2.serialize_cdr, is_open=True)
+    _write(writer, bags.ROS2, bags.ROS2.serialize_cdr, is_degenerate=True)
     file = bags.storage(path)
     if claimed is not None:
         content = file.read_bytes()
@@ -80,9 +80,9 @@ def without_summary(file: Path) -> Path:
     return file
 
 
-def _write(writer: Any, store: Any, serialize: Any, *, is_open: bool = False) -> None:
+def _write(writer: Any, store: Any, serialize: Any, *, is_degenerate: bool = False) -> None:
     topic, msgtype, _, fields = bags.scan()
-    if not is_open:
+    if not is_degenerate:
         writer.open()
     connection = writer.add_connection(topic, msgtype, typestore=store)
     for i in (1, 2):

@@ -1,10 +1,8 @@
-"""Set-up shared by all tests: kernel cache keyed on the sources, real data, markers."""
+"""Set-up shared by all tests: real data, markers."""
 
 from __future__ import annotations
 
-import hashlib
 import os
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -17,18 +15,6 @@ settings.load_profile("curvescan")
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def _source_digest() -> str:
-    digest = hashlib.sha256()
-    for path in sorted((ROOT / "src").rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-# Numba's disk cache does not see an edit in another file (numba#1833): a new source tree, a new cache.
-# An environment that names a cache itself (the Makefile does, by the same rule) is left alone.
-os.environ.setdefault(
-    "NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"curvescan-kernels-{_source_digest()}")
-)
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 

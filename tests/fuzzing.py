@@ -23,7 +23,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 from curvescan.cli.options import ChainConfigs, MethodConfigs
 from curvescan.diagnostics.inspect import inspect_log
-from curvescan.diagnostics.issues import findings_of
+from curvescan.diagnostics.issues import find_issues
 from curvescan.errors import CurvescanError
 from curvescan.io import (
     Log,
@@ -117,7 +117,7 @@ def _read_log(row: str, path: Path, rng: random.Random) -> None:
         )
     _check_log(log)
     if draw < 0.1 and len(log) < 200:
-        findings_of(inspect_log(log))
+        find_issues(inspect_log(log))
 
 
 def _check_log(log: Log) -> None:
@@ -131,7 +131,11 @@ def _check_log(log: Log) -> None:
     odometry = log.odometry
     if odometry is not None and len(odometry) != n_scans:
         raise Finding(f"{len(odometry)} poses for {n_scans} scans")
-    spoken = [*log.notes, *(f"{fault.rule} {fault.first}" for fault in log.faults), *log.tag_counts]
+    spoken = [
+        *log.notes,
+        *(f"{read_error.rule} {read_error.first}" for read_error in log.read_errors),
+        *log.tag_counts,
+    ]
     if not all(len(text) < MAX_SENTENCE and text.isprintable() for text in spoken):
         raise Finding(f"text that spoils the terminal: {spoken!r:.500}")
 

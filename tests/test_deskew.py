@@ -346,11 +346,11 @@ def test_the_odometry_deskews_as_the_chain_does():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", ["same", "back", "leap"])
-def test_faults_of_the_clock_do_not_wreck_it(fault):
+@pytest.mark.parametrize("read_error", ["same", "back", "leap"])
+def test_faults_of_the_clock_do_not_wreck_it(read_error):
     scans, _, truth = next(spins(87.3, n=20))
     stamps = np.array([scan.stamp for scan in scans])
-    stamps[12:] += {"same": stamps[11] - stamps[12], "back": -5.0, "leap": 3600.0}[fault]
+    stamps[12:] += {"same": stamps[11] - stamps[12], "back": -5.0, "leap": 3600.0}[read_error]
     faulty = [replace(scan, stamp=s) for scan, s in zip(scans, stamps, strict=True)]
     off = errors(chain(faulty), truth)
     assert off[:, 0].max() < 0.015

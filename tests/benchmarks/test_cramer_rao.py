@@ -9,7 +9,7 @@ import pytest
 
 from curvescan import se2
 from curvescan.benchmarks.cramer_rao import median_error, pair_bound, range_gradient
-from curvescan.benchmarks.scenarios import CELLS, OPEN_WORLDS, score_cell, score_open
+from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
 from curvescan.simulation import SENSORS, World, build_world, simulate_pairs
 from curvescan.simulation.raycast import cast_rays
 
@@ -124,11 +124,11 @@ def test_the_median_error_of_a_bound_is_that_of_its_normal():
 
 
 def test_cells_are_scored_on_the_same_pairs():
-    [alone] = score_cell(CELLS[0], ["cfsma"], n_pairs=4)
-    ours, beside = score_cell(CELLS[0], ["curvescan", "cfsma"], n_pairs=4)
+    [alone] = score_scenario(SCENARIOS[0], ["cfsma"], n_pairs=4)
+    ours, beside = score_scenario(SCENARIOS[0], ["curvescan", "cfsma"], n_pairs=4)
     assert beside == alone
-    assert (ours.success, ours.confidently_wrong) == (1.0, 0.0)
-    assert alone.success + alone.confidently_wrong <= 1.0
+    assert (ours.success, ours.false_positives) == (1.0, 0.0)
+    assert alone.success + alone.false_positives <= 1.0
     assert 0.0003 < alone.bound == ours.bound < 0.005
 
 

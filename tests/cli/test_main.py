@@ -23,7 +23,7 @@ from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
 from curvescan.cli.tracker import make_odometry
 from curvescan.matchers import MATCHERS
-from curvescan.odometry import KeysConfig, Odometry, OdometryConfig
+from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
 from tests.scenes import room_scan
 
 
@@ -71,7 +71,7 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
 @pytest.mark.parametrize("method", MATCHERS)
 def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
     pytest.importorskip("scipy", reason="icp needs SciPy")
-    given = ChainConfigs(odometry=OdometryConfig(keys=KeysConfig(distance=0.3)))
+    given = ChainConfigs(odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
     last = OdometryConfig.scan_to_scan()
 
     def config(chain, chain_config=given):
@@ -86,7 +86,7 @@ def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
 def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "curvescan.diagnostics.beam_order.lists_beams_backwards",
+        "curvescan.diagnostics.beam_order.lists_beams_reversed",
         lambda log: asked.append(log) or True,
     )
     for flags, n_asked in (([], 1), (["--odometry.no-deskew"], 0)):
@@ -157,7 +157,7 @@ def test_info_as_json(log, tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["usable"] is True
     assert printed["report"]["n_scans"] == 8
-    assert "no_beam_times" in [finding["kind"] for finding in printed["findings"]]
+    assert "no_beam_times" in [issue["kind"] for issue in printed["issues"]]
     # what is not usable says so in both forms
     short = tmp_path / "short.log"
     short.write_text(log.read_text().splitlines()[0] + "\n")
@@ -309,8 +309,8 @@ def test_the_methods_of_the_command_line_are_those_of_the_library():
 def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):
     add = Odometry.add
 
-    def interrupted_at_five(self, scan, wheels=None):
-        step = add(self, scan, wheels)
+    def interrupted_at_five(self, scan, odometry_pose=None):
+        step = add(self, scan, odometry_pose)
         if step.index == 5:
             signal.raise_signal(signal.SIGINT)
         return step

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.beam_order import SweepOrder, judge_sweeps, lists_beams_backwards
-from curvescan.io import LaserSetup, read_log, set_up
+from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order, lists_beams_reversed
+from curvescan.io import SensorSetup, apply_setup, read_log
 from curvescan.simulation import SENSORS
 from curvescan.simulation.pursuit import Drive
 
@@ -21,31 +21,31 @@ SWEPT = replace(SENSOR, time_increment=SENSOR.period / SENSOR.n_beams)
 def test_a_lively_drive_tells_the_order_of_the_beams():
     drive = Drive(turn_rate=2.0, acceleration=1.5)
     log = cs.simulate("office", sensor=SWEPT, n_scans=200, seed=1, drive=drive)
-    assert judge_sweeps(log).is_forwards
-    assert lists_beams_backwards(set_up(log, LaserSetup(backwards=True)))
+    assert judge_beam_order(log).is_forwards
+    assert lists_beams_reversed(apply_setup(log, SensorSetup(backwards=True)))
 
 
 def test_what_cannot_tell_says_nothing():
     still = cs.simulate("office", sensor=SENSOR, n_scans=4, seed=1)
-    for order in (judge_sweeps(still), judge_sweeps([])):
+    for order in (judge_beam_order(still), judge_beam_order([])):
         assert order.n_pairs == 0
         assert math.isnan(order.gain)
-        assert not order.is_backwards
+        assert not order.is_reversed_order
         assert not order.is_forwards
-    assert not lists_beams_backwards(still)
-    one = SweepOrder(n_pairs=1, gain=-1.0, standard_error=math.nan)
-    assert not one.is_backwards
+    assert not lists_beams_reversed(still)
+    one = BeamOrder(n_pairs=1, gain=-1.0, standard_error=math.nan)
+    assert not one.is_reversed_order
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "is_backwards"),
+    ("name", "is_reversed_order"),
     [
         ("turtlebot4-rplidar/macfirst_floor_take_2", True),
         ("ccny-handheld-hokuyo/demo.bag", False),
     ],
 )
-def test_real_logs(real_data, name, is_backwards):
-    assert judge_sweeps(read_log(real_data / name)).is_backwards is is_backwards
-    if is_backwards:
-        assert judge_sweeps(read_log(real_data / name, backwards=True)).is_forwards
+def test_real_logs(real_data, name, is_reversed_order):
+    assert judge_beam_order(read_log(real_data / name)).is_reversed_order is is_reversed_order
+    if is_reversed_order:
+        assert judge_beam_order(read_log(real_data / name, backwards=True)).is_forwards

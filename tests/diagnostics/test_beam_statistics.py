@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan
-from curvescan.diagnostics.beam_statistics import BeamTally
+from curvescan.diagnostics.beam_statistics import BeamStatistics
 
 N_BEAMS = 180
 
 
-def tally(rows, *, range_max=30.0):
-    counters = BeamTally()
+def statistics(rows, *, range_max=30.0):
+    counters = BeamStatistics()
     for row in rows:
         counters.add(
             LaserScan(row, angle_min=0.0, angle_increment=0.01, range_min=0.05, range_max=range_max)
@@ -34,23 +34,23 @@ def moving(n=60, *, noise=0.01, digits=4, seed=0):
 @pytest.mark.parametrize("digits", [2, 3, 6])
 def test_bins_that_keep_old_values_are_counted(share, digits):
     rows = moving(digits=digits)
-    kept = np.random.default_rng(1).random(rows.shape) < share
+    variance_retained = np.random.default_rng(1).random(rows.shape) < share
     for k in range(1, len(rows)):
-        rows[k] = np.where(kept[k], rows[k - 1], rows[k])
+        rows[k] = np.where(variance_retained[k], rows[k - 1], rows[k])
     # 60 sweeps of 180 beams: 0.4 % of standard error, and what rounds to the same value
-    assert tally(rows).stale_share == pytest.approx(share, abs=0.02)
+    assert statistics(rows).stale_share == pytest.approx(share, abs=0.02)
 
 
 @pytest.mark.parametrize("digits", [2, 3, 6])
 def test_noise_that_is_rounded_is_not_stale(digits):
-    assert tally(moving(digits=digits)).stale_share < 0.02
+    assert statistics(moving(digits=digits)).stale_share < 0.02
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.004, 0.02])
 def test_a_sensor_that_stands_tells_nothing_of_stale_beams(noise):
     rng = np.random.default_rng(2)
     rows = np.round(4.0 + noise * rng.normal(size=(60, N_BEAMS)), 2)
-    assert math.isnan(tally(rows).stale_share)
+    assert math.isnan(statistics(rows).stale_share)
 
 
 def test_beams_on_the_robot_are_found_while_it_moves():
@@ -60,7 +60,7 @@ def test_beams_on_the_robot_are_found_while_it_moves():
         body = distance + 0.005 * rng.normal(size=rows[:, beams].shape)
         rows[:, beams] = body
     rows[:, :4] = np.nan
-    counters = tally(rows)
+    counters = statistics(rows)
     assert counters.fixed_beams == ((4, 11), (170, 179))
     assert counters.n_blind == 4
 
@@ -68,23 +68,23 @@ def test_beams_on_the_robot_are_found_while_it_moves():
 def test_walls_and_bodies_of_a_standing_sensor_are_no_robot():
     rng = np.random.default_rng(4)
     rows = 1.0 + 0.005 * rng.normal(size=(60, N_BEAMS))
-    assert tally(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams == ()
     # half of the beams look over a street, where everything moves
     rows[:, 90:] = moving()[:, 90:]
-    assert tally(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams == ()
 
 
 def test_a_wall_that_follows_at_a_distance_is_no_robot():
     rows = moving()
     rows[:, 10:14] = 5.0
-    assert tally(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams == ()
 
 
 def test_readings_of_any_size_and_sweeps_without_beams():
     rows = moving()
     rows[5] = 1e200
-    tally(rows, range_max=math.inf)
-    nothing = tally([np.empty(0)] * 3)
+    statistics(rows, range_max=math.inf)
+    nothing = statistics([np.empty(0)] * 3)
     assert (nothing.fixed_beams, nothing.n_blind) == ((), 0)
     assert math.isnan(nothing.stale_share)
-    assert BeamTally().fixed_beams == ()
+    assert BeamStatistics().fixed_beams == ()

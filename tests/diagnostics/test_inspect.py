@@ -17,13 +17,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curvescan.diagnostics.inspect import inspect_log, summarise_time
-from curvescan.diagnostics.issues import findings_of
+from curvescan.diagnostics.issues import find_issues
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.report_json import report_as_plain
-from curvescan.diagnostics.statistics import Tally
+from curvescan.diagnostics.statistics import LogStatistics
 from curvescan.io import (
-    Fault,
     Log,
+    ReadError,
     read_log,
 )
 from curvescan.scan import LaserScan
@@ -39,11 +39,16 @@ class FakeLog:
         scans: Sequence[LaserScan],
         *,
         odometry: Trajectory | None = None,
-        faults: tuple[Fault, ...] = (),
+        read_errors: tuple[ReadError, ...] = (),
         notes: tuple[str, ...] = (),
     ) -> None:
         self.name, self.format = "made up", "fake"
-        self.scans, self.odometry, self.faults, self.notes = scans, odometry, faults, notes
+        self.scans, self.odometry, self.read_errors, self.notes = (
+            scans,
+            odometry,
+            read_errors,
+            notes,
+        )
         self.tag_counts: Mapping[str, int] = {}
 
     def __len__(self) -> int:
@@ -75,14 +80,14 @@ def at(*stamps: float) -> FakeLog:
 
 
 def sentences(report: LogReport, topic: str) -> list[str]:
-    return [finding.sentence for finding in findings_of(report) if finding.topic == topic]
+    return [issue.sentence for issue in find_issues(report) if issue.topic == topic]
 
 
 def test_sound_log_has_no_findings() -> None:
     log = at(0.0, 0.1, 0.2, 0.3)
     assert isinstance(log, Log)
     report = inspect_log(log)
-    assert findings_of(report) == ()
+    assert find_issues(report) == ()
     assert report.is_usable
     assert (report.name, report.format, report.n_scans) == ("made up", "fake", 4)
 
@@ -298,15 +303,15 @@ def test_few_readings_are_not_taken_for_a_code() -> None:
 
 @given(st.lists(st.lists(st.integers(1, 40), min_size=1, max_size=30), max_size=10))
 def test_largest_values_are_counted_exactly(rows: list[list[int]]) -> None:
-    tally = Tally()
+    statistics = LogStatistics()
     counts: Counter[float] = Counter()
     previous: list[int] | None = None
     for row in rows:
-        tally.add(scan(row, range_max=50.0))
+        statistics.add(scan(row, range_max=50.0))
         if row != previous:  # a repeated scan is no further evidence
             counts.update(map(float, row))
         previous = row
-    assert tally.top == {value: counts[value] for value in sorted(counts)[-16:]}
+    assert statistics.top == {value: counts[value] for value in sorted(counts)[-16:]}
 
 
 # ---- findings, mount, JSON
@@ -315,7 +320,7 @@ def test_largest_values_are_counted_exactly(rows: list[list[int]]) -> None:
 def test_a_finding_says_what_follows_and_what_to_try() -> None:
     ranges = noisy_room(100, seed=1)
     ranges[:, 30:40] = 9.5
-    (found,) = (f for f in findings_of(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.option)
+    (found,) = (f for f in find_issues(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.option)
     assert (found.topic, found.kind, found.option) == (
         "readings",
         "undeclared_code",
@@ -351,14 +356,14 @@ def test_a_report_is_strict_json_with_the_same_keys_for_every_log() -> None:
     one, two = (
         json.loads(json.dumps(report_as_plain(report), allow_nan=False)) for report in (empty, full)
     )
-    assert one.keys() == two.keys() == {"usable", "findings", "report"}
+    assert one.keys() == two.keys() == {"usable", "issues", "report"}
     assert one["report"].keys() == two["report"].keys() == {f.name for f in fields(LogReport)}
     assert one["report"]["time"].keys() == two["report"]["time"].keys()
     assert (one["usable"], two["usable"]) == (False, True)
     assert one["report"]["fov_deg"] is None
     assert {c["value"] for c in two["report"]["codes"]} == {"nan", "inf", "-inf", 81.91}
-    assert [f["kind"] for f in one["findings"]] == ["too_few_scans", "no_odometry"]
-    assert set(one["findings"][0]) == {"topic", "kind", "what", "consequence", "option"}
+    assert [f["kind"] for f in one["issues"]] == ["too_few_scans", "no_odometry"]
+    assert set(one["issues"][0]) == {"topic", "kind", "what", "consequence", "option"}
 
 
 # ---- odometry, faults, notes
@@ -392,7 +397,7 @@ def test_missing_odometry_is_said() -> None:
 
 def test_faults_and_notes_are_findings() -> None:
     log = at(0.0, 0.1)
-    log.faults = (Fault(rule="FLASER line cut short", count=3, first="line 17"),)
+    log.read_errors = (ReadError(rule="FLASER line cut short", count=3, first="line 17"),)
     log.notes = ("4 RLASER lines are not read",)
     assert sentences(inspect_log(log), "file") == [
         "FLASER line cut short: 3 times, first in line 17; the rest of the log is read",
@@ -405,7 +410,7 @@ def test_broken_file_end_to_end(tmp_path: Path) -> None:
     report = inspect_log(read_log(path))
     assert (report.n_scans, report.n_repeated_scans) == (2, 1)
     assert report.tag_counts == {"FLASER": 3, "NEFF": 1}
-    assert {finding.topic for finding in findings_of(report)} == {"file", "scans", "time"}
+    assert {issue.topic for issue in find_issues(report)} == {"file", "scans", "time"}
 
 
 # ---- laws
@@ -420,7 +425,7 @@ def test_any_scans_are_reported(scans: list[LaserScan]) -> None:
     valid = np.concatenate([np.empty(0), *(s.ranges[s.valid] for s in scans)])
     if valid.size:
         assert report.largest_reading == valid.max()
-    assert all(finding.sentence for finding in findings_of(report))
+    assert all(issue.sentence for issue in find_issues(report))
 
 
 def test_memory_does_not_grow_with_the_readings() -> None:
@@ -495,7 +500,7 @@ def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
     path = real_data / "mumble-rplidar-a1/kitchen_1"
     report = inspect_log(read_log(path))
     assert 0.25 < report.stale_share < 0.4
-    options = {f.kind: f.option for f in findings_of(report) if f.topic == "beams"}
+    options = {f.kind: f.option for f in find_issues(report) if f.topic == "beams"}
     assert options == {
         "stale_beams": "--drop-stale",
         "turns_against": "--clockwise",
@@ -519,10 +524,10 @@ def test_sound_logs_turn_with_their_wheels(real_data: Path, name: str) -> None:
     assert report.sense is not None
     assert report.sense.is_along
     assert report.mount is not None
-    assert not [f for f in findings_of(report) if f.topic == "beams"]
+    assert not [f for f in find_issues(report) if f.topic == "beams"]
 
 
 def test_a_sensor_that_stands_has_no_robot_in_sight(real_data: Path) -> None:
     for name in ("demo_stationary_simple_environment", "positive_1"):
         report = inspect_log(read_log(real_data / f"leg-tracker-people/{name}.bag.gz"))
-        assert not [f for f in findings_of(report) if f.topic == "beams"]
+        assert not [f for f in find_issues(report) if f.topic == "beams"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.motion_prior import prior_of
+from curvescan.diagnostics.motion_prior import motion_prior
 from tests.scenes import room_scan
 
 TURNS = np.cumsum([0.0] + [0.03 + 0.12 * (k % 3) for k in range(29)])
@@ -34,12 +34,12 @@ class GyroOnly:
 
 def test_wheels_come_first():
     log = cs.simulate("office", n_scans=3)
-    assert prior_of(log) is log.odometry.poses
+    assert motion_prior(log) is log.odometry.poses
 
 
 @pytest.mark.parametrize("scale", [1.0, 180.0 / math.pi])
 def test_a_gyroscope_tells_the_turn_in_radians_whatever_its_unit(scale):
-    prior = prior_of(GyroOnly(scale))
+    prior = motion_prior(GyroOnly(scale))
     assert prior.shape == (30, 3)
     assert np.isnan(prior[:, :2]).all()
     np.testing.assert_allclose(prior[:, 2], TURNS)
@@ -53,19 +53,19 @@ class Blind(GyroOnly):
 
 
 def test_faster_than_any_robot_is_in_degrees_though_the_scans_do_not_tell():
-    np.testing.assert_allclose(prior_of(Blind(180.0 / math.pi))[:, 2], TURNS)
+    np.testing.assert_allclose(motion_prior(Blind(180.0 / math.pi))[:, 2], TURNS)
 
 
 def test_a_gyroscope_that_turns_the_other_way_is_told_with_the_remedy():
     with pytest.raises(cs.InvalidArgumentError, match=r"turns against its scans in .* --clockwise"):
-        prior_of(GyroOnly(-1.0))
+        motion_prior(GyroOnly(-1.0))
 
 
 def test_where_the_gyroscope_is_silent_the_prior_is():
-    assert np.isnan(prior_of(GyroOnly(n_known=20))[20:, 2]).all()
+    assert np.isnan(motion_prior(GyroOnly(n_known=20))[20:, 2]).all()
 
 
 def test_a_log_with_neither_says_so():
     log = cs.log_from_arrays([(0.0, [1.0, 2.0])], angle_min=0.0, angle_increment=0.1)
     with pytest.raises(cs.InvalidArgumentError, match="neither wheel odometry nor a gyroscope"):
-        prior_of(log)
+        motion_prior(log)

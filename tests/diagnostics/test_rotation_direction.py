@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan, simulate
-from curvescan.diagnostics.rotation_direction import rotation_sense, sense_of_log, turn_between
+from curvescan.diagnostics.rotation_direction import compare_rotation, rotation_of_log, turn_between
 from curvescan.scan import mirrored
 from curvescan.simulation.catalogue import room
 from curvescan.simulation.raycast import cast_rays
@@ -60,36 +60,36 @@ def drive(n=30, seed=0):
 
 def test_scans_turn_with_the_robot_or_against_it():
     scans, headings = drive()
-    along = rotation_sense(scans, headings, "wheel odometry")
-    assert (along.is_along, along.is_against, along.n_against) == (True, False, 0)
+    along = compare_rotation(scans, headings, "wheel odometry")
+    assert (along.is_along, along.is_reversed, along.n_reversed) == (True, False, 0)
     assert along.n_turns == 29
     assert along.ratio == pytest.approx(1.0, abs=0.01)
-    against = rotation_sense(map(mirrored, scans), headings, "wheel odometry")
-    assert (against.is_along, against.is_against, against.n_against) == (False, True, 29)
-    degrees = rotation_sense(scans, np.degrees(headings), "gyroscope")
+    against = compare_rotation(map(mirrored, scans), headings, "wheel odometry")
+    assert (against.is_along, against.is_reversed, against.n_reversed) == (False, True, 29)
+    degrees = compare_rotation(scans, np.degrees(headings), "gyroscope")
     assert degrees.is_along
     assert degrees.ratio == pytest.approx(180.0 / math.pi, rel=0.01)
 
 
 def test_few_or_contradicting_turns_decide_nothing():
     scans, headings = drive(n=9)
-    sense = rotation_sense(scans, headings, "wheel odometry")
-    assert (sense.n_turns, sense.is_along, sense.is_against) == (8, False, False)
+    sense = compare_rotation(scans, headings, "wheel odometry")
+    assert (sense.n_turns, sense.is_along, sense.is_reversed) == (8, False, False)
     scans, _ = drive(n=60)
     strange = np.radians(np.cumsum(np.random.default_rng(8).choice([-5.0, 5.0], 60)))
-    sense = rotation_sense(scans, strange, "wheel odometry")
-    assert (sense.is_along, sense.is_against) == (False, False)
+    sense = compare_rotation(scans, strange, "wheel odometry")
+    assert (sense.is_along, sense.is_reversed) == (False, False)
 
 
 def test_a_reference_that_never_turns_or_is_not_known_tells_nothing():
     scans, headings = drive(n=5)
-    assert rotation_sense(scans, np.zeros(5), "wheel odometry") is None
-    assert rotation_sense(scans, np.full(5, np.nan), "wheel odometry") is None
+    assert compare_rotation(scans, np.zeros(5), "wheel odometry") is None
+    assert compare_rotation(scans, np.full(5, np.nan), "wheel odometry") is None
     gaps = np.where(np.arange(5) == 2, np.nan, headings)
-    assert rotation_sense(scans, gaps, "wheel odometry").n_turns == 2
-    assert rotation_sense([], np.empty(0), "gyroscope") is None
+    assert compare_rotation(scans, gaps, "wheel odometry").n_turns == 2
+    assert compare_rotation([], np.empty(0), "gyroscope") is None
 
 
 def test_a_simulated_drive_turns_with_its_wheels():
     log = simulate("office-floor", n_scans=150, seed=2)
-    assert sense_of_log(log).is_along
+    assert rotation_of_log(log).is_along

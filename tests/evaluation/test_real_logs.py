@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import curvescan as cs
 from curvescan.benchmarks.profile import REST, measure_stages
 from curvescan.benchmarks.speed import measure_speed
-from curvescan.evaluation.real_logs import assign_relations, judge_log
+from curvescan.evaluation.real_logs import assign_relations, evaluate_log
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.io import Relations
 from curvescan.matchers.cfsma.config import CfSmaConfig
@@ -166,7 +166,7 @@ def test_a_wall_and_a_corner_lie_where_they_should():
 def test_a_log_is_judged_step_by_step():
     log = simulate("room", n_scans=12, seed=4)
     seen = []
-    judged = judge_log(log, "cfsma", on_step=lambda: seen.append(1))
+    judged = evaluate_log(log, "cfsma", on_step=lambda: seen.append(1))
     assert len(seen) == judged.n_steps == 11
     assert judged.n_failed == np.count_nonzero(np.isnan(judged.motion[:, 0]))
     for k in np.flatnonzero(~np.isnan(judged.motion[:, 0])):
@@ -179,7 +179,7 @@ def test_a_log_is_judged_step_by_step():
 
 def test_a_log_without_odometry_is_judged_by_its_motion():
     still = simulate("room", poses=np.tile([0.3, 0.2, 0.1], (8, 1)), odometry_noise=None)
-    judged = judge_log(still, "cfsma")
+    judged = evaluate_log(still, "cfsma")
     assert math.isnan(judged.right_share)
     distance, angle = judged.largest_motion
     assert distance < 0.2

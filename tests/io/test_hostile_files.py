@@ -21,7 +21,7 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io import read_config, read_log, read_poses, read_relations, read_tum
 from curvescan.io.ros.limits import check_chunks
-from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from tests import bags, bombs, carmen_files
 
 MIB = 1 << 20
@@ -157,7 +157,7 @@ def test_index_that_leads_to_one_message(tmp_path: Path) -> None:
     path.write_bytes(content)
     log = read_log(path)
     assert len(log) == 101
-    assert "damaged from here on" in log.faults[0].rule
+    assert "damaged from here on" in log.read_errors[0].rule
 
 
 def _index_at(content: bytearray) -> int:
@@ -191,13 +191,13 @@ def test_messages_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any
     monkeypatch.setattr("curvescan.io.ros.bag.MAX_UNPACKED_RATIO", 0)
     log = read_log(path)
     assert 0 < len(log) < 30
-    assert "damaged from here on" in log.faults[0].rule
+    assert "damaged from here on" in log.read_errors[0].rule
 
 
 def test_message_too_long(tmp_path: Path) -> None:
     long = bags.scan(2, np.zeros(2_200_000, dtype=np.float32))
     log = read_log(bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(1), long]))
-    assert [f.rule for f in log.faults] == ["sensor_msgs/LaserScan message longer than 8 MiB"]
+    assert [f.rule for f in log.read_errors] == ["sensor_msgs/LaserScan message longer than 8 MiB"]
 
 
 # ---- what never ends
@@ -391,14 +391,14 @@ def test_rules_of_a_configuration_name_the_file(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
     path.write_text("[curvescan.surfaces]\narm = -1.0\n")
     with pytest.raises(InvalidArgumentError, match=r"a\.toml: \[curvescan\.surfaces\]: .*-1\.0"):
-        read_config(path, {"curvescan": ConsensusConfig()})
+        read_config(path, {"curvescan": CurvescanConfig()})
 
 
 def test_list_of_another_length_in_a_configuration(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
     path.write_text("[curvescan.verification]\nslid = [0.1]\n")
     with pytest.raises(InvalidArgumentError, match=r"slid must be a list of 2, got 1"):
-        read_config(path, {"curvescan": ConsensusConfig()})
+        read_config(path, {"curvescan": CurvescanConfig()})
 
 
 def test_angles_and_poses_of_1e308(tmp_path: Path) -> None:
@@ -408,7 +408,9 @@ def test_angles_and_poses_of_1e308(tmp_path: Path) -> None:
         f"{head}1,0,1e308,0,0,0,1,2,3\n1e308,0,0.1,-1e308,0,0,1\n-1e308,0,0.1,1e308,0,0,1\n"
     )
     log = read_log(path)
-    assert [fault.rule for fault in log.faults] == ["angles or times that make no scan"]
+    assert [read_error.rule for read_error in log.read_errors] == [
+        "angles or times that make no scan"
+    ]
     report = inspect_log(log)
     assert report.odometry is not None
     assert report.odometry.path_length == np.inf
@@ -459,7 +461,7 @@ def test_texts_that_go_deep_or_wide(tmp_path: Path) -> None:
         read_config(path, {})
     path.write_text(f"[a]\n{'b' * 9_000} = 1\n")
     with pytest.raises(InvalidArgumentError) as caught:
-        read_config(path, {"a": ConsensusConfig()})
+        read_config(path, {"a": CurvescanConfig()})
     assert len(str(caught.value)) < 500
     path.write_text(f"1 0 0 0 0 0 0 {'x' * 90_000}\n")
     with pytest.raises(LogFormatError) as error:

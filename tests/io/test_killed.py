@@ -104,7 +104,7 @@ def check(folder: Path) -> int:
                 assert sorted(entry.name for entry in new.iterdir()) == ["x", "y"]
         else:
             log = read_log(path)
-            assert (len(log), log.faults) == (100, ())
+            assert (len(log), log.read_errors) == (100, ())
             assert len({value for scan in log for value in scan.ranges}) == 1
             assert path.is_file() or (path / "metadata.yaml").is_file()
     return n_files

@@ -74,7 +74,7 @@ def test_the_name_of_the_file_never_decides(tmp_path: Path, name: str, is_packed
     path.write_bytes(gzip.compress(TEXT) if is_packed else TEXT)
     log = read_log(path)
     assert [scan.stamp for scan in log] == list(range(300))
-    assert log.faults == ()
+    assert log.read_errors == ()
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_truncated_gzip_delivers_what_stands_before_the_cut(tmp_path: Path) -> N
         assert len(log) == len(stamps)
         assert n_before < len(stamps) < 300
         n_before = len(stamps)
-        assert BROKEN_GZIP in {fault.rule for fault in log.faults}
+        assert BROKEN_GZIP in {read_error.rule for read_error in log.read_errors}
 
 
 def test_truncated_gzip_loses_no_whole_line(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_truncated_gzip_loses_no_whole_line(tmp_path: Path) -> None:
     path.write_bytes(packed[:n_bytes])
     log = read_log(path)
     assert len(log) == text.count(b"\n")
-    broken = next(fault for fault in log.faults if fault.rule == BROKEN_GZIP)
+    broken = next(read_error for read_error in log.read_errors if read_error.rule == BROKEN_GZIP)
     assert (broken.count, broken.first) == (1, f"line {len(log) + 1}")
 
 
@@ -262,7 +262,7 @@ def test_gzip_without_its_check_sum_delivers_all(tmp_path: Path, text: bytes, n_
     path.write_bytes(gzip.compress(text)[:-8])
     log = read_log(path)
     assert len(log) == n_scans
-    assert [fault.rule for fault in log.faults] == [BROKEN_GZIP]
+    assert [read_error.rule for read_error in log.read_errors] == [BROKEN_GZIP]
 
 
 def test_gzip_with_junk_behind_it_delivers_all(tmp_path: Path) -> None:
@@ -270,7 +270,7 @@ def test_gzip_with_junk_behind_it_delivers_all(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress(TEXT) + b"junk")
     log = read_log(path)
     assert len(log) == 300
-    assert [fault.rule for fault in log.faults] == [BROKEN_GZIP]
+    assert [read_error.rule for read_error in log.read_errors] == [BROKEN_GZIP]
 
 
 @pytest.mark.parametrize(

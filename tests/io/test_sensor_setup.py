@@ -10,7 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.cli.main import run
-from curvescan.io import LaserSetup, Log, read_csv, read_log, set_up
+from curvescan.io import Log, SensorSetup, apply_setup, read_csv, read_log
 from curvescan.odometry import run_odometry
 from curvescan.scan import mirrored, swept_backwards
 from tests.bags import SECOND, odometry, scan, transform, write_bag
@@ -164,13 +164,13 @@ def test_ignored_beams_have_no_reading_and_keep_their_place(tmp_path):
 
 def test_nothing_to_set_up_leaves_the_reader(tmp_path):
     log = read_log(write(tmp_path / "a.log", flaser()))
-    assert set_up(log, LaserSetup()) is log
-    assert set_up(log, LaserSetup(upside_down=False)) is log
+    assert apply_setup(log, SensorSetup()) is log
+    assert apply_setup(log, SensorSetup(upside_down=False)) is log
 
 
 def test_a_simulated_log_may_be_set_up_too():
     source = cs.simulate("office", n_scans=3, seed=1)
-    log = set_up(source, LaserSetup(laser_pose=(0.5, 0.0, 0.0), clockwise=True))
+    log = apply_setup(source, SensorSetup(laser_pose=(0.5, 0.0, 0.0), clockwise=True))
     expected = se2.compose(source.odometry.poses, np.array([0.5, 0.0, 0.0]))
     np.testing.assert_allclose(log.odometry.poses, expected)
     np.testing.assert_allclose(next(iter(log)).angles, -source[0].angles)
@@ -188,7 +188,7 @@ def test_a_simulated_log_may_be_set_up_too():
 )
 def test_wrong_set_ups_are_named(setup, message):
     with pytest.raises(cs.InvalidArgumentError, match=message):
-        LaserSetup(**setup)
+        SensorSetup(**setup)
 
 
 def test_mirrored_twice_is_the_scan():

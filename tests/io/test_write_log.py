@@ -44,7 +44,7 @@ def test_scans_come_back_to_the_bit(tmp_path: Path, name: str) -> None:
     log = rich_log()
     assert write_log(tmp_path / NAMES[name], log) == ()
     back = read_log(tmp_path / NAMES[name])
-    assert back.faults == ()
+    assert back.read_errors == ()
     assert_same_scans(log, back)
 
 
@@ -159,7 +159,7 @@ def test_carmen_keeps_points_stamps_and_poses(tmp_path: Path) -> None:
         "the direction of the sweep",
     }
     back = read_log(tmp_path / "a.clf")
-    assert back.faults == ()
+    assert back.read_errors == ()
     for before, after in zip(log, back, strict=True):
         assert after.stamp == before.stamp
         turned = slice(None, None, -1 if before.angle_increment < 0 else 1)
@@ -345,7 +345,7 @@ def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 class Repeated:
     """A log of many scans that takes no room."""
 
-    name, format, odometry, faults, notes = "many", "many", None, (), ()
+    name, format, odometry, read_errors, notes = "many", "many", None, (), ()
     tag_counts: dict[str, int] = {}  # noqa: RUF012
 
     def __init__(self, n: int) -> None:

@@ -14,7 +14,7 @@ from curvescan import LaserScan, simulate
 from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder
-from curvescan.mapping.run_maps import map_drive
+from curvescan.mapping.run_maps import build_maps
 from tests.reference.occupancy import occupancy
 
 
@@ -189,16 +189,16 @@ def test_a_map_beyond_all_memory_is_refused_and_what_was_there_stays(far):
 def test_a_drive_goes_on_without_a_map_that_is_too_large():
     scans = [beam(1.0), beam(1.0), beam(1.0)]
     poses = np.array([[0.0, 0.0, 0.0], [1e7, 1e7, 0.0], [2e7, 0.0, 0.0]])
-    place = map_drive(scans, poses, np.ones(3, bool), occupancy=OccupancyConfig())
+    place = build_maps(scans, poses, np.ones(3, bool), occupancy=OccupancyConfig())
     assert place.grid is None
     assert place.why_no_grid.startswith("an occupancy map may take 1 GiB")
     assert len(place.standing) == 3
 
 
 def test_a_drive_without_a_reading_has_no_map():
-    place = map_drive([beam(0.0)], np.zeros((1, 3)), np.ones(1, bool), occupancy=OccupancyConfig())
+    place = build_maps([beam(0.0)], np.zeros((1, 3)), np.ones(1, bool), occupancy=OccupancyConfig())
     assert (place.grid, place.why_no_grid) == (None, "no scan has a reading to map")
-    assert map_drive([beam(1.0)], np.zeros((1, 3)), np.ones(1, bool)).grid is None
+    assert build_maps([beam(1.0)], np.zeros((1, 3)), np.ones(1, bool)).grid is None
 
 
 # ---- rooms
@@ -207,7 +207,7 @@ def test_a_drive_without_a_reading_has_no_map():
 def test_occupied_cells_lie_on_the_walls_and_people_are_left_out():
     log = simulate("room", n_scans=60, n_people=2, seed=5)
     poses = log.truth.poses
-    place = map_drive(log, poses, np.ones(len(log), bool), occupancy=OccupancyConfig())
+    place = build_maps(log, poses, np.ones(len(log), bool), occupancy=OccupancyConfig())
     grid = place.grid
     walls = place.standing
     occupied = grid.occupied_centres

@@ -10,7 +10,7 @@ import pytest
 
 from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.gating import judge
+from curvescan.odometry.gating import gate
 from curvescan.se2.uncertain import UncertainPose
 
 EXPECTED = UncertainPose(np.array([0.1, 0.0, 0.05]), np.diag([0.02**2, 0.02**2, 0.02**2]))
@@ -32,74 +32,77 @@ def matched(pose=(0.1, 0.0, 0.05), **kwargs):
     return replace(result, **kwargs)
 
 
-ALONG_X = {"weak_direction": np.array([1.0, 0.0, 0.0]), "covariance": np.diag([1.0, 1e-6, 1e-7])}
+ALONG_X = {
+    "degenerate_direction": np.array([1.0, 0.0, 0.0]),
+    "covariance": np.diag([1.0, 1e-6, 1e-7]),
+}
 
 
 def test_a_match_in_a_room_decides_alone():
-    attempt = judge(matched((0.13, 0.01, 0.06)), EXPECTED, CONFIG)
-    np.testing.assert_allclose(attempt.seen.pose, [0.13, 0.01, 0.06], atol=1e-4)
-    assert attempt.is_plausible
-    assert attempt.is_sure(0.4)
+    gated = gate(matched((0.13, 0.01, 0.06)), EXPECTED, CONFIG)
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.13, 0.01, 0.06], atol=1e-4)
+    assert gated.is_plausible
+    assert gated.is_confident(0.4)
 
 
 def test_along_a_corridor_the_expectation_decides():
-    attempt = judge(matched((0.9, 0.01, 0.05), **ALONG_X), EXPECTED, CONFIG)
-    np.testing.assert_allclose(attempt.seen.pose, [0.1, 0.01, 0.05], atol=1e-3)
-    assert attempt.is_plausible  # how far along it went means nothing
-    assert not attempt.is_sure(0.4)
-    assert attempt.seen.cov[0, 0] == pytest.approx(0.02**2, rel=1e-3)
+    gated = gate(matched((0.9, 0.01, 0.05), **ALONG_X), EXPECTED, CONFIG)
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.01, 0.05], atol=1e-3)
+    assert gated.is_plausible  # how far along it went means nothing
+    assert not gated.is_confident(0.4)
+    assert gated.pose_keyframe_scan.cov[0, 0] == pytest.approx(0.02**2, rel=1e-3)
 
 
 def test_a_match_far_from_what_was_expected_is_not_plausible_and_is_not_bent():
-    attempt = judge(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
-    assert not attempt.is_plausible
-    np.testing.assert_allclose(attempt.seen.pose, [0.6, 0.0, 0.6], atol=1e-4)
-    assert attempt.is_believed(0.25)
-    assert not judge(matched((0.6, 0.0, 0.6), score=0.2), EXPECTED, CONFIG).is_believed(0.25)
-    assert judge(matched(score=0.2), EXPECTED, CONFIG).is_believed(0.25)
+    gated = gate(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
+    assert not gated.is_plausible
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.6, 0.0, 0.6], atol=1e-4)
+    assert gated.is_accepted(0.25)
+    assert not gate(matched((0.6, 0.0, 0.6), score=0.2), EXPECTED, CONFIG).is_accepted(0.25)
+    assert gate(matched(score=0.2), EXPECTED, CONFIG).is_accepted(0.25)
 
 
 def test_a_failed_match_leaves_the_expectation():
     failed = matched(outcome=Outcome.AMBIGUOUS, pose=np.full(3, np.nan))
-    attempt = judge(failed, EXPECTED, CONFIG)
-    assert attempt.seen is EXPECTED
-    assert not attempt.is_believed(0.0)
+    gated = gate(failed, EXPECTED, CONFIG)
+    assert gated.pose_keyframe_scan is EXPECTED
+    assert not gated.is_accepted(0.0)
 
 
 def test_without_fusion_the_match_is_taken_as_it_is():
     result = matched((0.9, 0.0, 0.5), **ALONG_X)
-    attempt = judge(result, EXPECTED, MotionConfig(is_fused=False))
-    np.testing.assert_array_equal(attempt.seen.pose, result.pose)
-    np.testing.assert_array_equal(attempt.seen.cov, result.covariance)
+    gated = gate(result, EXPECTED, MotionConfig(is_fused=False))
+    np.testing.assert_array_equal(gated.pose_keyframe_scan.pose, result.pose)
+    np.testing.assert_array_equal(gated.pose_keyframe_scan.cov, result.covariance)
 
 
 def test_the_reference_in_use_is_left_only_for_a_better_match():
-    good, vague = judge(matched(), EXPECTED, CONFIG), judge(matched(**ALONG_X), EXPECTED, CONFIG)
-    leap = judge(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
-    low = judge(matched(score=0.3), EXPECTED, CONFIG)
-    failed = judge(matched(outcome=Outcome.AMBIGUOUS), EXPECTED, CONFIG)
+    good, vague = gate(matched(), EXPECTED, CONFIG), gate(matched(**ALONG_X), EXPECTED, CONFIG)
+    leap = gate(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
+    low = gate(matched(score=0.3), EXPECTED, CONFIG)
+    failed = gate(matched(outcome=Outcome.AMBIGUOUS), EXPECTED, CONFIG)
     ranks = [failed, leap, vague, low, good]
     for k, worse in enumerate(ranks):
-        assert not worse.is_surer_than(worse, 0.4)
+        assert not worse.is_better_than(worse, 0.4)
         for better in ranks[k + 1 :]:
-            assert better.is_surer_than(worse, 0.4)
-            assert not worse.is_surer_than(better, 0.4)
+            assert better.is_better_than(worse, 0.4)
+            assert not worse.is_better_than(better, 0.4)
     # above the least score more of it is no reason to change
-    assert not judge(matched(score=0.9), EXPECTED, CONFIG).is_surer_than(good, 0.4)
+    assert not gate(matched(score=0.9), EXPECTED, CONFIG).is_better_than(good, 0.4)
 
 
 def test_a_matcher_without_scores_is_taken_at_its_word():
-    attempt = judge(matched(score=math.nan), EXPECTED, CONFIG)
-    assert attempt.is_sure(0.4)
-    assert judge(matched((2.0, 0.0, 0.0), score=math.nan), EXPECTED, CONFIG).is_believed(0.25)
+    gated = gate(matched(score=math.nan), EXPECTED, CONFIG)
+    assert gated.is_confident(0.4)
+    assert gate(matched((2.0, 0.0, 0.0), score=math.nan), EXPECTED, CONFIG).is_accepted(0.25)
 
 
 def test_a_second_match_of_a_sweep_must_not_be_in_doubt_where_the_first_is_not():
-    first = judge(matched(score=0.41), EXPECTED, CONFIG)
-    assert judge(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).stands_like(first)
-    far = judge(matched((-0.09, 0.0, 0.05), score=0.6), EXPECTED, CONFIG)
-    failed = judge(matched(outcome=Outcome.UNSUPPORTED), EXPECTED, CONFIG)
-    weak = judge(matched(**ALONG_X), EXPECTED, CONFIG)
+    first = gate(matched(score=0.41), EXPECTED, CONFIG)
+    assert gate(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).is_as_good_as(first)
+    far = gate(matched((-0.09, 0.0, 0.05), score=0.6), EXPECTED, CONFIG)
+    failed = gate(matched(outcome=Outcome.UNSUPPORTED), EXPECTED, CONFIG)
+    weak = gate(matched(**ALONG_X), EXPECTED, CONFIG)
     for doubtful in (far, failed, weak):
-        assert not doubtful.stands_like(first)
-        assert first.stands_like(doubtful)
+        assert not doubtful.is_as_good_as(first)
+        assert first.is_as_good_as(doubtful)

@@ -1,4 +1,4 @@
-"""Key scans: the tree they form, what it tells of two places, and what is forgotten."""
+"""Keyframes: the tree they form, what it tells of two places, and what is forgotten."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import functools
 
 import numpy as np
 
-from curvescan.odometry.keyframes import Fix, Keys
+from curvescan.odometry.keyframes import KeyframeGraph, Localization
 from curvescan.se2.uncertain import UncertainPose, compose, inverse
 
 STEP = UncertainPose(np.array([1.0, 0.0, 0.1]), np.diag([1e-4, 1e-4, 1e-6]))
 
 
-def grow(keys, n, start=None, **kwargs):
-    """A chain of n key scans, each placed by the one before it."""
+def grow(keyframes, n, start=None, **kwargs):
+    """A chain of n keyframes, each placed by the one before it."""
     made = [] if start is None else [start]
     for k in range(n):
-        fix = None if not made else Fix(key=made[-1], seen=STEP, **kwargs)
-        made.append(keys.add(None, len(keys) + k, fix))
+        localization = (
+            None if not made else Localization(keyframe=made[-1], pose_keyframe_scan=STEP, **kwargs)
+        )
+        made.append(keyframes.add(None, len(keyframes) + k, localization))
     return made
 
 
@@ -27,83 +29,92 @@ def steps(n):
 
 
 def test_the_error_between_two_is_that_of_the_way_between_them():
-    keys = Keys(max_keys=50, kept=1.0)
-    trunk = grow(keys, 10)
-    branch = grow(keys, 4, start=trunk[6])
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    trunk = grow(keyframes, 10)
+    branch = grow(keyframes, 4, start=trunk[6])
     # from the end of the branch back to the fork, and on along the trunk
-    seen = Fix(key=branch[-1], seen=STEP).seen_from(trunk[9])
+    pose_keyframe_scan = Localization(keyframe=branch[-1], pose_keyframe_scan=STEP).relative_to(
+        trunk[9]
+    )
     way = inverse(compose(compose(STEP, STEP), STEP))
     for _ in range(5):
         way = compose(way, STEP)
-    np.testing.assert_allclose(seen.pose, way.pose, atol=1e-12)
-    np.testing.assert_allclose(seen.cov, way.cov, rtol=1e-9)
+    np.testing.assert_allclose(pose_keyframe_scan.pose, way.pose, atol=1e-12)
+    np.testing.assert_allclose(pose_keyframe_scan.cov, way.cov, rtol=1e-9)
     # less than the error of either in the world
-    assert np.trace(seen.cov) < np.trace(branch[-1].world.cov)
+    assert np.trace(pose_keyframe_scan.cov) < np.trace(branch[-1].pose_map_keyframe.cov)
 
 
 def test_from_its_own_key_scan_a_place_is_as_it_was_seen():
-    keys = Keys(max_keys=5, kept=1.0)
-    *_, last = grow(keys, 3)
-    assert Fix(key=last, seen=STEP).seen_from(last) is STEP
+    keyframes = KeyframeGraph(max_keyframes=5, variance_retained=1.0)
+    *_, last = grow(keyframes, 3)
+    assert Localization(keyframe=last, pose_keyframe_scan=STEP).relative_to(last) is STEP
 
 
 def test_a_share_of_a_measured_variance_stays():
-    keys = Keys(max_keys=5, kept=0.25)
-    first = keys.add(None, 0, None)
-    measured = keys.add(None, 1, Fix(key=first, seen=STEP, is_measured=True))
-    expected = keys.add(None, 2, Fix(key=first, seen=STEP))
-    np.testing.assert_allclose(measured.world.cov, 0.25 * STEP.cov)
-    np.testing.assert_allclose(expected.world.cov, STEP.cov)
+    keyframes = KeyframeGraph(max_keyframes=5, variance_retained=0.25)
+    first = keyframes.add(None, 0, None)
+    measured = keyframes.add(
+        None, 1, Localization(keyframe=first, pose_keyframe_scan=STEP, is_measured=True)
+    )
+    expected = keyframes.add(None, 2, Localization(keyframe=first, pose_keyframe_scan=STEP))
+    np.testing.assert_allclose(measured.pose_map_keyframe.cov, 0.25 * STEP.cov)
+    np.testing.assert_allclose(expected.pose_map_keyframe.cov, STEP.cov)
 
 
 def test_nearest_come_first_and_far_ones_not_at_all():
-    keys = Keys(max_keys=50, kept=1.0)
-    grow(keys, 12)
-    near = keys.nearest(keys.add(None, 99, None).world.pose, 2.5, 0.25)
-    assert [key.number for key in near] == [0, 12, 1, 2]  # two at the origin, then along the chain
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    grow(keyframes, 12)
+    near = keyframes.nearest(keyframes.add(None, 99, None).pose_map_keyframe.pose, 2.5, 0.25)
+    assert [keyframe.number for keyframe in near] == [
+        0,
+        12,
+        1,
+        2,
+    ]  # two at the origin, then along the chain
 
 
 def test_directions_are_compared_the_short_way_round():
-    keys = Keys(max_keys=50, kept=1.0)
-    first = keys.add(None, 0, None)
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    first = keyframes.add(None, 0, None)
     turned = UncertainPose(np.array([0.0, 0.0, 3.1]), STEP.cov)
-    key = keys.add(None, 1, Fix(key=first, seen=turned))
-    assert keys.nearest(np.array([0.0, 0.0, -3.1]), 1.0, 0.2) == [key]
+    keyframe = keyframes.add(None, 1, Localization(keyframe=first, pose_keyframe_scan=turned))
+    assert keyframes.nearest(np.array([0.0, 0.0, -3.1]), 1.0, 0.2) == [keyframe]
 
 
 def test_beyond_the_limit_the_one_not_used_for_longest_goes():
-    keys = Keys(max_keys=3, kept=1.0)
-    made = grow(keys, 3)
+    keyframes = KeyframeGraph(max_keyframes=3, variance_retained=1.0)
+    made = grow(keyframes, 3)
     made[0].used = 50
-    grow(keys, 1, start=made[-1])
-    assert [key.number for key in keys] == [0, 2, 3]
-    assert len(keys.nearest(np.zeros(3), 100.0, 4.0)) == 3
+    grow(keyframes, 1, start=made[-1])
+    assert [keyframe.number for keyframe in keyframes] == [0, 2, 3]
+    assert len(keyframes.nearest(np.zeros(3), 100.0, 4.0)) == 3
 
 
 def test_what_a_forgotten_one_placed_keeps_its_place_and_error():
-    keys = Keys(max_keys=50, kept=1.0)
-    made = grow(keys, 6)
-    before = Fix(key=made[5], seen=STEP).seen_from(made[1])
-    keys.forget(made[3])
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    made = grow(keyframes, 6)
+    before = Localization(keyframe=made[5], pose_keyframe_scan=STEP).relative_to(made[1])
+    keyframes.forget(made[3])
     assert made[4].parent is made[2]
-    after = Fix(key=made[5], seen=STEP).seen_from(made[1])
+    after = Localization(keyframe=made[5], pose_keyframe_scan=STEP).relative_to(made[1])
     np.testing.assert_array_equal(after.pose, before.pose)
     np.testing.assert_array_equal(after.cov, before.cov)
 
 
 def test_without_a_common_ancestor_the_first_frame_is_one():
-    keys = Keys(max_keys=50, kept=1.0)
-    trunk = grow(keys, 3)
-    one, other = grow(keys, 2, start=trunk[-1])[1:], grow(keys, 3, start=trunk[-1])[1:]
-    fix = Fix(key=other[-1], seen=STEP)
-    before = fix.seen_from(one[-1])
-    for key in trunk:
-        keys.forget(key)
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    trunk = grow(keyframes, 3)
+    one, other = grow(keyframes, 2, start=trunk[-1])[1:], grow(keyframes, 3, start=trunk[-1])[1:]
+    localization = Localization(keyframe=other[-1], pose_keyframe_scan=STEP)
+    before = localization.relative_to(one[-1])
+    for keyframe in trunk:
+        keyframes.forget(keyframe)
     assert one[0].parent is None
     assert other[0].parent is None
     # back to the first frame and out again on the other branch: the trunk's two steps err on either way
     way = compose(inverse(steps(4)), steps(6))
-    seen = fix.seen_from(one[-1])
-    np.testing.assert_allclose(seen.pose, before.pose, atol=1e-12)
-    np.testing.assert_allclose(seen.cov, way.cov, rtol=1e-9)
-    assert np.trace(seen.cov) > 1.5 * np.trace(before.cov)
+    pose_keyframe_scan = localization.relative_to(one[-1])
+    np.testing.assert_allclose(pose_keyframe_scan.pose, before.pose, atol=1e-12)
+    np.testing.assert_allclose(pose_keyframe_scan.cov, way.cov, rtol=1e-9)
+    assert np.trace(pose_keyframe_scan.cov) > 1.5 * np.trace(before.cov)

@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.odometry import (
-    KeysConfig,
+    KeyframesConfig,
     MotionConfig,
     OdometryConfig,
     StepOutcome,
@@ -118,15 +118,15 @@ def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():
 
 def test_a_run_collects_every_step():
     scans, truth = drive(12)
-    seen = []
-    run = run_odometry(scans, on_step=lambda step: seen.append(step.index))
-    assert seen == list(range(12))
+    pose_keyframe_scan = []
+    run = run_odometry(scans, on_step=lambda step: pose_keyframe_scan.append(step.index))
+    assert pose_keyframe_scan == list(range(12))
     assert len(run.trajectory) == len(run.outcomes) == run.seconds.size == run.n_matched.size == 12
     np.testing.assert_array_equal(run.trajectory.stamps, [s.stamp for s in scans])
     assert not run.is_partial
     assert run.n_matched[0] == 0
     assert (run.seconds > 0).all()
-    # 3 mm of noise on 361 readings: half a millimetre a match, and two key scans on the way
+    # 3 mm of noise on 361 readings: half a millimetre a match, and two keyframes on the way
     error = cs.se2.between(truth[-1], run.trajectory.poses[-1])
     assert np.hypot(*error[:2]) < 0.003
     assert abs(error[2]) < math.radians(0.1)
@@ -168,18 +168,18 @@ def test_wrong_arguments_are_named():
         cs.Odometry(method="slam")
     with pytest.raises(cs.InvalidArgumentError, match="scan must be a LaserScan"):
         cs.Odometry().add(np.ones(3))
-    with pytest.raises(cs.InvalidArgumentError, match="wheels must be three numbers"):
-        cs.Odometry().add(blank(), wheels=[0.0, 1.0])
-    with pytest.raises(cs.InvalidArgumentError, match="lost_m must be > 0, got 0"):
-        MotionConfig(lost_m=0)
+    with pytest.raises(cs.InvalidArgumentError, match="odometry_pose must be three numbers"):
+        cs.Odometry().add(blank(), odometry_pose=[0.0, 1.0])
+    with pytest.raises(cs.InvalidArgumentError, match="recovery_sigma_m must be > 0, got 0"):
+        MotionConfig(recovery_sigma_m=0)
     with pytest.raises(cs.InvalidArgumentError, match="must not be less than least_sigma_m"):
         MotionConfig(sigma_m=0.01)
     with pytest.raises(cs.InvalidArgumentError, match="max_repeats must be >= 0, got -1"):
         MotionConfig(max_repeats=-1)
     with pytest.raises(cs.InvalidArgumentError, match=r"kept must lie in \(0, 1\], got 0"):
-        KeysConfig(kept=0)
-    with pytest.raises(cs.InvalidArgumentError, match="max_keys must be at least 1, got 0"):
-        KeysConfig(max_keys=0)
+        KeyframesConfig(variance_retained=0)
+    with pytest.raises(cs.InvalidArgumentError, match="max_keyframes must be at least 1, got 0"):
+        KeyframesConfig(max_keyframes=0)
 
 
 def test_the_first_scan_has_no_match_that_could_fail():
@@ -209,7 +209,7 @@ def test_standing_still_does_not_drift():
 
 @pytest.mark.slow
 def test_slow_driving_does_not_pile_up_noise():
-    """Half a millimetre a scan for 10 cm: the chain from scan to scan walks about, a key scan does not."""
+    """Half a millimetre a scan for 10 cm: the chain from scan to scan walks about, a keyframe does not."""
     ends = {"keys": [], "last": []}
     for seed in range(5):
         _, (start,) = in_the_office(seed, 1)
@@ -224,11 +224,11 @@ def test_slow_driving_does_not_pile_up_noise():
 
 @pytest.mark.slow
 def test_a_place_seen_before_is_known():
-    """There and back again, backwards: the drift is put right by the key scans of the way there."""
+    """There and back again, backwards: the drift is put right by the keyframes of the way there."""
     _, there = in_the_office(3, 200)
     scans, truth = in_the_office(3, 400, n_people=2, poses=np.concatenate([there, there[::-1]]))
     run = run_odometry(scans)
-    assert run.outcomes.count(StepOutcome.REVISITED) >= 3
+    assert run.outcomes.count(StepOutcome.LOOP_CLOSED) >= 3
     error = run.trajectory.poses - cs.se2.between(truth[0], truth)
     distance = np.hypot(*error[:, :2].T)
     assert distance[-10:].max() < 0.01
@@ -242,7 +242,7 @@ def test_a_covered_sensor_finds_itself_again():
     run = run_odometry([*scans[:40], *[blank()] * 8, *scans[48:]])
     assert set(run.outcomes[40:48]) <= {StepOutcome.PREDICTED, StepOutcome.HELD}
     after = run.outcomes[48]
-    assert after in (StepOutcome.MATCHED, StepOutcome.RECOVERED, StepOutcome.REVISITED)
+    assert after in (StepOutcome.MATCHED, StepOutcome.RELOCALIZED, StepOutcome.LOOP_CLOSED)
     error = cs.se2.between(cs.se2.between(truth[0], truth[-1]), run.trajectory.poses[-1])
     assert np.hypot(*error[:2]) < 0.03
     # what was not known meanwhile was said to be
@@ -256,9 +256,9 @@ def test_along_a_bare_corridor_the_wheels_decide_and_across_it_the_laser():
     log = cs.simulate("bare-corridor", n_scans=60, seed=5)
     truth = cs.se2.between(log.truth.poses[0], log.truth.poses)
     alone = run_odometry(log).trajectory
-    wheels = log.odometry.poses.copy()
-    wheels[:, 1] += 0.004 * np.arange(60)  # wheels that skid sideways
-    helped = run_odometry(log, wheels=wheels).trajectory
+    odometry_pose = log.odometry.poses.copy()
+    odometry_pose[:, 1] += 0.004 * np.arange(60)  # wheels that skid sideways
+    helped = run_odometry(log, odometry_poses=odometry_pose).trajectory
     error = helped.poses - truth
     assert np.abs(error[:, 1]).max() < 0.02  # the walls tell
     assert np.abs(error[:, 0]).max() < 0.3  # 10 % of 7 m at most
@@ -275,7 +275,7 @@ def test_wheels_that_know_only_the_turn_are_taken_for_that():
     turned = cs.se2.compose(np.array([0.2, 0.1, 0.16]), np.array([0.0, 0.0, 1.2]))
     scans.append(room_scan(turned, sigma=0.003, seed=99))
     gyro = np.array([[np.nan, np.nan, 0.04 * k] for k in range(6)] + [[np.nan, np.nan, 1.36]])
-    run = run_odometry(scans, wheels=gyro)
+    run = run_odometry(scans, odometry_poses=gyro)
     assert run.outcomes[-1] in (StepOutcome.MATCHED, StepOutcome.CHAINED)
     np.testing.assert_allclose(run.trajectory.poses[-1], turned, atol=0.02)
 
@@ -297,25 +297,27 @@ def test_covariances_are_consistent_over_a_hundred_runs():
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_drive():
     scans, _ = in_the_office(6, 40)
-    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=5, distance=0.05)))
+    odometry = cs.Odometry(
+        config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=5, distance=0.05))
+    )
     for _ in range(3):
         for scan in [*scans, *scans[::-1]]:
             odometry.add(scan)
-            assert len(odometry.keys) <= 5
+            assert len(odometry.keyframes) <= 5
 
 
 @pytest.mark.slow
 def test_guesses_do_not_push_out_what_is_known():
     scans, _ = in_the_office(2, 40)
-    odometry = cs.Odometry(config=OdometryConfig(keys=KeysConfig(max_keys=4)))
+    odometry = cs.Odometry(config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=4)))
     for scan in scans:
         odometry.add(scan)
-    known = {key.index for key in odometry.keys}
+    known = {keyframe.index for keyframe in odometry.keyframes}
     assert len(known) == 4  # no room for more
     for seed in range(12):  # carried through places that have nothing to do with each other
         step = odometry.add(elsewhere(seed))
         assert step.outcome in (StepOutcome.PREDICTED, StepOutcome.HELD)
-    assert len(known & {key.index for key in odometry.keys}) == 3
+    assert len(known & {keyframe.index for keyframe in odometry.keyframes}) == 3
 
 
 def elsewhere(seed):

@@ -1,4 +1,4 @@
-"""Known places: when an earlier key scan is believed to show where a scan is."""
+"""Known places: when an earlier keyframe is believed to show where a scan is."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.odometry import KeysConfig
-from curvescan.odometry.keyframes import Fix, Keys
-from curvescan.odometry.relocalization import find_known_place
+from curvescan.odometry import KeyframesConfig
+from curvescan.odometry.keyframes import KeyframeGraph, Localization
+from curvescan.odometry.relocalization import find_loop_closure
 from curvescan.se2.uncertain import UncertainPose, identity
 
 SURE = np.diag([1e-6, 1e-6, 1e-7])
@@ -27,43 +27,53 @@ def office():
     return [cs.prepare(scan) for scan in log], se2.between(way[0], way)
 
 
-def lost(office, cov, off=(0.0, 0.0, 0.0)):
-    """Key scans at three places; and a chain from the last of them to the fourth, off and uncertain by so much."""
+def recovery_covariance(office, cov, off=(0.0, 0.0, 0.0)):
+    """Keyframes at three places; and a chain from the last of them to the fourth, off and uncertain by so much."""
     scans, truth = office
-    keys = Keys(max_keys=10, kept=1.0)
-    key = keys.add(scans[0], 0, None)
+    keyframes = KeyframeGraph(max_keyframes=10, variance_retained=1.0)
+    keyframe = keyframes.add(scans[0], 0, None)
     for k in (1, 2):
-        keys.add(scans[k], k, Fix(key=key, seen=UncertainPose(truth[k], SURE)))
+        keyframes.add(
+            scans[k],
+            k,
+            Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[k], SURE)),
+        )
     blank = cs.prepare(cs.LaserScan([], angle_min=0.0, angle_increment=0.1))
-    far = keys.add(blank, 3, Fix(key=key, seen=UncertainPose(truth[3] + off, cov)))
-    return scans[3], Fix(key=far, seen=identity()), keys, truth[3]
+    far = keyframes.add(
+        blank,
+        3,
+        Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[3] + off, cov)),
+    )
+    return scans[3], Localization(keyframe=far, pose_keyframe_scan=identity()), keyframes, truth[3]
 
 
-def ask(current, fix, keys, is_lost=False, **config):
-    return find_known_place(current, fix, keys, KeysConfig(**config), turn=math.pi, is_lost=is_lost)
+def ask(current, localization, keyframes, is_lost=False, **config):
+    return find_loop_closure(
+        current, localization, keyframes, KeyframesConfig(**config), turn=math.pi, is_lost=is_lost
+    )
 
 
 def find(office, cov, off=(0.0, 0.0, 0.0), **config):
-    current, fix, keys, truth = lost(office, cov, off)
-    return ask(current, fix, keys, **config), truth
+    current, localization, keyframes, truth = recovery_covariance(office, cov, off)
+    return ask(current, localization, keyframes, **config), truth
 
 
 @pytest.mark.parametrize("cov", [SURE, VAGUE])
 def test_a_place_is_known_again(office, cov):
     known, truth = find(office, cov)
     assert known is not None
-    fix, result = known
+    localization, result = known
     assert result.ok
-    np.testing.assert_allclose(fix.world.pose, truth, atol=0.01)
-    assert fix.is_measured
+    np.testing.assert_allclose(localization.pose_map_scan.pose, truth, atol=0.01)
+    assert localization.is_measured
     # as sure as the match is, however vague the chain had become
-    assert np.trace(fix.world.cov) < 1e-4
+    assert np.trace(localization.pose_map_scan.cov) < 1e-4
 
 
 def test_a_vague_chain_may_be_far_off(office):
     known, truth = find(office, VAGUE, off=(0.6, -0.5, 0.1))
     assert known is not None
-    np.testing.assert_allclose(known[0].world.pose, truth, atol=0.01)
+    np.testing.assert_allclose(known[0].pose_map_scan.pose, truth, atol=0.01)
 
 
 def test_a_match_where_the_chain_cannot_lie_is_not_believed(office):
@@ -73,15 +83,15 @@ def test_a_match_where_the_chain_cannot_lie_is_not_believed(office):
 
 
 def test_where_the_chain_is_vague_one_key_scan_is_not_enough(office):
-    current, fix, keys, _ = lost(office, VAGUE)
-    for key in list(keys)[1:3]:
-        keys.forget(key)
-    assert ask(current, fix, keys) is None
+    current, localization, keyframes, _ = recovery_covariance(office, VAGUE)
+    for keyframe in list(keyframes)[1:3]:
+        keyframes.forget(keyframe)
+    assert ask(current, localization, keyframes) is None
     # where it is certain, one is
-    current, fix, keys, _ = lost(office, SURE)
-    for key in list(keys)[1:3]:
-        keys.forget(key)
-    assert ask(current, fix, keys) is not None
+    current, localization, keyframes, _ = recovery_covariance(office, SURE)
+    for keyframe in list(keyframes)[1:3]:
+        keyframes.forget(keyframe)
+    assert ask(current, localization, keyframes) is not None
 
 
 def test_no_more_than_so_many_are_tried(office):
@@ -90,19 +100,19 @@ def test_no_more_than_so_many_are_tried(office):
 
 
 def test_one_that_drifted_more_puts_nothing_right(office):
-    current, fix, keys, _ = lost(office, VAGUE)
-    for key in list(keys)[1:3]:
-        key.world = UncertainPose(key.world.pose, 100.0 * VAGUE)
-    assert ask(current, fix, keys) is None
+    current, localization, keyframes, _ = recovery_covariance(office, VAGUE)
+    for keyframe in list(keyframes)[1:3]:
+        keyframe.pose_map_keyframe = UncertainPose(keyframe.pose_map_keyframe.pose, 100.0 * VAGUE)
+    assert ask(current, localization, keyframes) is None
 
 
 def test_to_the_lost_two_that_agree_may_score_less_where_the_scan_is_expected(office):
-    unsure = {"sure_score": 1.0, "least_score": 0.3}
+    unsure = {"confident_score": 1.0, "least_score": 0.3}
     assert find(office, VAGUE, **unsure)[0] is None
     assert find(office, VAGUE, is_lost=True, **unsure)[0] is not None
     # 2.5 standard deviations off: one of twenty lies there, and other places of the same kind
     off = {"off": (2.5, 0.0, 0.0), "max_reach": 4.0}
     assert find(office, VAGUE, is_lost=True, **off)[0] is not None
-    assert find(office, VAGUE, is_lost=True, likely_place=4.0, **off, **unsure)[0] is None
+    assert find(office, VAGUE, is_lost=True, agreeing_gate_chi2=4.0, **off, **unsure)[0] is None
     # one alone must be sure, lost or not
     assert find(office, SURE, is_lost=True, **unsure)[0] is None

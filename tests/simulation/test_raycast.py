@@ -69,9 +69,9 @@ def test_agrees_with_the_slow_twin(world, fan, x, y, theta):
     assert ranges.shape == hit_idx.shape == (n_beams,)
     assert np.array_equal(hit_idx == -1, np.isinf(ranges))
     nearest = table.distance.min(axis=1, initial=np.inf)
-    is_sure = ~table.is_doubtful.any(axis=1)
-    assert np.array_equal(np.isinf(nearest)[is_sure], np.isinf(ranges)[is_sure])
-    for j in np.flatnonzero(is_sure & (hit_idx >= 0)):
+    is_confident = ~table.is_doubtful.any(axis=1)
+    assert np.array_equal(np.isinf(nearest)[is_confident], np.isinf(ranges)[is_confident])
+    for j in np.flatnonzero(is_confident & (hit_idx >= 0)):
         # a rounding error of the beam's direction (some 1e-15 rad, 20 m away) grows as 1 / sine
         limit = 1e-12 / table.sine[j, hit_idx[j]]
         assert abs(ranges[j] - table.distance[j, hit_idx[j]]) <= limit
@@ -89,10 +89,10 @@ def test_agrees_with_the_slow_twin_in_a_built_world(name):
             world, pose, angle_min=-np.pi, angle_increment=np.radians(9.0), n_beams=40
         )
         table = cast_all(world.walls, world.boxes, world.circles, world.arcs, pose, angles)
-        is_sure = ~table.is_doubtful.any(axis=1)
-        assert is_sure.sum() >= 35
+        is_confident = ~table.is_doubtful.any(axis=1)
+        assert is_confident.sum() >= 35
         np.testing.assert_allclose(
-            ranges[is_sure], table.distance.min(axis=1)[is_sure], rtol=0, atol=1e-10
+            ranges[is_confident], table.distance.min(axis=1)[is_confident], rtol=0, atol=1e-10
         )
 
 

@@ -32,7 +32,7 @@ def deserted():
 
 def test_a_simulation_is_a_log(crowded):
     assert isinstance(crowded, Log)
-    assert (crowded.name, crowded.format, crowded.faults) == (
+    assert (crowded.name, crowded.format, crowded.read_errors) == (
         "office (seed 3)",
         "simulated log",
         (),

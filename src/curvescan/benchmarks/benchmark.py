@@ -9,15 +9,15 @@ from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_readi
 from curvescan.benchmarks.profile import StageTime, measure_stages
 from curvescan.benchmarks.rotation import TURNS_DEG, success_by_turn
 from curvescan.benchmarks.scenarios import (
-    CELLS,
     OPEN_WORLDS,
-    CellScore,
+    SCENARIOS,
     OpenScore,
-    score_cell,
+    ScenarioScore,
     score_open,
+    score_scenario,
 )
 from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
-from curvescan.evaluation.real_logs import LogJudgement, judge_log
+from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, MATCHERS
 from curvescan.paper.experiments import Progress, in_silence
@@ -53,7 +53,7 @@ class Benchmark:
         Of the methods STAGED, stage by stage.
     growth : dict of str to tuple of Speed
         For each method, one a number of BEAM_COUNTS.
-    cells : tuple of CellScore
+    cells : tuple of ScenarioScore
         Cell by cell, one a method.
     open_worlds : tuple of OpenScore
         World by world, one a method.
@@ -61,7 +61,7 @@ class Benchmark:
         Success against turn angle, of :func:`curvescan.benchmarks.rotation.success_by_turn`.
     experiment_1 : dict of (world, what moved, share of people) to RandomTransformRuns
         The paper's experiment 1.
-    logs : tuple of LogJudgement
+    logs : tuple of LogEvaluation
         Log by log, one a method.
     reading : tuple of ReadingSpeed
         How fast logs are read, one a format.
@@ -72,11 +72,11 @@ class Benchmark:
     speeds: tuple[Speed, ...]
     stages: tuple[StageTime, ...]
     growth: dict[str, tuple[Speed, ...]]
-    cells: tuple[CellScore, ...]
+    cells: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
     turns: dict[str, Floats]
     experiment_1: dict[tuple[str, Moves, float], RandomTransformRuns]
-    logs: tuple[LogJudgement, ...]
+    logs: tuple[LogEvaluation, ...]
     reading: tuple[ReadingSpeed, ...]
 
 
@@ -129,8 +129,8 @@ def run_benchmark(
         growth[method] = tuple(series)
     cells = [
         score
-        for cell in CELLS
-        for score in score_cell(
+        for cell in SCENARIOS
+        for score in score_scenario(
             cell, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(cell.name, n_pairs)
         )
     ]
@@ -161,7 +161,7 @@ def run_benchmark(
         for moves, people_share in VARIANTS
     }
     judged = [
-        judge_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
+        evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
         for log in logs
         for method in methods
     ]

@@ -19,7 +19,7 @@ _CHI2_95 = 7.815
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
+class Scenario:
     """One kind of pair.
 
     Attributes
@@ -43,13 +43,15 @@ class Cell:
 
 _SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
 
-CELLS = (
+SCENARIOS = (
     *(
-        Cell(name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0)
+        Scenario(
+            name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0
+        )
         for n, t, r in _SIZES
     ),
     *(
-        Cell(
+        Scenario(
             name=f"{n}, people",
             sensor="sick-lms200",
             translation_max=t,
@@ -59,7 +61,7 @@ CELLS = (
         for n, t, r in _SIZES
     ),
     *(
-        Cell(
+        Scenario(
             name=f"{title}, {n}{', people' if p else ''}",
             sensor=s,
             translation_max=t,
@@ -69,7 +71,7 @@ CELLS = (
         for s, title in (("spinning-360", "360 deg"), ("hokuyo-270", "270 deg"))
         for (n, t, r), p in ((_SIZES[0], 0.0), (_SIZES[2], 0.15))
     ),
-    Cell(
+    Scenario(
         name="360 deg, any turn",
         sensor="spinning-360",
         translation_max=0.3,
@@ -80,7 +82,7 @@ CELLS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellScore:
+class ScenarioScore:
     """How one method did in one cell.
 
     Attributes
@@ -89,9 +91,9 @@ class CellScore:
         Names.
     success : float
         Share of pairs matched within 0.1 m and 2 degrees.
-    confidently_wrong : float
+    false_positives : float
         Share of pairs that are ``ok`` and not within.
-    wrong_unflagged : float
+    unflagged_false_positives : float
         The same without those that name a weak direction, along which their covariance is wide.
     median_error, bound : float
         Median translation error of the matches, and what the Cramér-Rao bound allows, metres.
@@ -104,22 +106,22 @@ class CellScore:
     method: str
     cell: str
     success: float
-    confidently_wrong: float
-    wrong_unflagged: float
+    false_positives: float
+    unflagged_false_positives: float
     median_error: float
     bound: float
     nees: float
     inside_95: float
 
 
-def score_cell(
-    cell: Cell,
+def score_scenario(
+    cell: Scenario,
     methods: Sequence[str],
     *,
     n_pairs: int = 300,
     seed: int = 1,
     on_pair: Callable[[], None] | None = None,
-) -> list[CellScore]:
+) -> list[ScenarioScore]:
     """Return how each method does on the same pairs of one cell, each pair in a fresh office, without a guess.
 
     Parameters
@@ -168,7 +170,7 @@ class OpenScore:
     ok, flagged : float
         Share of the pairs with a pose, and of these the share that names its weak direction.
     nees, nees_median, inside_95 : float
-        As in :class:`CellScore`, over all pairs with a pose; a motion along an arc is linear to first order only,
+        As in :class:`ScenarioScore`, over all pairs with a pose; a motion along an arc is linear to first order only,
         so that a few large ones decide the mean.
     """
 
@@ -229,7 +231,7 @@ def score_open(
 def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
     matched = [one for one in tries if one.result.ok]
     nees = np.array([one.nees for one in matched])
-    flagged = [one.result.weak_direction is not None for one in matched]
+    flagged = [one.result.degenerate_direction is not None for one in matched]
     return OpenScore(
         method=method,
         world=world,
@@ -262,18 +264,18 @@ class _Try:
         return bool(self.result.ok and np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
 
 
-def _score(method: str, cell: str, tries: list[_Try], bound: float) -> CellScore:
+def _score(method: str, cell: str, tries: list[_Try], bound: float) -> ScenarioScore:
     right = [one for one in tries if one.is_right]
     matched = [one for one in tries if one.result.ok]
     nees = np.array([one.nees for one in right])
     distance = [np.hypot(*one.error[:2]) for one in matched]
-    return CellScore(
+    return ScenarioScore(
         method=method,
         cell=cell,
         success=len(right) / len(tries),
-        confidently_wrong=(len(matched) - len(right)) / len(tries),
-        wrong_unflagged=sum(
-            one.result.weak_direction is None and not one.is_right for one in matched
+        false_positives=(len(matched) - len(right)) / len(tries),
+        unflagged_false_positives=sum(
+            one.result.degenerate_direction is None and not one.is_right for one in matched
         )
         / len(tries),
         median_error=float(np.median(distance)) if distance else float("nan"),

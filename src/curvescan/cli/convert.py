@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Laser, LaserSetUp, LogPath, Topic, open_log
+from curvescan.cli.options import Laser, LogPath, SensorFlags, Topic, open_log
 
 FormatName: TypeAlias = Literal["carmen", "csv", "npz", "ros1", "ros2", "mcap"]
 """Names of the table of writers, written out so that --help loads none of them."""
@@ -21,7 +21,7 @@ def convert(
     format: FormatName | None = None,  # noqa: A002 - the flag's name
     range_max: float | None = None,
     topic: Topic = None,
-    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
 ) -> int:
     """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
 
@@ -49,9 +49,10 @@ def convert(
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     with progress_bar("convert", len(source)) as advance:
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
-    for fault in source.faults:
+    for read_error in source.read_errors:
         ERR.print(
-            f"skipped: {fault.rule} ({fault.count} times, first in {fault.first})", markup=False
+            f"skipped: {read_error.rule} ({read_error.count} times, first in {read_error.first})",
+            markup=False,
         )
     for loss in losses:
         ERR.print(f"not kept: {loss}", markup=False)

@@ -6,7 +6,7 @@ import json as json_format
 import math
 from typing import TYPE_CHECKING
 
-from curvescan.cli.options import Flag, Laser, LaserSetUp, LogPath, Topic, open_log
+from curvescan.cli.options import Flag, Laser, LogPath, SensorFlags, Topic, open_log
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.report import LogReport
@@ -19,7 +19,7 @@ def info(
     range_max: float | None = None,
     topic: Topic = None,
     json: Flag = False,
-    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
 ) -> int:
     """Tell what is in a log and what is wrong with it: each finding with its consequence and the option that handles it.
 
@@ -44,7 +44,7 @@ def info(
 
     from curvescan.cli.console import OUT
     from curvescan.diagnostics.inspect import inspect_log
-    from curvescan.diagnostics.issues import findings_of
+    from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.report_json import report_as_plain
 
     report = inspect_log(open_log(log, range_max=range_max, topic=topic, laser=laser))
@@ -56,10 +56,10 @@ def info(
     for name, value in _rows(report):
         if value:
             OUT.print(f"  {name:<16} {escape(value)}")
-    findings = findings_of(report)
-    for finding in findings:
-        OUT.print(f"  [yellow]{finding.topic:<16}[/yellow] {escape(finding.sentence)}")
-    if not findings:
+    issues = find_issues(report)
+    for issue in issues:
+        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(issue.sentence)}")
+    if not issues:
         OUT.print("  nothing wrong found")
     if not report.is_usable:
         OUT.print("  not usable: motion takes two scans with a valid reading")
@@ -133,8 +133,8 @@ def _turns(report: LogReport) -> str:
     sense = report.sense
     if sense is None:
         return ""
-    if not (sense.is_along or sense.is_against):
+    if not (sense.is_along or sense.is_reversed):
         return f"the scans do not tell whether they turn with the {sense.reference}"
-    way = "against" if sense.is_against else "with"
-    count = sense.n_against if sense.is_against else sense.n_turns - sense.n_against
+    way = "against" if sense.is_reversed else "with"
+    count = sense.n_reversed if sense.is_reversed else sense.n_turns - sense.n_reversed
     return f"{way} the {sense.reference} in {count} of {sense.n_turns} sharp turns"

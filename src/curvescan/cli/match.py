@@ -11,11 +11,11 @@ from curvescan.cli.options import (
     ConfigFile,
     Configs,
     Laser,
-    LaserSetUp,
     LogPath,
     Method,
     MethodConfigs,
     ScanNumber,
+    SensorFlags,
     Topic,
     open_log,
 )
@@ -34,7 +34,7 @@ def match(
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
-    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -96,8 +96,8 @@ def match(
             f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
             f"{result.n_matched} matched pairs"
         )
-    if result.weak_direction is not None:
-        dx, dy, dtheta = result.weak_direction
+    if result.degenerate_direction is not None:
+        dx, dy, dtheta = result.degenerate_direction
         OUT.print(f"  not fixed along x {dx:+.2f} m, y {dy:+.2f} m, theta {dtheta:+.2f} rad")
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)

@@ -13,11 +13,11 @@ from curvescan.cli.options import (
     ConfigFile,
     Configs,
     Laser,
-    LaserSetUp,
     LogPath,
     MapConfig,
     Method,
     MethodConfigs,
+    SensorFlags,
     Topic,
     open_log,
 )
@@ -42,7 +42,7 @@ def odometry(
     range_max: float | None = None,
     topic: Topic = None,
     also: tuple[FurtherName, ...] = (),
-    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -90,15 +90,15 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
-    from curvescan.diagnostics.motion_prior import prior_of
+    from curvescan.diagnostics.motion_prior import motion_prior
     from curvescan.io import output_folder
-    from curvescan.io.trajectories.exports import RunData, takes_edges, write_further
+    from curvescan.io.trajectories.exports import RunData, takes_edges, write_exports
     from curvescan.odometry import run_odometry
     from curvescan.odometry.pose_graph import PoseGraph
     from curvescan.runs.odometry import save_run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    wheels = prior_of(source) if odometry_prior else None
+    odometry_poses = motion_prior(source) if odometry_prior else None
     graph, is_graph_wanted = PoseGraph(), takes_edges(also)
     with output_folder(out) as folder:
         load_kernels(method)
@@ -111,7 +111,7 @@ def odometry(
                     graph.add(step)
                 advance()
 
-            run = run_odometry(source, tracker, wheels=wheels, on_step=on_step)
+            run = run_odometry(source, tracker, odometry_poses=odometry_poses, on_step=on_step)
         with ERR.status("drawing the maps"):
             left_out = save_run(
                 folder,
@@ -130,7 +130,7 @@ def odometry(
         # on their own: what goes wrong here must not cost the results of the run
         data = RunData(trajectory=run.trajectory, edges=graph.edges, scans=source)
         with output_folder(out) as folder:
-            files = write_further(folder, also, data)
+            files = write_exports(folder, also, data)
         OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
     return 0
 
@@ -138,15 +138,15 @@ def odometry(
 def _lists_beams_backwards(source: Log) -> bool:
     """Return whether the log's sweeps must not be deskewed as they are, and print it."""
     from curvescan.cli.console import ERR
-    from curvescan.diagnostics.beam_order import lists_beams_backwards
+    from curvescan.diagnostics.beam_order import lists_beams_reversed
 
     # with the default matcher, whatever method runs: its kernels may not be there yet
     what = "asking in which order the beams were swept (kernels are compiled in the first run only)"
     with ERR.status(what):
-        is_backwards = lists_beams_backwards(source)
-    if is_backwards:
+        is_reversed_order = lists_beams_reversed(source)
+    if is_reversed_order:
         ERR.print(
             "the beams of each scan seem to be listed against the order they were swept in: "
             "sweeps are not deskewed; with --backwards they are"
         )
-    return is_backwards
+    return is_reversed_order

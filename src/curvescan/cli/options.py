@@ -19,7 +19,7 @@ from curvescan.matchers.baselines.config import (
     PlIcpConfig,
 )
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.odometry.config import OdometryConfig
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ Method: TypeAlias = Literal["curvescan", "cfsma", "idc", "cox", "histogram", "ic
 class MethodConfigs:
     """Parameters of every method; those of the method that runs are used."""
 
-    curvescan: ConsensusConfig = field(default_factory=ConsensusConfig)
+    curvescan: CurvescanConfig = field(default_factory=CurvescanConfig)
     """The default matcher."""
     cfsma: CfSmaConfig = field(default_factory=CfSmaConfig)
     """CF-SMA (Núñez et al. 2009)."""
@@ -132,7 +132,7 @@ class Laser:
             raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
 
 
-LaserSetUp: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
+SensorFlags: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
 """How the laser is set up, as flags of their own."""
 
 

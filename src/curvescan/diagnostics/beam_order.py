@@ -19,7 +19,7 @@ import numpy as np
 from curvescan.deskew import deskew, sweep_shift
 from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
-from curvescan.odometry.deskewing import Sweeps
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -31,7 +31,7 @@ _CERTAIN = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepOrder:
+class BeamOrder:
     """In which order beams were swept.
 
     Attributes
@@ -49,7 +49,7 @@ class SweepOrder:
     standard_error: float
 
     @property
-    def is_backwards(self) -> bool:
+    def is_reversed_order(self) -> bool:
         """Whether the log certainly has the beams in the reverse order: ``read_log(..., backwards=True)``."""
         return self.gain < -_CERTAIN * self.standard_error
 
@@ -59,7 +59,7 @@ class SweepOrder:
         return self.gain > _CERTAIN * self.standard_error
 
 
-def lists_beams_backwards(log: Log, n_scans: int = 300) -> bool:
+def lists_beams_reversed(log: Log, n_scans: int = 300) -> bool:
     """Return whether the first scans of a log show that its beams are listed against the order they were swept in.
 
     Parameters
@@ -70,10 +70,10 @@ def lists_beams_backwards(log: Log, n_scans: int = 300) -> bool:
         How many scans are asked.
     """
     first = next(iter(log))
-    return first.time_increment > 0.0 and judge_sweeps(islice(log, n_scans)).is_backwards
+    return first.time_increment > 0.0 and judge_beam_order(islice(log, n_scans)).is_reversed_order
 
 
-def judge_sweeps(scans: Iterable[LaserScan]) -> SweepOrder:
+def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     """Return in which order the beams of a log's scans were swept, as far as its motion tells.
 
     Parameters
@@ -82,25 +82,25 @@ def judge_sweeps(scans: Iterable[LaserScan]) -> SweepOrder:
         Successive scans with beam times; three are held at a time.
     """
     gains: list[float] = []
-    sweeps = Sweeps()
+    deskewer = Deskewer()
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        sweeps.tick(scan)
+        deskewer.tick(scan)
         current = prepare(scan)
         velocity = np.full(3, math.nan)
         if before is not None:
             result = match(before, current)
             if result.ok:
-                velocity = sweeps.velocity(result.pose)
+                velocity = deskewer.velocity(result.pose)
         before = current
         held.append((scan, velocity))
         if len(held) == 3:
             gains += _gain(held)
     if not gains:
-        return SweepOrder(n_pairs=0, gain=math.nan, standard_error=math.nan)
+        return BeamOrder(n_pairs=0, gain=math.nan, standard_error=math.nan)
     error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
-    return SweepOrder(n_pairs=len(gains), gain=float(np.mean(gains)), standard_error=error)
+    return BeamOrder(n_pairs=len(gains), gain=float(np.mean(gains)), standard_error=error)
 
 
 def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:

@@ -39,7 +39,7 @@ _BODY = 1.5
 
 
 @dataclass
-class BeamTally:
+class BeamStatistics:
     """Counters over consecutive sweeps, and sums a beam; memory follows the number of beams.
 
     Attributes

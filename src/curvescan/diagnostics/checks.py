@@ -8,7 +8,7 @@ from typing import NamedTuple
 from curvescan.diagnostics.report import LogReport, TimeSummary
 
 
-class Found(NamedTuple):
+class Problem(NamedTuple):
     """A finding whose topic is that of its finder; the fields are those of Finding."""
 
     kind: str
@@ -23,44 +23,44 @@ _STALE = 0.1
 _MISSING = 0.005
 
 
-def on_file(report: LogReport) -> Iterator[Found]:
+def on_file(report: LogReport) -> Iterator[Problem]:
     """Yield what is broken in the file and what the reader left out or assumed."""
-    for fault in report.faults:
-        yield Found(
-            "fault",
-            f"{fault.rule}: {_counted(fault.count, 'time')}, first in {fault.first}; the rest of the log is read",
+    for read_error in report.read_errors:
+        yield Problem(
+            "read_error",
+            f"{read_error.rule}: {_counted(read_error.count, 'time')}, first in {read_error.first}; the rest of the log is read",
         )
     for note in report.notes:
-        yield Found("note", note)
+        yield Problem("note", note)
 
 
-def on_scans(report: LogReport) -> Iterator[Found]:
+def on_scans(report: LogReport) -> Iterator[Problem]:
     """Yield what stands in the way of taking the scans for a sequence."""
     if report.n_scans < 2:
-        yield Found(
+        yield Problem(
             "too_few_scans",
             f"the log holds {_counted(report.n_scans, 'scan')}",
             "a motion needs two",
         )
     if len(report.beam_counts) > 1:
         counts = ", ".join(f"{n} ({_counted(k, 'scan')})" for n, k in report.beam_counts.items())
-        yield Found(
+        yield Problem(
             "changing_beams",
             f"the number of beams changes: {counts}",
             "each scan is taken with its own",
         )
     if report.n_repeated_scans:
-        yield Found(
+        yield Problem(
             "repeated_scans",
             f"{_of(report.n_repeated_scans, report.n_scans, 'scan')} repeat exactly the readings of the scan before",
             "if the robot moved meanwhile, they do not show it",
         )
 
 
-def on_beams(report: LogReport) -> Iterator[Found]:
+def on_beams(report: LogReport) -> Iterator[Problem]:
     """Yield which beams do not say what is there now, or point elsewhere than they say."""
     if report.stale_share >= _STALE:
-        yield Found(
+        yield Problem(
             "stale_beams",
             f"{report.stale_share:.0%} of the readings are those of the sweep before, to the last digit, while the "
             "others change",
@@ -71,30 +71,30 @@ def on_beams(report: LogReport) -> Iterator[Found]:
         yield _on_fixed_beams(report)
     if (sense := report.sense) is None:
         return
-    if sense.is_against:
+    if sense.is_reversed:
         doubt = ", or the gyroscope's z axis points down" * (sense.reference == "gyroscope")
-        yield Found(
+        yield Problem(
             "turns_against",
-            f"the scans turn against the {sense.reference} in {sense.n_against} of {sense.n_turns} sharp turns",
+            f"the scans turn against the {sense.reference} in {sense.n_reversed} of {sense.n_turns} sharp turns",
             "the beams run the other way than the log says (a clockwise or upside-down sensor)"
             f"{doubt}, and motion and map come out as in a mirror",
             "--upright" if report.is_upside_down else "--clockwise",
         )
     if sense.is_in_degrees:
-        yield Found(
+        yield Problem(
             "gyro_in_degrees",
             f"the gyroscope turns {sense.ratio:.0f} times as far as the scans",
             "it gives degrees where REP-103 asks for radians; --odometry-prior takes them for what they are",
         )
 
 
-def _on_fixed_beams(report: LogReport) -> Found:
+def _on_fixed_beams(report: LogReport) -> Problem:
     runs = ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in report.fixed_beams)
     n_beams = max(report.beam_counts, key=lambda n: report.beam_counts[n])
     # what lies nearer to the beginning of the sweep is cut off there, the rest at its end
     first = max((b + 1 for _, b in report.fixed_beams if b < n_beams // 4), default=0)
     last = max((n_beams - a for a, _ in report.fixed_beams if a >= 3 * n_beams // 4), default=0)
-    return Found(
+    return Problem(
         "fixed_beams",
         f"beams {runs} keep their reading within 3 cm while the others change",
         "they see the robot itself, which moves along and is no part of the room",
@@ -102,18 +102,18 @@ def _on_fixed_beams(report: LogReport) -> Found:
     )
 
 
-def on_time(report: LogReport) -> Iterator[Found]:
+def on_time(report: LogReport) -> Iterator[Problem]:
     """Yield what is wrong with the stamps, and with the times of the beams."""
     if report.time.n_steps:
         yield from _on_steps(report.time)
     if report.n_scans and not report.n_timed_scans:
-        yield Found(
+        yield Problem(
             "no_beam_times",
             "the beams have no times of their own (time_increment)",
             "a sweep is taken for a moment, and the motion during it cannot be undone",
         )
     elif report.sweep_seconds > 1.05 * report.time.step_median:
-        yield Found(
+        yield Problem(
             "beam_times_too_long",
             f"by the times of its beams a sweep takes {report.sweep_seconds:.3g} s, and the next one starts after "
             f"{report.time.step_median:.3g} s",
@@ -121,28 +121,28 @@ def on_time(report: LogReport) -> Iterator[Found]:
         )
 
 
-def _on_steps(time: TimeSummary) -> Iterator[Found]:
+def _on_steps(time: TimeSummary) -> Iterator[Problem]:
     if time.n_equal == time.n_steps:
-        yield Found(
+        yield Problem(
             "equal_stamps",
             "all stamps are equal",
             "scans are taken in file order, rate and speeds are unknown",
         )
         return
     if time.n_back:
-        yield Found(
+        yield Problem(
             "time_goes_back",
             f"{_of(time.n_back, time.n_steps, 'time step')} go back, by up to {time.largest_back:.3g} s",
             "scans are taken in file order, stamps are kept as they are",
         )
     if time.n_equal:
-        yield Found(
+        yield Problem(
             "zero_steps",
             f"{_of(time.n_equal, time.n_steps, 'time step')} are zero",
             "no speed can be computed from them",
         )
     if time.n_leaps:
-        yield Found(
+        yield Problem(
             "leaps",
             f"{_counted(time.n_leaps, 'time step')} of more than ten times the usual {time.step_median:.3g} s, the "
             f"longest of {time.largest_leap:.4g} s",
@@ -150,14 +150,14 @@ def _on_steps(time: TimeSummary) -> Iterator[Found]:
         )
     n_all = time.n_steps + 1 + time.n_missing
     if time.n_missing > _MISSING * n_all:
-        yield Found(
+        yield Problem(
             "missing_sweeps",
             f"about {time.n_missing:,} of {n_all:,} sweeps are missing: a step usually takes {time.step_median:.3g} s, the "
             f"longest {time.step_max:.3g} s",
             "the robot moved further between the scans beside them",
         )
     elif not time.n_leaps and time.step_max > _UNEVEN * time.step_median:
-        yield Found(
+        yield Problem(
             "uneven_steps",
             f"time steps are uneven, {time.step_min:.3g} to {time.step_max:.3g} s around a median of "
             f"{time.step_median:.3g} s",
@@ -165,30 +165,30 @@ def _on_steps(time: TimeSummary) -> Iterator[Found]:
         )
 
 
-def on_readings(report: LogReport) -> Iterator[Found]:
+def on_readings(report: LogReport) -> Iterator[Problem]:
     """Yield what is wrong with the readings."""
     if report.n_scans and report.n_blank_scans == report.n_scans:
-        yield Found(
+        yield Problem(
             "no_valid_reading",
             f"no scan has a reading within {report.range_min:g} to {report.range_max:g} m",
             "nothing can be matched; check the range limits and the unit",
         )
         return
     if report.n_blank_scans:
-        yield Found(
+        yield Problem(
             "blank_scans",
             f"{_of(report.n_blank_scans, report.n_scans, 'scan')} have no valid reading",
             "they cannot be matched",
         )
     if report.valid_share < _LOW_VALID_SHARE:
-        yield Found(
+        yield Problem(
             "few_valid",
             f"only {report.valid_share:.1%} of the readings are valid",
             "matches rest on few points and are less certain",
         )
     if report.suspect is not None:
         value = report.suspect.value
-        yield Found(
+        yield Problem(
             "undeclared_code",
             f"{report.suspect.share:.1%} of all readings are exactly {value:g} m, at the top of the range",
             "it looks like a code for no reading and would be taken for a wall",
@@ -196,16 +196,16 @@ def on_readings(report: LogReport) -> Iterator[Found]:
         )
 
 
-def on_odometry(report: LogReport) -> Iterator[Found]:
+def on_odometry(report: LogReport) -> Iterator[Problem]:
     """Yield what is wrong with the odometry."""
     if report.odometry is None:
-        yield Found(
+        yield Problem(
             "no_odometry",
             "the log has no odometry",
             "motion is estimated from the scans alone",
         )
     elif report.odometry.n_missing:
-        yield Found(
+        yield Problem(
             "odometry_gaps",
             f"{_of(report.odometry.n_missing, report.n_scans, 'scan')} have no odometry pose",
             "odometry cannot help to match them",

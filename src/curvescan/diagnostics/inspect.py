@@ -8,8 +8,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
-from curvescan.diagnostics.rotation_direction import sense_of_log
-from curvescan.diagnostics.statistics import Tally
+from curvescan.diagnostics.rotation_direction import rotation_of_log
+from curvescan.diagnostics.statistics import LogStatistics
 from curvescan.io.log import Log
 from curvescan.io.sensor_setup import MountedLog
 from curvescan.types import Floats, Trajectory
@@ -42,46 +42,48 @@ def inspect_log(log: Log) -> LogReport:
     Returns
     -------
     LogReport
-        The figures; :func:`curvescan.io.findings_of` says in sentences what they mean.
+        The figures; :func:`curvescan.io.find_issues` says in sentences what they mean.
     """
-    tally = Tally()
+    statistics = LogStatistics()
     for scan in log:
-        tally.add(scan)
+        statistics.add(scan)
     n_beams, angle_min, step, is_circle = (0, math.nan, math.nan, False)
-    if tally.layouts:
-        n_beams, angle_min, step, is_circle = tally.layouts.most_common(1)[0][0]
+    if statistics.layouts:
+        n_beams, angle_min, step, is_circle = statistics.layouts.most_common(1)[0][0]
     beam_counts: dict[int, int] = {}
-    for (n, *_), n_scans in sorted(tally.layouts.items()):
+    for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
     odometry = log.odometry
     return LogReport(
         name=log.name,
         format=log.format,
-        n_scans=len(tally.stamps),
+        n_scans=len(statistics.stamps),
         beam_counts=beam_counts,
         fov_deg=360.0 if is_circle else math.degrees(abs(step)) * max(n_beams - 1, 0),
         first_beam_deg=math.degrees(angle_min),
         angle_step_deg=math.degrees(step),
-        range_min=tally.range_min if tally.stamps else math.nan,
-        range_max=tally.range_max if tally.stamps else math.nan,
-        time=summarise_time(np.array(tally.stamps)),
-        n_timed_scans=tally.n_timed,
-        sweep_seconds=tally.sweep_seconds,
-        valid_share=tally.n_valid / tally.n_readings if tally.n_readings else math.nan,
-        n_blank_scans=tally.n_blank,
-        n_repeated_scans=tally.n_repeats,
-        n_blind_beams=tally.beams.n_blind,
-        stale_share=tally.beams.stale_share,
-        fixed_beams=tally.beams.fixed_beams,
-        largest_reading=tally.largest_reading,
-        codes=_codes(tally),
-        suspect=_suspect(tally),
+        range_min=statistics.range_min if statistics.stamps else math.nan,
+        range_max=statistics.range_max if statistics.stamps else math.nan,
+        time=summarise_time(np.array(statistics.stamps)),
+        n_timed_scans=statistics.n_timed,
+        sweep_seconds=statistics.sweep_seconds,
+        valid_share=statistics.n_valid / statistics.n_readings
+        if statistics.n_readings
+        else math.nan,
+        n_blank_scans=statistics.n_blank,
+        n_repeated_scans=statistics.n_repeats,
+        n_blind_beams=statistics.beams.n_blind,
+        stale_share=statistics.beams.stale_share,
+        fixed_beams=statistics.beams.fixed_beams,
+        largest_reading=statistics.largest_reading,
+        codes=_codes(statistics),
+        suspect=_suspect(statistics),
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
-        sense=sense_of_log(log),
+        sense=rotation_of_log(log),
         tag_counts=dict(log.tag_counts),
-        faults=log.faults,
+        read_errors=log.read_errors,
         notes=log.notes,
     )
 
@@ -155,8 +157,10 @@ def _summarise_odometry(odometry: Trajectory) -> OdometrySummary:
     )
 
 
-def _codes(tally: Tally) -> tuple[ReadingCode, ...]:
-    shares = [(value, count / tally.n_readings) for value, count in tally.codes.most_common()]
+def _codes(statistics: LogStatistics) -> tuple[ReadingCode, ...]:
+    shares = [
+        (value, count / statistics.n_readings) for value, count in statistics.codes.most_common()
+    ]
     return tuple(
         ReadingCode(value=value, share=share)
         for value, share in shares[:_MAX_CODES]
@@ -164,16 +168,18 @@ def _codes(tally: Tally) -> tuple[ReadingCode, ...]:
     )
 
 
-def _suspect(tally: Tally) -> ReadingCode | None:
+def _suspect(statistics: LogStatistics) -> ReadingCode | None:
     """Return a value that stands for *no reading* without being declared so, or None.
 
     A driver that reports a fixed number where nothing came back makes one of the largest values by far the most
     frequent of them; a real reading, however far, seldom repeats itself exactly. 1 % of all readings is more than
     one beam of a standing sensor, which may well repeat itself.
     """
-    largest = sorted(tally.top)[-_N_SUSPECTS:]
-    least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * tally.n_fresh_readings)
+    largest = sorted(statistics.top)[-_N_SUSPECTS:]
+    least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * statistics.n_fresh_readings)
     for value in largest:
-        if tally.top[value] >= least:
-            return ReadingCode(value=value, share=tally.top[value] / tally.n_fresh_readings)
+        if statistics.top[value] >= least:
+            return ReadingCode(
+                value=value, share=statistics.top[value] / statistics.n_fresh_readings
+            )
     return None

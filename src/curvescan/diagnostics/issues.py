@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from curvescan.diagnostics.checks import (
-    Found,
+    Problem,
     on_beams,
     on_file,
     on_odometry,
@@ -22,7 +22,7 @@ Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odomet
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Issue:
     """One thing that is wrong or odd with a log.
 
     Attributes
@@ -52,16 +52,16 @@ class Finding:
         return f"{self.what}{consequence}" + (f"; try {self.option}" if self.option else "")
 
 
-def findings_of(report: LogReport) -> tuple[Finding, ...]:
+def find_issues(report: LogReport) -> tuple[Issue, ...]:
     """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
     return tuple(
-        Finding(topic=topic, **found._asdict())
-        for topic, find in _FINDERS.items()
+        Issue(topic=topic, **found._asdict())
+        for topic, find in _CHECKS.items()
         for found in find(report)
     )
 
 
-_FINDERS: dict[Topic, Callable[[LogReport], Iterator[Found]]] = {
+_CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {
     "file": on_file,
     "scans": on_scans,
     "beams": on_beams,

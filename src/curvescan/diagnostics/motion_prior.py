@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.diagnostics.rotation_direction import rotation_sense
+from curvescan.diagnostics.rotation_direction import compare_rotation
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
 from curvescan.types import Floats, Pose
@@ -13,7 +13,7 @@ _FASTEST = 20.0
 """No robot turns by this much, radians a second."""
 
 
-def prior_of(log: Log) -> Pose:
+def motion_prior(log: Log) -> Pose:
     """Return the pose of the sensor at each scan by the log's own odometry.
 
     Parameters
@@ -40,10 +40,10 @@ def prior_of(log: Log) -> Pose:
             f"{log.name} holds neither wheel odometry nor a gyroscope that --odometry-prior could "
             "take: leave it out"
         )
-    sense = rotation_sense(log, turned, "gyroscope")
-    if sense is not None and sense.is_against:
+    sense = compare_rotation(log, turned, "gyroscope")
+    if sense is not None and sense.is_reversed:
         raise InvalidArgumentError(
-            f"the gyroscope of {log.name} turns against its scans in {sense.n_against} of "
+            f"the gyroscope of {log.name} turns against its scans in {sense.n_reversed} of "
             f"{sense.n_turns} sharp turns: give --clockwise if the sensor does, or leave "
             "--odometry-prior out"
         )

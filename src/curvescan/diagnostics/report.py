@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from curvescan.diagnostics.rotation_direction import RotationSense
-from curvescan.io.log import Fault
+from curvescan.diagnostics.rotation_direction import RotationDirection
+from curvescan.io.log import ReadError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +138,7 @@ class LogReport:
         Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not tell.
     is_upside_down : bool
         Whether the log says that the laser hangs upside down.
-    sense : RotationSense or None
+    sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
@@ -172,9 +172,9 @@ class LogReport:
     odometry: OdometrySummary | None
     mount: tuple[float, float, float] | None
     is_upside_down: bool
-    sense: RotationSense | None
+    sense: RotationDirection | None
     tag_counts: Mapping[str, int]
-    faults: tuple[Fault, ...]
+    read_errors: tuple[ReadError, ...]
     notes: tuple[str, ...]
 
     @property

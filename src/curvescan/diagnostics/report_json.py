@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from curvescan.diagnostics.issues import findings_of
+from curvescan.diagnostics.issues import find_issues
 from curvescan.diagnostics.report import LogReport, ReadingCode
 
 
@@ -28,7 +28,7 @@ def report_as_plain(report: LogReport) -> dict[str, Any]:
     """
     return {
         "usable": report.is_usable,
-        "findings": [_plain(finding) for finding in findings_of(report)],
+        "issues": [_plain(issue) for issue in find_issues(report)],
         "report": _plain(report),
     }
 

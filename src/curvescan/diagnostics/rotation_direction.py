@@ -40,7 +40,7 @@ _MIN_SHARE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class RotationSense:
+class RotationDirection:
     """How the turns of the scans compare with those of the robot.
 
     Attributes
@@ -49,7 +49,7 @@ class RotationSense:
         What tells the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
     n_turns : int
         Turns between two scans that both tell, of the sharpest of the log.
-    n_against : int
+    n_reversed : int
         Those in which scans and reference turn opposite ways.
     ratio : float
         Median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees.
@@ -57,44 +57,48 @@ class RotationSense:
 
     reference: Reference
     n_turns: int
-    n_against: int
+    n_reversed: int
     ratio: float
 
     @property
-    def is_against(self) -> bool:
+    def is_reversed(self) -> bool:
         """Whether scans and reference clearly turn opposite ways."""
-        return self.n_turns >= _MIN_TURNS and self.n_against >= _MIN_SHARE * self.n_turns
+        return self.n_turns >= _MIN_TURNS and self.n_reversed >= _MIN_SHARE * self.n_turns
 
     @property
     def is_along(self) -> bool:
         """Whether they clearly turn the same way."""
         return (
             self.n_turns >= _MIN_TURNS
-            and self.n_turns - self.n_against >= _MIN_SHARE * self.n_turns
+            and self.n_turns - self.n_reversed >= _MIN_SHARE * self.n_turns
         )
 
     @property
     def is_in_degrees(self) -> bool:
         """Whether the reference is a gyroscope that gives degrees where REP-103 asks for radians."""
-        is_clear = self.is_against or self.is_along
-        return self.reference == "gyroscope" and is_clear and _DEGREES[0] < self.ratio < _DEGREES[1]
+        is_fully_observed = self.is_reversed or self.is_along
+        return (
+            self.reference == "gyroscope"
+            and is_fully_observed
+            and _DEGREES[0] < self.ratio < _DEGREES[1]
+        )
 
 
-def sense_of_log(log: Log) -> RotationSense | None:
+def rotation_of_log(log: Log) -> RotationDirection | None:
     """Return how the scans of a log turn against its wheel odometry, or else its gyroscope; None without either.
 
     Reads the scans once more.
     """
     if (odometry := log.odometry) is not None:
-        return rotation_sense(log, odometry.poses[:, 2], "wheel odometry")
+        return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
     if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
-        return rotation_sense(log, turned, "gyroscope")
+        return compare_rotation(log, turned, "gyroscope")
     return None
 
 
-def rotation_sense(
+def compare_rotation(
     scans: Iterable[LaserScan], headings: Floats, reference: Reference
-) -> RotationSense | None:
+) -> RotationDirection | None:
     """Return how scans turn against a reference, told from the sharpest turns between neighbours.
 
     Parameters
@@ -109,7 +113,7 @@ def rotation_sense(
 
     Returns
     -------
-    RotationSense or None
+    RotationDirection or None
         None where the reference never turns.
     """
     turns = np.diff(headings)
@@ -125,10 +129,10 @@ def rotation_sense(
             turn = turn_between(earlier, later)
             if turn != 0.0:
                 ratios.append(turns[k] / turn)
-    return RotationSense(
+    return RotationDirection(
         reference=reference,
         n_turns=len(ratios),
-        n_against=sum(bool(ratio < 0.0) for ratio in ratios),
+        n_reversed=sum(bool(ratio < 0.0) for ratio in ratios),
         ratio=float(np.median(np.abs(ratios))) if ratios else math.nan,
     )
 

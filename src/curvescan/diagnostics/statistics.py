@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from curvescan.diagnostics.beam_statistics import BeamTally
+from curvescan.diagnostics.beam_statistics import BeamStatistics
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -25,7 +25,7 @@ _N_TOP = 16
 
 
 @dataclass
-class Tally:
+class LogStatistics:
     """Counters over the scans seen so far.
 
     Attributes
@@ -36,7 +36,7 @@ class Tally:
         Scans that tell the time from a beam to the next.
     sweep_seconds : float
         Longest time from the first to the last beam, by these times; 0 without.
-    beams : BeamTally
+    beams : BeamStatistics
         What tells beams that do not say what is there now.
     layouts : Counter of Layout
         Scans by arrangement of the beams.
@@ -61,7 +61,7 @@ class Tally:
     stamps: array[float] = field(default_factory=lambda: array("d"))
     n_timed: int = 0
     sweep_seconds: float = 0.0
-    beams: BeamTally = field(default_factory=BeamTally)
+    beams: BeamStatistics = field(default_factory=BeamStatistics)
     layouts: Counter[Layout] = field(default_factory=Counter)
     range_min: float = math.inf
     range_max: float = 0.0

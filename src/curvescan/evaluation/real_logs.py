@@ -35,7 +35,7 @@ WRONG = (0.3, np.radians(10.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LogJudgement:
+class LogEvaluation:
     """How one method did on the consecutive scans of one log.
 
     Attributes
@@ -108,14 +108,14 @@ class LogJudgement:
         return float(np.mean(holds(self.difference)))
 
 
-def judge_log(
+def evaluate_log(
     log: Log,
     method: str,
     *,
     relations: Relations | None = None,
     laser_pose: ArrayLike = (0.0, 0.0, 0.0),
     on_step: Callable[[], None] | None = None,
-) -> LogJudgement:
+) -> LogEvaluation:
     """Return how a method does on consecutive scans of a log, with its default parameters.
 
     Parameters
@@ -156,7 +156,7 @@ def judge_log(
     if relations is not None:
         run = run_odometry(log, Odometry(method))
         errors = relation_errors(run.trajectory, relations, laser_pose)
-    return LogJudgement(
+    return LogEvaluation(
         log=log.name,
         method=method,
         n_steps=len(found),

@@ -9,9 +9,9 @@ from __future__ import annotations
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
 from curvescan.io.files.output import output_folder
-from curvescan.io.log import Fault, Log, pick_scans
+from curvescan.io.log import Log, ReadError, pick_scans
 from curvescan.io.reading import read_log
-from curvescan.io.sensor_setup import LaserSetup, set_up
+from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.io.trajectories.poses import PoseFile, read_poses
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.tum_csv import read_csv, read_tum, write_csv, write_tum
@@ -19,12 +19,13 @@ from curvescan.io.writers import WRITERS, write_log
 
 __all__ = [
     "WRITERS",
-    "Fault",
-    "LaserSetup",
     "Log",
     "MemoryLog",
     "PoseFile",
+    "ReadError",
     "Relations",
+    "SensorSetup",
+    "apply_setup",
     "log_from_arrays",
     "output_folder",
     "pick_scans",
@@ -34,7 +35,6 @@ __all__ = [
     "read_poses",
     "read_relations",
     "read_tum",
-    "set_up",
     "write_config",
     "write_csv",
     "write_log",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError, LogFileError
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 
 _MAX_CHARS = 1 << 15
 """All parameters of all methods take 5,000; the parser's time grows with the square of the depth."""
@@ -62,7 +62,7 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
     except OSError as error:
         raise LogFileError(f"cannot read {path}: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        reason = shown_text(str(error), 200)
+        reason = printable(str(error), 200)
         raise InvalidArgumentError(f"{path} is not a TOML file: {reason}") from error
     _check_names(tables, defaults, str(path))
     return {

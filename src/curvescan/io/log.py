@@ -12,7 +12,7 @@ from curvescan.types import Floats, Pose, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class ReadError:
     """One kind of fault met while reading a log: counted, reported, not fatal.
 
     Attributes
@@ -50,7 +50,7 @@ class Log(Protocol):
         ...
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Faults of the whole log, most frequent first; empty for a sound one."""
         ...
 

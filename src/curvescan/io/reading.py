@@ -10,7 +10,7 @@ from curvescan.io.files.lines import read_head
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.log import Log
 from curvescan.io.ros.bag_files import storage_files
-from curvescan.io.sensor_setup import LaserSetup, set_up
+from curvescan.io.sensor_setup import SensorSetup, apply_setup
 
 
 def read_log(
@@ -66,9 +66,9 @@ def read_log(
         When it is of another format or holds no scan that can be read.
     InvalidArgumentError
         When `range_max` is not a positive number, `topic` does not fit what is in the log, or the laser's set-up
-        breaks the rules of LaserSetup.
+        breaks the rules of SensorSetup.
     """
-    setup = LaserSetup(
+    setup = SensorSetup(
         ignore_beams=ignore_beams,
         laser_pose=laser_pose,
         upside_down=upside_down,
@@ -83,4 +83,4 @@ def read_log(
     file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file
     row = find_format(read_head(first, HEAD_BYTES), first)
-    return set_up(row.load()(file, range_max=range_max, topic=topic), setup)
+    return apply_setup(row.load()(file, range_max=range_max, topic=topic), setup)

@@ -14,13 +14,13 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import Fault, GyroLog, Log
+from curvescan.io.log import GyroLog, Log, ReadError
 from curvescan.scan import LaserScan, mirrored, swept_backwards
 from curvescan.types import Floats, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserSetup:
+class SensorSetup:
     """How a laser is set up, where its log does not say so or is wrong.
 
     Parameters
@@ -81,14 +81,14 @@ class MountedLog(Protocol):
         ...
 
 
-def set_up(log: Log, setup: LaserSetup) -> Log:
+def apply_setup(log: Log, setup: SensorSetup) -> Log:
     """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes.
 
     Parameters
     ----------
     log : Log
         As its reader gives it. Where it is no MountedLog its odometry is taken for the robot's.
-    setup : LaserSetup
+    setup : SensorSetup
         What its user knows better.
     """
     hangs = setup.upside_down
@@ -109,7 +109,7 @@ def set_up(log: Log, setup: LaserSetup) -> Log:
 class _LogSetUp:
     """A log as its user has set it up; a Log."""
 
-    def __init__(self, log: Log, setup: LaserSetup, *, is_mirrored: bool) -> None:
+    def __init__(self, log: Log, setup: SensorSetup, *, is_mirrored: bool) -> None:
         self._log = log
         self._setup = setup
         self._is_mirrored = is_mirrored
@@ -147,8 +147,8 @@ class _LogSetUp:
         return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
-        return self._log.faults
+    def read_errors(self) -> tuple[ReadError, ...]:
+        return self._log.read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:

@@ -36,7 +36,7 @@ _HOLE = 3.5
 _SEGMENTS = SegmentationConfig(min_readings=3)
 
 
-def moved_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
+def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
     """Return which readings of a scan lie on something that moved since the earlier scans.
 
     Parameters
@@ -64,7 +64,7 @@ def moved_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]
     return moved
 
 
-def moved_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
+def dynamic_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
     """Yield the moved readings of each scan of a drive, told from the scans before it.
 
     Parameters
@@ -76,13 +76,13 @@ def moved_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> It
     is_joined : (n,) bool
         Whether each pose is a motion away from the one before; scans beyond one that is not are not asked.
     """
-    seen_from = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
+    relative_to = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
     history: deque[LaserScan] = deque(maxlen=max(LAGS))
     for k, (scan, joined) in enumerate(zip(scans, is_joined, strict=False)):
         if not joined:
             history.clear()
         lags = [lag for lag in LAGS if lag <= len(history)]
-        yield moved_readings(scan, [(history[-lag], seen_from[lag][k - lag]) for lag in lags])
+        yield dynamic_readings(scan, [(history[-lag], relative_to[lag][k - lag]) for lag in lags])
         history.append(scan)
 
 

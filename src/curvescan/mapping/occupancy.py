@@ -122,8 +122,8 @@ class OccupancyBuilder:
         x, y, theta = (float(v) for v in np.asarray(pose, dtype=np.float64))
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
-        is_clear = self._is_clear(scan)
-        used = np.flatnonzero(scan.valid | is_clear)
+        is_fully_observed = self._is_clear(scan)
+        used = np.flatnonzero(scan.valid | is_fully_observed)
         reach = np.where(scan.valid, scan.ranges, scan.range_max)[used]
         is_hit = (scan.valid if ignored is None else scan.valid & ~ignored)[used]
         resolution = self.config.resolution
@@ -143,7 +143,7 @@ class OccupancyBuilder:
             start - self._corner,
             ends - self._corner,
             is_hit,
-            is_clear[used],
+            is_fully_observed[used],
             self._steps,
         )
 

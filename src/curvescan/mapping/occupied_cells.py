@@ -34,14 +34,14 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
     (k, 2) float64
         Metres, frame of the map, without repeats, sorted by x and y.
     """
-    cells = Cells(cell)
+    cells = OccupiedCells(cell)
     for scan, pose in zip(scans, poses, strict=False):
         if not np.isnan(pose).any():
             cells.add(se2.transform(pose, scan.points[scan.valid]))
     return cells.centres()
 
 
-class Cells:
+class OccupiedCells:
     """Cells of a square grid that points fell into; memory follows the area and not the number of points.
 
     A cell is one integer, its column in the upper and its row in the lower half: such are sorted ten times as fast as pairs.

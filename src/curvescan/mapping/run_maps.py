@@ -9,15 +9,15 @@ from itertools import tee
 from curvescan import se2
 from curvescan.errors import MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.dynamic import moved_along
+from curvescan.mapping.dynamic import dynamic_along
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
-from curvescan.mapping.occupied_cells import Cells
+from curvescan.mapping.occupied_cells import OccupiedCells
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Points, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DriveMap:
+class RunMaps:
     """What a drive tells of the place.
 
     Attributes
@@ -37,14 +37,14 @@ class DriveMap:
     why_no_grid: str = ""
 
 
-def map_drive(
+def build_maps(
     scans: Iterable[LaserScan],
     poses: Pose,
     is_joined: Bools,
     *,
     cell: float = 0.05,
     occupancy: OccupancyConfig | None = None,
-) -> DriveMap:
+) -> RunMaps:
     """Return the maps of a drive.
 
     Parameters
@@ -60,11 +60,13 @@ def map_drive(
     occupancy : OccupancyConfig or None
         How to make the occupancy map; None for none. A map that would be too large is left out, and the rest stays.
     """
-    standing, moving = Cells(cell), Cells(cell)
+    standing, moving = OccupiedCells(cell), OccupiedCells(cell)
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
     kept, watched = tee(scans)
-    for scan, pose, moved in zip(kept, poses, moved_along(watched, poses, is_joined), strict=False):
+    for scan, pose, moved in zip(
+        kept, poses, dynamic_along(watched, poses, is_joined), strict=False
+    ):
         points = se2.transform(pose, scan.points)
         standing.add(points[scan.valid & ~moved])
         moving.add(points[moved])
@@ -76,6 +78,6 @@ def map_drive(
     grid = builder.grid() if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
-    return DriveMap(
+    return RunMaps(
         standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid
     )

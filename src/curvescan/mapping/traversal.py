@@ -22,7 +22,7 @@ def mark_scan(
     start: Floats,
     ends: Floats,
     is_hit: Bools,
-    is_clear: Bools,
+    is_fully_observed: Bools,
     steps: Floats,
 ) -> None:
     """Enter one scan into a grid, in place; each cell is changed once at most.
@@ -44,7 +44,7 @@ def mark_scan(
         Where the beams end, in the same unit; all inside the grid.
     is_hit : (n,) bool
         Whether the last cell of a beam is a hit.
-    is_clear : (n,) bool
+    is_fully_observed : (n,) bool
         Whether the last cell of a beam is passed like the others; one that is neither is left as it is.
     steps : (4,) float64
         Log-odds to add for a hit and for a miss, lowest and highest log-odds.
@@ -65,7 +65,7 @@ def mark_scan(
         # part of the way at which the next column and the next row begin
         next_x = (i + (dx > 0.0) - start[0]) / dx if n_columns else np.inf
         next_y = (j + (dy > 0.0) - start[1]) / dy if n_rows else np.inf
-        n_left = n_columns + n_rows + is_clear[k]
+        n_left = n_columns + n_rows + is_fully_observed[k]
         while n_left > 0:
             if marks[j, i] != mark:
                 marks[j, i] = mark

@@ -39,7 +39,7 @@ class PreparedScan:
     matcher : Matcher
         Whose features these are.
     features : object
-        The matcher's own record, ``ConsensusFeatures`` for "curvescan", ``CfSmaFeatures`` for "cfsma".
+        The matcher's own record, ``CurvescanFeatures`` for "curvescan", ``CfSmaFeatures`` for "cfsma".
     """
 
     scan: LaserScan

@@ -18,7 +18,7 @@ from curvescan.types import Pose
 MATCHERS: dict[str, tuple[str, str]] = {
     "curvescan": (
         "curvescan.matchers.curvescan.matcher:CurvescanMatcher",
-        "curvescan.matchers.curvescan.config:ConsensusConfig",
+        "curvescan.matchers.curvescan.config:CurvescanConfig",
     ),
     "cfsma": (
         "curvescan.matchers.cfsma.matcher:CfSmaMatcher",

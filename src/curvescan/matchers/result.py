@@ -41,7 +41,7 @@ class Label(IntEnum):
     """The reading took no part in the pose."""
     MATCHED = 2
     """The reading has a partner in the other scan (a reading, a line, a peak), and the pose stands on it."""
-    MOVED = 3
+    DYNAMIC = 3
     """The reading lies where the other scan saw through: what it hit has come or gone."""
     NEW = 4
     """The reading lies out of the other scan's sight: behind something, or outside its field of view."""
@@ -67,10 +67,10 @@ class MatchResult:
         Pairs of readings that the pose stands on (N_t of the paper); 0 unless `ok`.
     trace : object
         What the matcher did on the way: a record of its own, ``CurvescanTrace`` for "curvescan", ``CfSmaTrace`` for
-        "cfsma", ``Descent`` for the iterated methods, ``HistogramTrace`` for "histogram".
+        "cfsma", ``IterationTrace`` for the iterated methods, ``HistogramTrace`` for "histogram".
     labels_reference, labels_current : (n_beams,) uint8
         A Label for each beam of the two scans, in the order of their own ranges.
-    weak_direction : (3,) float64 or None
+    degenerate_direction : (3,) float64 or None
         The change of pose, x, y and theta in metres and radians, that the scans leave open: along a corridor, about
         the centre of a round room. It moves a typical reading by a metre. The covariance is wide along it. None
         where all of the pose is fixed, and for matchers that do not tell.
@@ -87,7 +87,7 @@ class MatchResult:
     trace: object
     labels_reference: Codes
     labels_current: Codes
-    weak_direction: Floats | None = None
+    degenerate_direction: Floats | None = None
     score: float = math.nan
     runner_up: float = math.nan
 

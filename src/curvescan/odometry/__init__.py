@@ -6,13 +6,13 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from curvescan.odometry.config import KeysConfig, MotionConfig, OdometryConfig
+    from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.odometry.odometry import Odometry
     from curvescan.odometry.run import OdometryRun, run_odometry
     from curvescan.odometry.step import OdometryStep, StepOutcome
 
 _HOMES = {
-    "KeysConfig": "config",
+    "KeyframesConfig": "config",
     "MotionConfig": "config",
     "Odometry": "odometry",
     "OdometryConfig": "config",
@@ -23,7 +23,7 @@ _HOMES = {
 }
 
 __all__ = [
-    "KeysConfig",
+    "KeyframesConfig",
     "MotionConfig",
     "Odometry",
     "OdometryConfig",

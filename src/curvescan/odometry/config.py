@@ -12,27 +12,27 @@ from curvescan.types import Cov
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeysConfig:
-    """Key scans: how long one is kept, and how earlier ones are come back to."""
+class KeyframesConfig:
+    """Keyframes: how long one is kept, and how earlier ones are come back to."""
 
     distance: float = 0.8
-    """A new key scan is due this far from the one in use, metres; 0 makes each scan one."""
+    """A new keyframe is due this far from the one in use, metres; 0 makes each scan one."""
     turn: float = 0.5
-    """A new key scan is due when the sensor has turned by this much, radians; 0 makes each scan one."""
+    """A new keyframe is due when the sensor has turned by this much, radians; 0 makes each scan one."""
     min_score: float = 0.4
-    """A new key scan is due when the match with the one in use has a lower score, in [0, 1]."""
-    max_keys: int = 2000
-    """Key scans held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
+    """A new keyframe is due when the match with the one in use has a lower score, in [0, 1]."""
+    max_keyframes: int = 2000
+    """Keyframes held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
     least_score: float = 0.25
     """A match where none was expected is not believed below this score, in [0, 1]; nor, after a failure, are two with
-    earlier key scans that agree."""
-    kept: float = 0.4
-    """Share of the variance of a match that stays when the scan becomes a key scan: the rest cancels along the chain,
-    for a key scan's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
+    earlier keyframes that agree."""
+    variance_retained: float = 0.4
+    """Share of the variance of a match that stays when the scan becomes a keyframe: the rest cancels along the chain,
+    for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_searches: int = 20
-    """After a failure, scans for which earlier key scans are asked at once, and not only when one is left behind."""
+    """After a failure, scans for which earlier keyframes are asked at once, and not only when one is left behind."""
     max_tries: int = 3
-    """Earlier key scans tried for a scan, at most."""
+    """Earlier keyframes tried for a scan, at most."""
     drift: float = 2.0
     """Standard deviations of the chain are taken to be this many times too small when it is asked whether two places
     are the same: matches that follow each other err together."""
@@ -41,31 +41,33 @@ class KeysConfig:
     drift_floor_rad: float = 0.01
     """Error of the chain that is added for the same question, radians."""
     max_reach: float = 2.5
-    """An earlier key scan is tried if it may lie this near, metres."""
-    sure_score: float = 0.45
-    """Least score of a match with an earlier key scan, in [0, 1], unless the sensor is lost."""
-    same_place: float = 16.0
+    """An earlier keyframe is tried if it may lie this near, metres."""
+    confident_score: float = 0.45
+    """Least score of a match with an earlier keyframe, in [0, 1], unless the sensor is lost."""
+    closure_gate_chi2: float = 16.0
     """Two estimates may be of one place up to this squared Mahalanobis distance: 99.9 % of those that are."""
-    likely_place: float = 8.0
-    """The same for two matches that agree and score less than `sure_score`: 95 % of those that are."""
+    agreeing_gate_chi2: float = 8.0
+    """The same for two matches that agree and score less than `confident_score`: 95 % of those that are."""
     certain_m: float = 0.1
-    """Where the chain knows the place of an earlier key scan better than this, metres, one match is enough; else two
-    earlier key scans must agree."""
+    """Where the chain knows the place of an earlier keyframe better than this, metres, one match is enough; else two
+    earlier keyframes must agree."""
     certain_rad: float = 0.05
     """The same for its direction, radians."""
 
     def __post_init__(self) -> None:
         for name in ("distance", "turn", "drift_floor_m", "drift_floor_rad", "max_reach"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        for name in ("min_score", "least_score", "sure_score"):
+        for name in ("min_score", "least_score", "confident_score"):
             score = getattr(self, name)
             require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
-        require(self.max_keys >= 1, "max_keys must be at least 1", self.max_keys)
+        require(self.max_keyframes >= 1, "max_keyframes must be at least 1", self.max_keyframes)
         for name in ("max_searches", "max_tries"):
             require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))
-        require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
+        require(
+            0.0 < self.variance_retained <= 1.0, "kept must lie in (0, 1]", self.variance_retained
+        )
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("same_place", "likely_place", "certain_m", "certain_rad"):
+        for name in ("closure_gate_chi2", "agreeing_gate_chi2", "certain_m", "certain_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 
@@ -85,9 +87,9 @@ class MotionConfig:
     """Changes are averaged over about this many steps."""
     is_fused: bool = True
     """The expected motion takes part in each pose, weighed by the covariances; else the matches alone decide."""
-    lost_m: float = 0.5
+    recovery_sigma_m: float = 0.5
     """How far the sensor may be from where it was expected once a match failed or contradicts, metres and axis."""
-    lost_rad: float = 1.0
+    recovery_sigma_rad: float = 1.0
     """The same of its direction, radians."""
     max_repeats: int = 5
     """Failures in a row after which the last motion is no longer repeated and the pose is held."""
@@ -101,12 +103,12 @@ class MotionConfig:
     """Wheel odometry errs by this much at the least, metres a step."""
     wheel_floor_rad: float = 0.003
     """Wheel odometry errs by this much at the least, radians a step."""
-    surprise: float = 20.0
+    motion_gate_chi2: float = 20.0
     """A match this far from what was expected is not believed alone: squared Mahalanobis distance."""
 
     def __post_init__(self) -> None:
-        sigmas = ("least_sigma_m", "least_sigma_rad", "lost_m", "lost_rad")
-        for name in (*sigmas, "wheel_floor_m", "wheel_floor_rad", "surprise"):
+        sigmas = ("least_sigma_m", "least_sigma_rad", "recovery_sigma_m", "recovery_sigma_rad")
+        for name in (*sigmas, "wheel_floor_m", "wheel_floor_rad", "motion_gate_chi2"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("wheel_share", "wheel_turn_share", "wheel_drift"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
@@ -119,9 +121,9 @@ class MotionConfig:
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
 
     @property
-    def lost(self) -> Cov:
+    def recovery_covariance(self) -> Cov:
         """(3, 3) covariance of where the sensor is once a match failed or contradicts what was expected."""
-        sigmas = np.array([self.lost_m, self.lost_m, self.lost_rad])
+        sigmas = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
         return np.diag(sigmas**2)
 
 
@@ -129,8 +131,8 @@ class MotionConfig:
 class OdometryConfig:
     """The whole of it."""
 
-    keys: KeysConfig = field(default_factory=KeysConfig)
-    """Key scans: how long one is kept, and how earlier ones are come back to."""
+    keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
+    """Keyframes: how long one is kept, and how earlier ones are come back to."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     """Motion: what is expected of the next scan before it is matched."""
 
@@ -141,7 +143,9 @@ class OdometryConfig:
     def scan_to_scan(cls) -> OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
         return cls(
-            keys=KeysConfig(distance=0.0, turn=0.0, max_keys=1, max_tries=0, kept=1.0),
+            keyframes=KeyframesConfig(
+                distance=0.0, turn=0.0, max_keyframes=1, max_tries=0, variance_retained=1.0
+            ),
             motion=MotionConfig(is_fused=False),
         )
 
@@ -152,8 +156,8 @@ class OdometryConfig:
 
     @staticmethod
     def keys_suit(method: str) -> bool:
-        """Return whether a matcher is fit for key scans: the default one alone.
+        """Return whether a matcher is fit for keyframes: the default one alone.
 
-        Key scans and returns to earlier ones need a matcher that finds its way from far and says how sure it is.
+        Keyframes and returns to earlier ones need a matcher that finds its way from far and says how sure it is.
         """
         return method == DEFAULT_METHOD

@@ -15,7 +15,7 @@ from curvescan.types import Floats, Pose, Trajectory
 _N_STAMPS = 12
 
 
-class Sweeps:
+class Deskewer:
     """The clock of a stream of scans, and the velocity that a motion between two of them means."""
 
     def __init__(self) -> None:
@@ -52,8 +52,8 @@ def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterat
     trajectory : Trajectory
         Of the same scans.
     """
-    sweeps, before = Sweeps(), None
+    deskewer, before = Deskewer(), None
     for scan, pose in zip(scans, trajectory.poses, strict=False):
-        sweeps.tick(scan)
-        yield sweeps.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
+        deskewer.tick(scan)
+        yield deskewer.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
         before = pose

@@ -14,7 +14,7 @@ _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
 
 
-class Attempt(NamedTuple):
+class GatedMatch(NamedTuple):
     """A match of the current scan with one reference.
 
     Attributes
@@ -29,61 +29,63 @@ class Attempt(NamedTuple):
     """
 
     result: MatchResult
-    seen: UncertainPose
+    pose_keyframe_scan: UncertainPose
     is_plausible: bool
 
     @property
-    def is_clear(self) -> bool:
+    def is_fully_observed(self) -> bool:
         """Whether the match tells all of the motion, with no direction left open."""
-        return self.result.ok and self.result.weak_direction is None
+        return self.result.ok and self.result.degenerate_direction is None
 
-    def is_sure(self, min_score: float) -> bool:
+    def is_confident(self, min_score: float) -> bool:
         """Return whether nothing speaks against the match. A matcher that tells no score is taken at its word."""
-        return self.is_clear and self.is_plausible and not self.result.score < min_score
+        return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
-    def is_believed(self, least_score: float) -> bool:
+    def is_accepted(self, least_score: float) -> bool:
         """Return whether the match may decide: one in an unexpected place must at least explain some of the scans."""
         return self.result.ok and (self.is_plausible or not self.result.score < least_score)
 
-    def is_surer_than(self, other: Attempt, min_score: float) -> bool:
+    def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
         return self._rank(min_score) > other._rank(min_score)
 
-    def stands_like(self, other: Attempt) -> bool:
+    def is_as_good_as(self, other: GatedMatch) -> bool:
         """Return whether nothing speaks against this match that does not speak against another of the same scans."""
         return self._standing >= other._standing
 
     @property
     def _standing(self) -> tuple[bool, bool, bool]:
-        return self.result.ok, self.is_plausible, self.is_clear
+        return self.result.ok, self.is_plausible, self.is_fully_observed
 
     def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
         score = self.result.score
         return *self._standing, min(score, min_score) if self.is_plausible else score
 
 
-def as_found(result: MatchResult) -> UncertainPose:
+def as_measurement(result: MatchResult) -> UncertainPose:
     """Return the pose of a match as it may be fused: what the scans leave open is not measured at all."""
     cov = result.covariance
-    if result.weak_direction is not None:
+    if result.degenerate_direction is not None:
         # a matcher goes along there as its guess does: to count that as a measurement would count the guess twice
-        cov = cov + _OPEN**2 * np.outer(result.weak_direction, result.weak_direction)
+        cov = cov + _OPEN**2 * np.outer(result.degenerate_direction, result.degenerate_direction)
     return UncertainPose(result.pose, cov)
 
 
-def judge(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> Attempt:
+def gate(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
     """Return a match held against what was expected.
 
     The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they contradict
     each other, what was expected is believed as little as after a failure.
     """
     if not result.ok:
-        return Attempt(result, expected, False)
+        return GatedMatch(result, expected, False)
     if not config.is_fused:
-        return Attempt(result, UncertainPose(result.pose, result.covariance), True)
-    found = as_found(result)
+        return GatedMatch(result, UncertainPose(result.pose, result.covariance), True)
+    found = as_measurement(result)
     fused, distance = fuse(expected, found)
-    is_plausible = distance <= config.surprise
+    is_plausible = distance <= config.motion_gate_chi2
     if not is_plausible:
-        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.lost), found)
-    return Attempt(result, fused, is_plausible)
+        fused, _ = fuse(
+            UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found
+        )
+    return GatedMatch(result, fused, is_plausible)

@@ -1,6 +1,6 @@
-"""Key scans: the few scans that later ones are matched with, and how well their places are known to each other.
+"""Keyframes: the few scans that later ones are matched with, and how well their places are known to each other.
 
-Each key scan was placed by a match with an earlier one, so that they form a tree, and the error between two of them is
+Each keyframe was placed by a match with an earlier one, so that they form a tree, and the error between two of them is
 that of the branch from one to the other, not that of the whole way from the start.
 """
 
@@ -17,8 +17,8 @@ from curvescan.types import Floats, Pose
 
 
 @dataclass(eq=False, kw_only=True)
-class Key:
-    """One key scan.
+class Keyframe:
+    """One keyframe.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class Key:
     index : int
         Number of the scan in the stream.
     number : int
-        Number of the key scan; it was placed by one of a lower number.
-    world : UncertainPose
+        Number of the keyframe; it was placed by one of a lower number.
+    pose_map_keyframe : UncertainPose
         Its sensor in the frame of the first scan.
     parent : Key or None
-        The key scan it was placed by; None for the first and for those whose parents are all forgotten.
+        The keyframe it was placed by; None for the first and for those whose parents are all forgotten.
     used : int
         Number of the last scan that was matched with it.
     is_guess : bool
@@ -41,79 +41,89 @@ class Key:
     scan: PreparedScan
     index: int
     number: int
-    world: UncertainPose
-    parent: Key | None
+    pose_map_keyframe: UncertainPose
+    parent: Keyframe | None
     used: int
     is_guess: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fix:
-    """Where a scan is, told from a key scan.
+class Localization:
+    """Where a scan is, told from a keyframe.
 
     Attributes
     ----------
-    key : Key
-        The key scan.
-    seen : UncertainPose
+    keyframe : Key
+        The keyframe.
+    pose_keyframe_scan : UncertainPose
         The scan seen from it.
     is_measured : bool
         Whether a match told all of it, with no direction left to what was expected.
     """
 
-    key: Key
-    seen: UncertainPose
+    keyframe: Keyframe
+    pose_keyframe_scan: UncertainPose
     is_measured: bool = False
 
     @property
-    def world(self) -> UncertainPose:
+    def pose_map_scan(self) -> UncertainPose:
         """The scan in the frame of the first one."""
-        return compose(self.key.world, self.seen)
+        return compose(self.keyframe.pose_map_keyframe, self.pose_keyframe_scan)
 
-    def moved(self, motion: UncertainPose) -> Fix:
+    def moved(self, motion: UncertainPose) -> Localization:
         """Return where a motion leads from here."""
-        return Fix(key=self.key, seen=compose(self.seen, motion))
+        return Localization(
+            keyframe=self.keyframe, pose_keyframe_scan=compose(self.pose_keyframe_scan, motion)
+        )
 
-    def seen_from(self, key: Key) -> UncertainPose:
-        """Return the same place seen from another key scan, as well as the tree of key scans tells."""
-        if key is self.key:
-            return self.seen
-        origin = _common_ancestor(key, self.key)
-        to_key, to_here = key.world, self.world
+    def relative_to(self, keyframe: Keyframe) -> UncertainPose:
+        """Return the same place seen from another keyframe, as well as the tree of keyframes tells."""
+        if keyframe is self.keyframe:
+            return self.pose_keyframe_scan
+        origin = _common_ancestor(keyframe, self.keyframe)
+        to_keyframe, to_here = keyframe.pose_map_keyframe, self.pose_map_scan
         if origin is not None:
-            to_key, to_here = between(origin.world, to_key), between(origin.world, to_here)
-        return compose(inverse(to_key), to_here)
+            to_keyframe, to_here = (
+                between(origin.pose_map_keyframe, to_keyframe),
+                between(origin.pose_map_keyframe, to_here),
+            )
+        return compose(inverse(to_keyframe), to_here)
 
 
-class Keys:
-    """The key scans in memory, at most `max_keys`: beyond it the one not used for longest is forgotten.
+class KeyframeGraph:
+    """The keyframes in memory, at most `max_keyframes`: beyond it the one not used for longest is forgotten.
 
     Parameters
     ----------
-    max_keys : int
+    max_keyframes : int
         At least 1.
     kept : float
-        Share of the variance of a match that stays when the scan becomes a key scan, in (0, 1]. Its noise moved it one
+        Share of the variance of a match that stays when the scan becomes a keyframe, in (0, 1]. Its noise moved it one
         way in that match and moves what is matched with it the other way: along the chain much of it cancels.
     """
 
-    def __init__(self, max_keys: int, kept: float) -> None:
-        self._max_keys = max_keys
-        self._kept = kept
-        self._keys: list[Key] = []
+    def __init__(self, max_keyframes: int, variance_retained: float) -> None:
+        self._max_keyframes = max_keyframes
+        self._variance_retained = variance_retained
+        self._keyframes: list[Keyframe] = []
         self._poses: Floats = np.empty((0, 3))
         self._n_made = 0
 
     def __len__(self) -> int:
-        return len(self._keys)
+        return len(self._keyframes)
 
-    def __iter__(self) -> Iterator[Key]:
-        return iter(self._keys)
+    def __iter__(self) -> Iterator[Keyframe]:
+        return iter(self._keyframes)
 
     def add(
-        self, scan: PreparedScan, index: int, fix: Fix | None, *, is_guess: bool = False
-    ) -> Key:
-        """Return a new key scan at a place told from an earlier one; None for the first, at the origin.
+        self,
+        scan: PreparedScan,
+        index: int,
+        localization: Localization | None,
+        *,
+        is_guess: bool = False,
+    ) -> Keyframe:
+        """Return a new keyframe at a place told from an earlier one; None for the first, at the origin.
 
         Parameters
         ----------
@@ -126,25 +136,25 @@ class Keys:
         is_guess : bool
             Whether no match says so.
         """
-        key = Key(
+        keyframe = Keyframe(
             scan=scan,
             index=index,
             number=self._n_made,
-            world=identity() if fix is None else self._place(fix),
-            parent=None if fix is None else fix.key,
+            pose_map_keyframe=identity() if localization is None else self._place(localization),
+            parent=None if localization is None else localization.keyframe,
             used=index,
             is_guess=is_guess,
         )
         self._n_made += 1
-        self._keys.append(key)
-        if len(self._keys) > self._max_keys:
-            self.forget(min(self._keys[:-1], key=lambda k: k.used))
+        self._keyframes.append(keyframe)
+        if len(self._keyframes) > self._max_keyframes:
+            self.forget(min(self._keyframes[:-1], key=lambda k: k.used))
         else:
-            self._poses = np.concatenate((self._poses, key.world.pose[np.newaxis]))
-        return key
+            self._poses = np.concatenate((self._poses, keyframe.pose_map_keyframe.pose[np.newaxis]))
+        return keyframe
 
-    def nearest(self, pose: Pose, reach: float, turn: float) -> list[Key]:
-        """Return the key scans around a pose, nearest first.
+    def nearest(self, pose: Pose, reach: float, turn: float) -> list[Keyframe]:
+        """Return the keyframes around a pose, nearest first.
 
         Parameters
         ----------
@@ -158,25 +168,33 @@ class Keys:
         angle = np.abs(np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi) / turn
         near = np.flatnonzero((distance <= 1.0) & (angle <= 1.0))
         order = np.argsort(distance[near] + angle[near], kind="stable")
-        return [self._keys[k] for k in near[order].tolist()]
+        return [self._keyframes[k] for k in near[order].tolist()]
 
-    def forget(self, lost: Key) -> None:
-        """Drop a key scan; those it placed count as placed by its parent, their covariances stay."""
-        self._keys.remove(lost)
-        for key in self._keys:
-            if key.parent is lost:
-                key.parent = lost.parent
-        self._poses = np.array([key.world.pose for key in self._keys]).reshape(-1, 3)
+    def forget(self, recovery_covariance: Keyframe) -> None:
+        """Drop a keyframe; those it placed count as placed by its parent, their covariances stay."""
+        self._keyframes.remove(recovery_covariance)
+        for keyframe in self._keyframes:
+            if keyframe.parent is recovery_covariance:
+                keyframe.parent = recovery_covariance.parent
+        self._poses = np.array(
+            [keyframe.pose_map_keyframe.pose for keyframe in self._keyframes]
+        ).reshape(-1, 3)
 
-    def _place(self, fix: Fix) -> UncertainPose:
-        kept = self._kept if fix.is_measured else 1.0
-        return compose(fix.key.world, UncertainPose(fix.seen.pose, kept * fix.seen.cov))
+    def _place(self, localization: Localization) -> UncertainPose:
+        variance_retained = self._variance_retained if localization.is_measured else 1.0
+        return compose(
+            localization.keyframe.pose_map_keyframe,
+            UncertainPose(
+                localization.pose_keyframe_scan.pose,
+                variance_retained * localization.pose_keyframe_scan.cov,
+            ),
+        )
 
 
-def _common_ancestor(one: Key | None, other: Key | None) -> Key | None:
-    """Return the last key scan that both were placed by, directly or through others."""
+def _common_ancestor(one: Keyframe | None, other: Keyframe | None) -> Keyframe | None:
+    """Return the last keyframe that both were placed by, directly or through others."""
     while one is not other:
-        # a key scan is younger than its parent: the younger of the two can't be the other's ancestor
+        # a keyframe is younger than its parent: the younger of the two can't be the other's ancestor
         if other is None or (one is not None and one.number > other.number):
             one = one.parent if one is not None else None
         else:

@@ -24,7 +24,7 @@ _N_UNUSUAL = 10
 """So many steps of the clock are averaged before one is called long."""
 
 
-class Motion:
+class MotionModel:
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
 
     Parameters
@@ -44,7 +44,7 @@ class Motion:
         self._n_failures = 0
         self._is_measured = False  # whether the expected place comes from the wheels
 
-    def expect(self, stamp: float, wheels: Pose | None) -> UncertainPose:
+    def predict(self, stamp: float, odometry_pose: Pose | None) -> UncertainPose:
         """Return the expected pose of the next sensor frame in the last one.
 
         Parameters
@@ -52,22 +52,22 @@ class Motion:
         stamp : float
             Time of the next scan, seconds. Where it is long after the last one, less is known of the motion; that it
             was longer is not concluded, for many logs are written in bursts.
-        wheels : (3,) float64 or None
+        odometry_pose : (3,) float64 or None
             Pose of the sensor by its wheels or a gyro, in a frame of their own; NaN where they do not tell, as a gyro
             tells no place.
         """
         config, before = self._config, self._wheels
-        self._wheels = wheels
+        self._wheels = odometry_pose
         pose, cov = self._last.pose.copy(), self._last.cov.copy()
         stretch = self._stretch(stamp) ** 2
         cov[0, 0] += stretch * self._change[0]
         cov[1, 1] += stretch * self._change[0]
         cov[2, 2] += stretch * self._change[1]
         self._is_measured = False
-        if wheels is None or before is None:
+        if odometry_pose is None or before is None:
             return UncertainPose(pose, cov)
-        by_wheels = se2.between(before, wheels)
-        turn = float(se2.wrap(wheels[2] - before[2]))  # known where the place is not
+        by_wheels = se2.between(before, odometry_pose)
+        turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
         if math.isfinite(path):
             pose[:2] = by_wheels[:2]
@@ -82,7 +82,7 @@ class Motion:
             cov[2, 2] = config.wheel_floor_rad**2 + share**2 + drift**2
         return UncertainPose(pose, cov)
 
-    def tell(self, motion: UncertainPose, *, is_plausible: bool, is_clear: bool) -> None:
+    def update(self, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool) -> None:
         """Tell what the motion turned out to be.
 
         Parameters
@@ -91,31 +91,31 @@ class Motion:
             Of the sensor, in its last frame.
         is_plausible : bool
             Whether it is about what was expected; one that is not is not expected again.
-        is_clear : bool
+        is_fully_observed : bool
             Whether the match left no direction open, so that the change from the last motion has been seen.
         """
         self._n_failures = 0
-        if is_clear:
-            self._see_change(motion.pose - self._last.pose)
+        if is_fully_observed:
+            self._update_change(motion.pose - self._last.pose)
         else:
-            self._see_nothing()
+            self._inflate_change()
         self._last = motion if is_plausible else identity()
 
-    def without_match(self, expected: UncertainPose) -> tuple[UncertainPose, bool]:
+    def predict_without_match(self, expected: UncertainPose) -> tuple[UncertainPose, bool]:
         """Return the motion to take where no match shows it, and whether it is none at all."""
         self._n_failures += 1
-        self._see_nothing()
+        self._inflate_change()
         is_held = self._n_failures > self._config.max_repeats and not self._is_measured
         if is_held:
             expected = UncertainPose(np.zeros(3), expected.cov)
         self._last = expected
         return expected, is_held
 
-    def vaguely(self, expected: UncertainPose) -> UncertainPose:
+    def inflated(self, expected: UncertainPose) -> UncertainPose:
         """Return an expected motion as it is believed after a failed match: what was measured still is."""
         if self._is_measured:
             return expected
-        return UncertainPose(expected.pose, self._config.lost)
+        return UncertainPose(expected.pose, self._config.recovery_covariance)
 
     def _stretch(self, stamp: float) -> float:
         """Return how many times longer than usual the time since the last scan is, at least 1."""
@@ -130,7 +130,7 @@ class Motion:
         self._period += (min(elapsed, 3.0 * usual) - usual) / self._config.memory
         return min(max(elapsed / usual, 1.0), _MAX_STRETCH)
 
-    def _see_change(self, change: Pose) -> None:
+    def _update_change(self, change: Pose) -> None:
         config = self._config
         x, y, theta = change.tolist()
         theta = wrap_angle(theta)
@@ -139,12 +139,14 @@ class Motion:
             self._averaged(self._change[1], theta * theta, config.least_sigma_rad),
         )
 
-    def _see_nothing(self) -> None:
+    def _inflate_change(self) -> None:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
         place, turn = self._change
         wide = max(self._config.sigma_rad**2, turn)
         self._change = (place, turn + (wide - turn) / self._config.memory)
 
-    def _averaged(self, variance: float, seen: float, least: float) -> float:
-        seen = min(seen, self._config.surprise * variance)  # one leap is not a habit
-        return max(variance + (seen - variance) / self._config.memory, least**2)
+    def _averaged(self, variance: float, pose_keyframe_scan: float, least: float) -> float:
+        pose_keyframe_scan = min(
+            pose_keyframe_scan, self._config.motion_gate_chi2 * variance
+        )  # one leap is not a habit
+        return max(variance + (pose_keyframe_scan - variance) / self._config.memory, least**2)

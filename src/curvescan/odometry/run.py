@@ -60,7 +60,7 @@ class OdometryRun:
     def is_joined(self) -> Bools:
         """(n,) whether each pose is a motion away from the one before; False at the first and where it leapt.
 
-        A pose leaps where an earlier key scan puts the drift since then right.
+        A pose leaps where an earlier keyframe puts the drift since then right.
         """
         joined = (StepOutcome.MATCHED, StepOutcome.CHAINED)
         return np.array([o in joined for o in self.outcomes], dtype=np.bool_)
@@ -84,7 +84,7 @@ def run_odometry(
     scans: Iterable[LaserScan],
     odometry: Odometry | None = None,
     *,
-    wheels: Pose | None = None,
+    odometry_poses: Pose | None = None,
     on_step: Callable[[OdometryStep], None] | None = None,
 ) -> OdometryRun:
     """Return the odometry of a sequence of scans.
@@ -97,7 +97,7 @@ def run_odometry(
         A log, or any iterable; one scan is held at a time.
     odometry : Odometry or None
         A fresh one; None for the defaults.
-    wheels : (n, 3) float64 or None
+    odometry_poses : (n, 3) float64 or None
         Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Odometry.add`.
     on_step : callable or None
         Called after each scan, for a progress bar say.
@@ -116,7 +116,7 @@ def run_odometry(
     try:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
-            step = odometry.add(scan, None if wheels is None else wheels[k])
+            step = odometry.add(scan, None if odometry_poses is None else odometry_poses[k])
             seconds.append(time.perf_counter() - started)
             stamps.append(step.stamp)
             poses.extend(step.pose)
@@ -142,5 +142,5 @@ def run_odometry(
         n_matched=np.array(n_matched[:n], dtype=np.int64),
         seconds=np.array(seconds[:n]),
         is_partial=is_partial,
-        has_prior=wheels is not None,
+        has_prior=odometry_poses is not None,
     )

@@ -13,11 +13,11 @@ class StepOutcome(Enum):
     """How a scan got its pose; the value is a sentence for people."""
 
     STARTED = "First scan: its sensor frame is the frame of the trajectory."
-    MATCHED = "Matched with the key scan in use."
-    CHAINED = "Matched with the scan before it, which became the key scan."
-    REVISITED = "Matched with an earlier key scan as well: the place is known."
-    RECOVERED = (
-        "Lost by the key scan in use and by the scan before it, found by an earlier key scan."
+    MATCHED = "Matched with the keyframe in use."
+    CHAINED = "Matched with the scan before it, which became the keyframe."
+    LOOP_CLOSED = "Matched with an earlier keyframe as well: the place is known."
+    RELOCALIZED = (
+        "Lost by the keyframe in use and by the scan before it, found by an earlier keyframe."
     )
     PREDICTED = "No match: the expected motion was taken."
     HELD = "Matches keep failing: the sensor is taken to stand still."
@@ -26,8 +26,8 @@ class StepOutcome(Enum):
 MATCHES = (
     StepOutcome.MATCHED,
     StepOutcome.CHAINED,
-    StepOutcome.REVISITED,
-    StepOutcome.RECOVERED,
+    StepOutcome.LOOP_CLOSED,
+    StepOutcome.RELOCALIZED,
 )
 """Outcomes that stand on a match."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.real_logs import LogJudgement, assign_relations, judge_log
+from curvescan.evaluation.real_logs import LogEvaluation, assign_relations, evaluate_log
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import MATCHERS, find_matcher
@@ -23,7 +23,7 @@ from curvescan.paper.scenarios import (
     RETURN_HOME,
     STATIC,
     DriveExperiment,
-    DriveResult,
+    ScenarioResult,
     run_drive,
 )
 from curvescan.simulation import Simulation
@@ -40,12 +40,12 @@ def in_silence(what: str, total: int) -> Callable[..., None]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DriveComparison:
+class ScenarioComparison:
     """One drive and what each method made of it."""
 
     experiment: DriveExperiment
     log: Simulation
-    results: dict[str, DriveResult]
+    results: dict[str, ScenarioResult]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,20 +60,20 @@ class Experiments:
         Whether they were cut short: a tenth of the runs, a quarter of the scans.
     random_transforms : dict of (what moved, share of people) to RandomTransformRuns
         Experiment 1; empty where only logs were asked for.
-    drives : tuple of DriveComparison
+    drives : tuple of ScenarioComparison
         Experiments 2, 3 and 4; empty likewise.
     n_parameters : dict of str to int
         Table VI: parameters of each method, counted from its configuration.
-    logs : tuple of LogJudgement
+    logs : tuple of LogEvaluation
         Every method on the real logs that were given.
     """
 
     seed: int
     is_quick: bool
     random_transforms: dict[tuple[Moves, float], RandomTransformRuns]
-    drives: tuple[DriveComparison, ...]
+    drives: tuple[ScenarioComparison, ...]
     n_parameters: dict[str, int]
-    logs: tuple[LogJudgement, ...]
+    logs: tuple[LogEvaluation, ...]
 
 
 def run_experiments(
@@ -134,12 +134,12 @@ def run_experiments(
             f"experiment {experiment.number}, {experiment.title}", len(log) * len(methods)
         )
         drives.append(
-            DriveComparison(
+            ScenarioComparison(
                 experiment=experiment, log=log, results=run_drive(log, methods, on_step=advance)
             )
         )
     judged = [
-        judge_log(
+        evaluate_log(
             log,
             method,
             relations=some,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.mapping.occupied_cells import occupied_cells
-from curvescan.mapping.run_maps import map_drive
-from curvescan.paper.experiments import DriveComparison
+from curvescan.mapping.run_maps import build_maps
+from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, Moves, RandomTransformRuns
 from curvescan.plots.canvas import DARK, FAILED, PATH, TRUTH, as_place, drawing, segment_colour
 from curvescan.plots.map import draw_map, from_first
@@ -36,7 +36,7 @@ def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformR
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
-def draw_maps(path: Path, drive: DriveComparison) -> None:
+def draw_maps(path: Path, drive: ScenarioComparison) -> None:
     """Save the maps of all methods side by side, each at the scale that shows all of it (figure 8)."""
     truth = from_first(drive.log.truth.poses)
     n_columns = min(len(drive.results), 4)
@@ -59,7 +59,7 @@ def draw_maps(path: Path, drive: DriveComparison) -> None:
         figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
-def draw_trajectories(path: Path, drive: DriveComparison) -> None:
+def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
     """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
     truth = from_first(drive.log.truth.poses)
     with drawing(path, 9.0, 7.0) as figure:
@@ -75,13 +75,13 @@ def draw_trajectories(path: Path, drive: DriveComparison) -> None:
         figure.legend(loc="outside lower center", ncols=5)
 
 
-def draw_drive_map(path: Path, drive: DriveComparison, method: str) -> None:
+def draw_drive_map(path: Path, drive: ScenarioComparison, method: str) -> None:
     """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
     run = drive.results[method].run
     draw_map(
         path,
         run,
-        map_drive(drive.log, run.trajectory.poses, run.is_joined),
+        build_maps(drive.log, run.trajectory.poses, run.is_joined),
         title=f"experiment {drive.experiment.number}, {method}",
         wheels=None if drive.experiment.n_people else drive.log,
         truth=drive.log.truth.poses,

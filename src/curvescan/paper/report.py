@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import __version__
-from curvescan.paper.experiments import DriveComparison, Experiments
+from curvescan.paper.experiments import Experiments, ScenarioComparison
 from curvescan.paper.figures import (
     draw_drive_map,
     draw_errors,
     draw_maps,
     draw_trajectories,
 )
-from curvescan.paper.scenarios import DriveResult
+from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
     drive_table,
     log_relation_table,
@@ -90,7 +90,7 @@ def as_record(results: Experiments) -> dict[str, object]:
     }
 
 
-def _drive_record(result: DriveResult) -> dict[str, object]:
+def _drive_record(result: ScenarioResult) -> dict[str, object]:
     return {
         "path_length": result.errors.path_length,
         "end_translation": result.errors.end_translation,
@@ -156,7 +156,7 @@ def _log_parts(results: Experiments) -> Iterator[Part]:
         yield log_relation_table(results.logs)
 
 
-def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:
+def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     number = drive.experiment.number
     length = next(iter(drive.results.values())).errors.path_length
     yield f"## Experiment {number}: {drive.experiment.title}"
@@ -186,7 +186,7 @@ def _drive_parts(folder: Path, drive: DriveComparison) -> Iterator[Part]:
         )
 
 
-def _lost_ways(drive: DriveComparison) -> Iterator[str]:
+def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:
     """Yield why a method ended more than 1 % of the path away from the truth."""
     for method, result in drive.results.items():
         lost = result.lost
@@ -200,7 +200,7 @@ def _lost_ways(drive: DriveComparison) -> Iterator[str]:
         )
 
 
-def best_method(drive: DriveComparison) -> str:
+def best_method(drive: ScenarioComparison) -> str:
     """Return the method whose steps are the most accurate in the median; an end pose may be near by luck."""
     return min(
         drive.results,

@@ -11,7 +11,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
-from curvescan.mapping.dynamic import moved_along
+from curvescan.mapping.dynamic import dynamic_along
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import Drive, Simulation, simulate
@@ -134,7 +134,7 @@ class MovedScore:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DriveResult:
+class ScenarioResult:
     """How one method did on one drive.
 
     Attributes
@@ -169,7 +169,7 @@ def run_drive(
     methods: Sequence[str],
     *,
     on_step: Callable[[OdometryStep], None] | None = None,
-) -> dict[str, DriveResult]:
+) -> dict[str, ScenarioResult]:
     """Return what each method makes of the same drive, scan to scan, with its default parameters.
 
     Parameters
@@ -186,7 +186,7 @@ def run_drive(
 
 def _run_one(
     log: Simulation, method: str, on_step: Callable[[OdometryStep], None] | None
-) -> DriveResult:
+) -> ScenarioResult:
     variances: list[Floats] = []
 
     def collect(step: OdometryStep) -> None:
@@ -196,7 +196,7 @@ def _run_one(
             on_step(step)
 
     run = run_odometry(log, Odometry(method, config=OdometryConfig.scan_to_scan()), on_step=collect)
-    return DriveResult(
+    return ScenarioResult(
         run=run,
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
         variances=np.array(variances).reshape(-1, 3),
@@ -234,7 +234,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
 
 def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
     """Return how well the moving readings of a drive are told under the poses of a run."""
-    found = np.array(list(moved_along(log, run.trajectory.poses, run.is_joined)))
+    found = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))
     return MovedScore(
         n_right=int(np.count_nonzero(found & log.is_person)),
         n_said=int(np.count_nonzero(found)),

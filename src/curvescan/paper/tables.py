@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from curvescan.evaluation.real_logs import LogJudgement
-from curvescan.paper.experiments import DriveComparison
+from curvescan.evaluation.real_logs import LogEvaluation
+from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, Moves, RandomTransformRuns
 from curvescan.runs.table import ResultTable
 
@@ -51,7 +51,7 @@ def random_transform_table(
     )
 
 
-def drive_table(drive: DriveComparison) -> ResultTable:
+def drive_table(drive: ScenarioComparison) -> ResultTable:
     """Return a table of one drive: every method (Tables II to V of the paper)."""
     rows = []
     for method, result in drive.results.items():
@@ -87,7 +87,7 @@ def drive_table(drive: DriveComparison) -> ResultTable:
     )
 
 
-def log_table(judged: Sequence[LogJudgement]) -> ResultTable:
+def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     """Return a table of how methods did on real logs."""
 
     def percent(share: float) -> str:
@@ -133,7 +133,7 @@ def log_table(judged: Sequence[LogJudgement]) -> ResultTable:
     )
 
 
-def log_relation_table(judged: Sequence[LogJudgement]) -> ResultTable:
+def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     """Return the errors of methods against relations, of the logs that have some."""
     rows = []
     for one in judged:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from curvescan import se2
 from curvescan.io.log import Log
 from curvescan.mapping.occupied_cells import occupied_cells
-from curvescan.mapping.run_maps import DriveMap
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import OdometryRun
 from curvescan.plots.canvas import (
     DARK,
@@ -29,7 +29,7 @@ from curvescan.types import Points, Pose
 def draw_map(
     path: Path,
     run: OdometryRun,
-    place: DriveMap,
+    place: RunMaps,
     *,
     title: str,
     wheels: Log | None = None,
@@ -43,7 +43,7 @@ def draw_map(
         The PNG to write.
     run : OdometryRun
         The trajectory from matching; where its match failed it is marked by crosses.
-    place : DriveMap
+    place : RunMaps
         What stands under that trajectory, and what moved, in grey.
     title : str
         Drawn above the map.

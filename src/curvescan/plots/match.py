@@ -61,7 +61,7 @@ def save_match(
     draw_segments(folder / "segments.png", trace, names)
     draw_curvature(folder / "curvature.png", trace, names, cfsma.landmarks.min_curvature)
     draw_matched(folder / "matched.png", result, scans, names)
-    weak = result.weak_direction
+    weak = result.degenerate_direction
     record = {
         "curvescan": __version__,
         "reference": names[0],
@@ -71,7 +71,7 @@ def save_match(
         "meaning": result.outcome.value,
         "pose": result.pose.tolist() if result.ok else None,
         "covariance": result.covariance.tolist() if result.ok else None,
-        "weak_direction": None if weak is None else weak.tolist(),
+        "degenerate_direction": None if weak is None else weak.tolist(),
         "n_matched": result.n_matched,
     }
     if result.method == "cfsma":

@@ -21,7 +21,7 @@ from curvescan.io.ros.bag_files import storage_files
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
-from curvescan.mapping.run_maps import map_drive
+from curvescan.mapping.run_maps import build_maps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.plots.map import draw_map
@@ -73,7 +73,7 @@ def save_run(
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
     seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
-    place = map_drive(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    place = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
     draw_map(folder / "map.png", run, place, title=_title(run, log), wheels=log, truth=truth)
     left_out: tuple[str, ...] = ()
     if place.grid is not None:
@@ -127,7 +127,7 @@ def describe_run(
         "milliseconds_between_scans": round(1e3 * run.scan_period, 4)
         if math.isfinite(run.scan_period)
         else None,
-        "input_faults": [dataclasses.asdict(fault) for fault in log.faults],
+        "input_faults": [dataclasses.asdict(read_error) for read_error in log.read_errors],
     }
 
 

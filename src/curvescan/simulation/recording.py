@@ -23,7 +23,7 @@ from curvescan.simulation.world import World
 from curvescan.types import Bools, Floats, Pose, Trajectory
 
 if TYPE_CHECKING:
-    from curvescan.io.log import Fault
+    from curvescan.io.log import ReadError
 
 _DEFAULT_SCANS = 200
 
@@ -66,7 +66,7 @@ class Simulation:
     is_person: Bools
     people: Floats
     format: str = "simulated log"
-    faults: tuple[Fault, ...] = ()
+    read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

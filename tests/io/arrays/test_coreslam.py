@@ -95,8 +95,8 @@ def test_wheels_on_an_arc(tmp_path: Path) -> None:
 def test_a_broken_line_is_skipped_and_counted(tmp_path: Path, broken: str, rule: str) -> None:
     log = read_log(write(tmp_path / "a", line(), broken, line()))
     assert len(list(log)) == len(log) == 2
-    (fault,) = log.faults
-    assert (fault.rule, fault.count, fault.first) == (rule, 1, "line 2")
+    (read_error,) = log.read_errors
+    assert (read_error.rule, read_error.count, read_error.first) == (rule, 1, "line 2")
 
 
 def test_other_tables_of_numbers_are_no_log(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_other_tables_of_numbers_are_no_log(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_real_log_and_its_wheels_turn_the_same_way(real_data: Path) -> None:
     log = read_log(real_data / "mines-urg04/exp1.dat.gz")
-    assert (len(log), log.faults) == (756, ())
+    assert (len(log), log.read_errors) == (756, ())
     assert log.odometry is not None
     run = run_odometry(scan for i, scan in enumerate(log) if i < 300)
     poses = run.trajectory.poses

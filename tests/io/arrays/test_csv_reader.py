@@ -104,16 +104,16 @@ def test_spreadsheets_and_gzip(tmp_path: Path, mark: bytes, end: str, is_packed:
 def test_a_broken_line_is_skipped_and_counted(tmp_path: Path, line: str, rule: str) -> None:
     log = read_log(write(tmp_path / "a", HEADER, ROW, line, ROW))
     assert len(list(log)) == len(log) == 2
-    (fault,) = log.faults
-    assert fault.rule.startswith(rule)
-    assert (fault.count, fault.first) == (1, "line 3")
+    (read_error,) = log.read_errors
+    assert read_error.rule.startswith(rule)
+    assert (read_error.count, read_error.first) == (1, "line 3")
 
 
 def test_angles_and_intensities_have_one_value_a_range(tmp_path: Path) -> None:
     lines = ["stamp,ranges", "angles,0,0.1", "1,5,6,7", "intensities,1", "2,5,6", "3,5,6"]
     log = read_log(write(tmp_path / "a", *lines))
     assert [scan.stamp for scan in log] == [3.0]
-    assert {fault.rule for fault in log.faults} == {
+    assert {read_error.rule for read_error in log.read_errors} == {
         "line of angles that has not one value a range",
         "line of intensities that has not one value a range",
     }

@@ -18,7 +18,7 @@ GRID = {"angle_min": -1.0, "angle_increment": 0.5}
 def test_any_iterable_of_pairs_is_a_log() -> None:
     log = cs.log_from_arrays(((t, [1.0, np.nan, 3.0]) for t in (0.5, 0.25)), range_max=2.0, **GRID)
     assert isinstance(log, Log)
-    assert (len(log), log.odometry, log.faults) == (2, None, ())
+    assert (len(log), log.odometry, log.read_errors) == (2, None, ())
     for _ in range(2):  # a generator runs once, a log as often as one likes
         assert [scan.stamp for scan in log] == [0.5, 0.25]
     assert log[1].valid.tolist() == [True, False, False]

@@ -31,7 +31,7 @@ def save(path: Path, **arrays: Any) -> Path:
 
 def test_the_least_that_makes_a_log(tmp_path: Path) -> None:
     log = read_log(save(tmp_path / "a", **EVEN))
-    assert (len(log), log.faults, log.odometry) == (N, (), None)
+    assert (len(log), log.read_errors, log.odometry) == (N, (), None)
     scan = list(log)[2]
     assert (scan.stamp, scan.range_min, scan.range_max) == (2.0, 0.0, np.inf)
     assert scan.ranges.tolist() == [11, 12, 13, 14, 15]
@@ -121,9 +121,9 @@ def test_broken_scans_are_skipped_and_counted(
 ) -> None:
     log = read_log(save(tmp_path / "a", **EVEN | arrays))
     assert [scan.stamp for scan in log] == [0, 2, 3]
-    (fault,) = log.faults
-    assert fault.rule.startswith(rule)
-    assert fault.first == "scan 2"
+    (read_error,) = log.read_errors
+    assert read_error.rule.startswith(rule)
+    assert read_error.first == "scan 2"
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_damaged_data_deliver_what_stands_before(tmp_path: Path) -> None:
     log = read_log(path)
     assert 0 < len(log) < N
     assert len(list(log)) == len(log)
-    assert "damaged from here on" in log.faults[0].rule
+    assert "damaged from here on" in log.read_errors[0].rule
 
 
 def test_any_damage_gives_a_log_or_an_error_of_ours(tmp_path: Path) -> None:

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.carmen.lines import flaser_angle_increment
 from curvescan.io.carmen.reader import CarmenLog
-from curvescan.io.log import Fault
+from curvescan.io.log import ReadError
 from tests.carmen_files import RANGES, configured, flaser, odom, write
 
 
 def rules(log: CarmenLog) -> dict[str, tuple[int, str]]:
-    return {fault.rule: (fault.count, fault.first) for fault in log.faults}
+    return {read_error.rule: (read_error.count, read_error.first) for read_error in log.read_errors}
 
 
 # ---- what a sound line gives
@@ -35,7 +35,7 @@ def test_flaser_gives_ranges_stamp_and_laser_pose(tmp_path: Path) -> None:
     assert log.odometry is not None
     np.testing.assert_array_equal(log.odometry.poses, [[1.5, -2.0, 0.25]])
     np.testing.assert_array_equal(log.odometry.stamps, [976052857.337530])
-    assert (log.name, log.format, len(log), log.faults) == ("a.log", "CARMEN log", 1, ())
+    assert (log.name, log.format, len(log), log.read_errors) == ("a.log", "CARMEN log", 1, ())
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_readings_that_are_no_numbers_of_metres_stay_in_the_scan(tmp_path: Path)
     (scan,) = log
     np.testing.assert_array_equal(scan.ranges, [np.nan, np.inf, -np.inf, -1, 0, np.inf, 3])
     assert scan.valid.tolist() == [False] * 6 + [True]
-    assert log.faults == ()
+    assert log.read_errors == ()
 
 
 def test_crlf_blank_lines_indents_and_missing_last_newline(tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_crlf_blank_lines_indents_and_missing_last_newline(tmp_path: Path) -> No
     path.write_bytes(f"# c\r\n\r\n\t {flaser()}\r\n   \n{flaser(stamp=2)}".encode())
     log = CarmenLog(path)
     assert [scan.stamp for scan in log] == [1000.25, 2.0]
-    assert log.faults == ()
+    assert log.read_errors == ()
     assert log.tag_counts == {"#": 1, "FLASER": 2}
 
 
@@ -146,7 +146,7 @@ def test_rear_and_further_lasers_and_unknown_tags_are_counted_and_not_read(tmp_p
     assert log.tag_counts["NEFF"] == 1
     assert "2 RLASER lines are not read: they are of the rear laser" in log.notes
     assert "1 ROBOTLASER2 lines are not read: they are of a further laser" in log.notes
-    assert log.faults == ()
+    assert log.read_errors == ()
 
 
 def test_a_sweep_logged_under_two_names_is_read_once(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_sweep_logged_under_two_names_is_read_once(tmp_path: Path) -> None:
 def test_a_name_with_broken_lines_only_gives_way_to_a_sound_one(tmp_path: Path) -> None:
     log = CarmenLog(write(tmp_path / "a.log", "ROBOTLASER1 0 1", flaser(), "FLASER 3 1"))
     assert len(log) == len(list(log)) == 1
-    assert sum(fault.count for fault in log.faults) == 2
+    assert sum(read_error.count for read_error in log.read_errors) == 2
 
 
 # ---- the range limit
@@ -273,7 +273,7 @@ def test_broken_flaser_is_skipped_and_counted(tmp_path: Path, line: str, rule: s
     log = CarmenLog(write(tmp_path / "a.log", flaser(stamp=1), line, flaser(stamp=2), line))
     assert [scan.stamp for scan in log] == [1.0, 2.0]
     assert len(log) == 2
-    assert log.faults == (Fault(rule=rule, count=2, first="line 2"),)
+    assert log.read_errors == (ReadError(rule=rule, count=2, first="line 2"),)
     assert log.odometry is not None
     assert len(log.odometry) == 2
 
@@ -355,8 +355,8 @@ def test_a_line_beyond_the_bound_is_a_fault_and_not_kept_in_memory(tmp_path: Pat
 
 def test_faults_stand_in_order_of_their_number(tmp_path: Path) -> None:
     log = CarmenLog(write(tmp_path / "a.log", "FLASER", *["FLASER 0"] * 3, flaser()))
-    assert [fault.count for fault in log.faults] == [3, 1]
-    assert [fault.first for fault in log.faults] == ["line 2", "line 1"]
+    assert [read_error.count for read_error in log.read_errors] == [3, 1]
+    assert [read_error.first for read_error in log.read_errors] == ["line 2", "line 1"]
 
 
 def test_log_without_a_sound_scan_names_the_fault(tmp_path: Path) -> None:
@@ -460,7 +460,7 @@ def test_memory_of_an_iteration_does_not_grow_with_the_log(tmp_path: Path) -> No
 def test_real_log(real_data: Path, name: str, n_scans: int, n_beams: int, range_max: float) -> None:
     log = CarmenLog(real_data / name)
     assert len(log) == n_scans
-    assert log.faults == ()
+    assert log.read_errors == ()
     n_read, largest, smallest_code = 0, 0.0, math.inf
     for scan in log:
         n_read += 1

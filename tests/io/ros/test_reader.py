@@ -67,7 +67,7 @@ def test_scan_has_what_its_message_says(tmp_path: Path, kind: str) -> None:
     log = read_log(write_bag(tmp_path / "bag", kind, [scan(STAMP, intensities=(7.0, 8.0, 9.0))]))
     (found,) = log
     assert isinstance(log, Log)
-    assert (log.name, len(log), log.faults, log.odometry) == ("bag", 1, (), None)
+    assert (log.name, len(log), log.read_errors, log.odometry) == ("bag", 1, (), None)
     assert found.ranges.tolist() == list(RANGES)
     assert (found.angle_min, found.angle_increment) == (-1.0, 0.5)
     assert (found.range_min, found.range_max) == (0.125, 8.0)
@@ -141,8 +141,8 @@ def test_nonsense_header_is_a_fault_and_not_fatal(
 ) -> None:
     entries = [scan(1), scan(2, **fields), scan(3), scan(4, **fields)]
     log = read_log(write_bag(tmp_path / "bag", "mcap", entries))
-    (fault,) = log.faults
-    assert (fault.rule, fault.count, fault.first) == (rule, 2, "message 2")
+    (read_error,) = log.read_errors
+    assert (read_error.rule, read_error.count, read_error.first) == (rule, 2, "message 2")
     assert len(log) == len(list(log)) == 2
 
 
@@ -158,9 +158,9 @@ def test_message_that_cannot_be_decoded_is_a_fault(tmp_path: Path) -> None:
         for i, content in enumerate((data, data[:30], b"", beyond, data + b"more")):
             writer.write(connection, i, content)
     log = read_log(path)
-    (fault,) = log.faults
-    assert fault.rule == "sensor_msgs/LaserScan message that cannot be decoded"
-    assert (fault.count, fault.first, len(log)) == (4, "message 2", 1)
+    (read_error,) = log.read_errors
+    assert read_error.rule == "sensor_msgs/LaserScan message that cannot be decoded"
+    assert (read_error.count, read_error.first, len(log)) == (4, "message 2", 1)
 
 
 @pytest.mark.parametrize("magic", [b"\x28\xb5\x2f\xfd", b"\x00\x00\x00\x00"])
@@ -602,7 +602,7 @@ def test_damage_in_the_middle_keeps_what_stands_before(tmp_path: Path) -> None:
     path.write_bytes(content)
     log = read_log(path)
     assert 0 < len(list(log)) == len(log) < 29
-    assert [fault.rule for fault in log.faults] == [BROKEN_BAG]
+    assert [read_error.rule for read_error in log.read_errors] == [BROKEN_BAG]
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
@@ -756,7 +756,7 @@ def test_times_of_beams_and_sweeps_come_through(tmp_path: Path, kind: str) -> No
     found = [(one.time_increment, one.scan_time) for one in log]
     expected = [(1e-4, 0.1), (0.0, 0.1), (0.0, 0.0), (0.0, 0.0)]
     assert found == pytest.approx(np.array(expected), rel=1e-6)
-    assert log.faults == ()
+    assert log.read_errors == ()
     assert any("2 scans have a time_increment or scan_time" in note for note in log.notes)
     assert inspect_log(log).n_timed_scans == 1
 
@@ -861,7 +861,7 @@ TURTLE = "turtlebot4-rplidar/macfirst_floor_take_2"
 def test_real_bag(real_data: Path, name: str, n_scans: int, n_beams: int) -> None:
     log = read_log(real_data / name)
     assert {len(s) for s in log} == {n_beams}
-    assert (len(log), log.faults) == (n_scans, ())
+    assert (len(log), log.read_errors) == (n_scans, ())
 
 
 def test_real_topic_without_slash(real_data: Path) -> None:

@@ -16,7 +16,7 @@ from curvescan.cli.odometry import FurtherName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.ros.odometry_export import write_odometry_mcap
-from curvescan.io.trajectories.exports import FURTHER_FILES, RunData, takes_edges, write_further
+from curvescan.io.trajectories.exports import EXPORTS, RunData, takes_edges, write_exports
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
 from curvescan.odometry import Odometry, run_odometry
@@ -229,24 +229,24 @@ def test_scans_that_no_message_can_say_are_left_out(tmp_path: Path) -> None:
 
 
 def test_tables_name_the_same_files() -> None:
-    assert tuple(FURTHER_FILES) == get_args(FurtherName)
+    assert tuple(EXPORTS) == get_args(FurtherName)
 
 
-@pytest.mark.parametrize("name", FURTHER_FILES)
+@pytest.mark.parametrize("name", EXPORTS)
 def test_each_row_writes_its_file(tmp_path: Path, name: str) -> None:
     path = trajectory()
     data = RunData(trajectory=path, edges=edges_along(path.poses), scans=rich_log(n=8))
-    write_further(tmp_path, [name], data)
-    assert [file.name for file in tmp_path.iterdir()] == [FURTHER_FILES[name].filename]
+    write_exports(tmp_path, [name], data)
+    assert [file.name for file in tmp_path.iterdir()] == [EXPORTS[name].filename]
     (tmp_path / "file").touch()
     with pytest.raises(OutputError):
-        write_further(tmp_path / "file", [name], data)
+        write_exports(tmp_path / "file", [name], data)
 
 
 def test_an_unknown_name(tmp_path: Path) -> None:
     data = RunData(trajectory=trajectory(), edges=(), scans=())
     with pytest.raises(InvalidArgumentError, match="must be one of kitti, g2o, mcap, got 'ply'"):
-        write_further(tmp_path, ["ply"], data)
+        write_exports(tmp_path, ["ply"], data)
 
 
 def write_room_log(path: Path) -> None:
@@ -283,7 +283,7 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_the_graph_is_gathered_for_those_that_take_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert [name for name in FURTHER_FILES if takes_edges([name])] == ["g2o"]
+    assert [name for name in EXPORTS if takes_edges([name])] == ["g2o"]
     write_room_log(tmp_path / "log.csv")
     added: list[int] = []
     monkeypatch.setattr(PoseGraph, "add", lambda _, step: added.append(step.index))

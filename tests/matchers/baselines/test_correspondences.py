@@ -16,7 +16,7 @@ from curvescan.matchers.baselines.correspondences import (
     nearest_readings,
 )
 from curvescan.matchers.baselines.points import sweep_of
-from tests.reference import rivals as twin
+from tests.reference import baselines as twin
 from tests.scenes import room_ranges, room_scan
 
 

@@ -12,7 +12,7 @@ from curvescan import LaserScan, se2
 from curvescan.matchers.baselines.filters import HIDDEN_MARGIN, is_visible, median_filter
 from curvescan.matchers.baselines.points import sweep_of
 from curvescan.scan import valid_readings
-from tests.reference import rivals as twin
+from tests.reference import baselines as twin
 from tests.scenes import room_scan
 
 
@@ -44,8 +44,8 @@ def test_a_median_of_one_or_of_too_few_readings_changes_nothing():
 
 
 def test_everything_is_visible_from_where_it_was_seen():
-    sweep = sweep_of(room_scan(sigma=0.01, seed=1))
-    assert is_visible(sweep.points, sweep.is_joined, sweep.angle_step).all()
+    points = sweep_of(room_scan(sigma=0.01, seed=1))
+    assert is_visible(points.points, points.is_joined, points.angle_step).all()
 
 
 def post_before_a_wall():
@@ -58,32 +58,32 @@ def post_before_a_wall():
 
 
 def test_a_post_hides_the_wall_behind_it_from_another_place():
-    sweep, post = post_before_a_wall()
-    moved = se2.transform(se2.inverse([0.0, 0.8, 0.0]), sweep.points)
-    seen = is_visible(moved, sweep.is_joined, sweep.angle_step)
+    points, post = post_before_a_wall()
+    moved = se2.transform(se2.inverse([0.0, 0.8, 0.0]), points.points)
+    seen = is_visible(moved, points.is_joined, points.angle_step)
     assert seen[post].all()
-    hidden = sweep.points[~seen]
+    hidden = points.points[~seen]
     # seen from y = 0.8 the post's shadow on the wall lies at y = -0.8 with twice its width
     assert len(hidden) > 10
     assert (np.abs(hidden[:, 1] + 0.8) < 0.35).all()
 
 
 def test_a_wall_seen_from_behind_is_hidden():
-    sweep, _ = post_before_a_wall()
-    behind = se2.transform(se2.inverse([5.0, 0.0, math.pi]), sweep.points)
-    seen = is_visible(behind, sweep.is_joined, sweep.angle_step)
+    points, _ = post_before_a_wall()
+    behind = se2.transform(se2.inverse([5.0, 0.0, math.pi]), points.points)
+    seen = is_visible(behind, points.is_joined, points.angle_step)
     # only the readings at the ends of a surface have one side that is not turned away
-    assert np.count_nonzero(seen) <= 2 * len(sweep.starts)
+    assert np.count_nonzero(seen) <= 2 * len(points.starts)
 
 
 @given(st.integers(0, 1000), st.floats(-0.8, 0.8), st.floats(-0.8, 0.8))
 @settings(max_examples=20)
 def test_agrees_with_the_slow_twin_away_from_edges(seed, x, y):
-    sweep, _ = post_before_a_wall()
-    points = se2.transform(se2.inverse([x, y, 0.001 * seed]), sweep.points)
-    fast = is_visible(points, sweep.is_joined, sweep.angle_step)
+    scan, _ = post_before_a_wall()
+    points = se2.transform(se2.inverse([x, y, 0.001 * seed]), scan.points)
+    fast = is_visible(points, scan.is_joined, scan.angle_step)
     slow = np.array(
-        [twin.can_be_seen(points, sweep.is_joined, i, HIDDEN_MARGIN) for i in range(len(points))]
+        [twin.can_be_seen(points, scan.is_joined, i, HIDDEN_MARGIN) for i in range(len(points))]
     )
     # the fast one looks along rays one beam wide: a shadow's two edges may fall either way by two readings
     assert np.count_nonzero(fast != slow) <= 8

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from curvescan.matchers.baselines.config import ConvergenceConfig, ShrinkConfig
-from curvescan.matchers.baselines.iteration import descend, keep_best, within_quantile
+from curvescan.matchers.baselines.iteration import iterate, keep_best, within_quantile
 
 LIMITS = ConvergenceConfig(max_iterations=50, min_translation=1e-3, min_rotation=1e-3)
 
 
 def test_it_stops_where_it_no_longer_moves():
     goal = np.array([1.0, -2.0, 0.5])
-    way = descend(np.zeros(3), lambda pose, _: pose + 0.5 * (goal - pose), LIMITS)
+    way = iterate(np.zeros(3), lambda pose, _: pose + 0.5 * (goal - pose), LIMITS)
     assert way.has_converged
     assert not way.is_lost
     np.testing.assert_allclose(way.pose, goal, atol=2e-3)
@@ -23,31 +23,31 @@ def test_it_stops_where_it_no_longer_moves():
 
 
 def test_it_does_not_stop_while_its_limits_shrink():
-    way = descend(np.zeros(3), lambda pose, _: pose, LIMITS, n_shrinking=9)
+    way = iterate(np.zeros(3), lambda pose, _: pose, LIMITS, n_shrinking=9)
     assert way.has_converged
     assert way.n_iterations == 10
 
 
 def test_it_ends_without_converging():
-    way = descend(np.zeros(3), lambda pose, _: np.add(pose, [0.1, 0.0, 0.0]), LIMITS)
+    way = iterate(np.zeros(3), lambda pose, _: np.add(pose, [0.1, 0.0, 0.0]), LIMITS)
     assert not way.has_converged
     assert way.n_iterations == 50
 
 
 def test_a_jump_between_two_poses_is_convergence_too():
     pair = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    way = descend(pair[0], lambda _, i: pair[(i + 1) % 2], LIMITS)
+    way = iterate(pair[0], lambda _, i: pair[(i + 1) % 2], LIMITS)
     assert way.has_converged
     assert way.n_iterations == 2
 
 
 def test_a_full_turn_is_no_motion():
-    way = descend(np.array([0.0, 0.0, math.pi]), lambda pose, _: -pose, LIMITS)
+    way = iterate(np.array([0.0, 0.0, math.pi]), lambda pose, _: -pose, LIMITS)
     assert way.n_iterations == 1
 
 
 def test_nothing_to_stand_on_is_lost():
-    way = descend(
+    way = iterate(
         np.zeros(3), lambda pose, i: np.add(pose, [1.0, 0.0, 0.0]) if i < 2 else None, LIMITS
     )
     assert way.is_lost

@@ -17,7 +17,7 @@ from curvescan.matchers.baselines.least_squares import (
     propagated_covariance,
 )
 from curvescan.matchers.cfsma.covariance import LEAST_SIGMA
-from tests.reference import rivals as twin
+from tests.reference import baselines as twin
 
 poses = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.14, 3.14)).map(np.array)
 

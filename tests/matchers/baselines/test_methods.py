@@ -20,7 +20,7 @@ from curvescan.matchers.baselines.config import (
     PlIcpConfig,
     ShrinkConfig,
 )
-from curvescan.matchers.baselines.iteration import Descent
+from curvescan.matchers.baselines.iteration import IterationTrace
 from curvescan.simulation import simulate_pairs
 from tests.matchers.test_match import wall_scan
 from tests.scenes import room_ranges, room_scan
@@ -172,7 +172,7 @@ def test_the_trace_is_the_way_from_the_guess_to_the_pose(method):
     guess = np.array([0.02, 0.0, 0.01])
     a, b = room_scan(sigma=0.005, seed=1), room_scan((0.1, 0.05, 0.1), sigma=0.005, seed=2)
     result = cs.match(a, b, method=method, guess=guess)
-    assert isinstance(result.trace, Descent)
+    assert isinstance(result.trace, IterationTrace)
     np.testing.assert_array_equal(result.trace.poses[0], guess)
     np.testing.assert_array_equal(result.trace.pose, result.pose)
 

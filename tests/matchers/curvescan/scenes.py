@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features import extract_features
 from tests.scenes import room_ranges, room_scan
 
@@ -15,7 +15,7 @@ MOTION = np.array([0.12, -0.07, 0.09])
 
 
 def features(scan, config=None):
-    return extract_features(scan, config or ConsensusConfig())
+    return extract_features(scan, config or CurvescanConfig())
 
 
 def pillar_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.005, seed=0, n_beams=361, fov=math.pi, **kwargs):

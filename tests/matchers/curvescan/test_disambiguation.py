@@ -5,30 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment import gather_evidence, open_directions
-from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import (
-    along_the_way,
-    finalists,
+    along_degenerate_direction,
+    competing_hypotheses,
+    covariance_of_ties,
     nearest_of_ties,
     prefer,
-    rivals,
-    slide_finely,
-    spread,
+    search_degenerate_direction,
+    top_candidates,
 )
 from curvescan.matchers.curvescan.search import Candidates
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
 
-CONFIG = ConsensusConfig()
+CONFIG = CurvescanConfig()
 POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
 
 
 def test_rivals_are_poses_with_nearly_the_best_score():
-    assert rivals(np.array([0.8, 0.77, 0.7]), CONFIG) == [1]
-    assert rivals(np.array([0.8, 0.5, 0.1]), CONFIG) == []
-    assert rivals(np.array([0.2, 0.17]), CONFIG) == [1]  # a few probes' difference is none
-    assert rivals(np.array([0.8]), CONFIG) == []
+    assert competing_hypotheses(np.array([0.8, 0.77, 0.7]), CONFIG) == [1]
+    assert competing_hypotheses(np.array([0.8, 0.5, 0.1]), CONFIG) == []
+    assert competing_hypotheses(np.array([0.2, 0.17]), CONFIG) == [
+        1
+    ]  # a few probes' difference is none
+    assert competing_hypotheses(np.array([0.8]), CONFIG) == []
 
 
 def test_a_guess_decides_between_rivals_and_only_between_them():
@@ -50,36 +52,36 @@ def test_finalists_are_refined_and_the_far_off_left_out():
         scores=np.array([0.8, 0.2]),
         n_tried=2,
     )
-    poses, scores = finalists(ref, cur, found, CONFIG)
+    poses, scores = top_candidates(ref, cur, found, CONFIG)
     assert len(poses) == len(scores) == 1
     assert np.abs(poses[0] - MOTION).max() < 0.005
     empty = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
-    assert len(finalists(ref, cur, empty, CONFIG)[0]) == 0
+    assert len(top_candidates(ref, cur, empty, CONFIG)[0]) == 0
 
 
 def test_a_room_leaves_nothing_open_and_a_corridor_its_length():
     ref, cur = pair()
-    evidence = gather_evidence(ref, cur, MOTION, CONFIG)
-    assert not evidence.is_weak(CONFIG.information)
-    assert not open_directions(ref, cur, MOTION, evidence, CONFIG).any()
-    assert evidence.n_agree > 250
+    assessment = assess_pose(ref, cur, MOTION, CONFIG)
+    assert not assessment.is_weakly_observable(CONFIG.information)
+    assert not degenerate_directions(ref, cur, MOTION, assessment, CONFIG).any()
+    assert assessment.n_inliers > 250
 
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    evidence = gather_evidence(ref, cur, np.zeros(3), CONFIG)
-    assert evidence.is_weak(CONFIG.information)
-    is_open = open_directions(ref, cur, np.zeros(3), evidence, CONFIG)
-    assert is_open.tolist() == [True, False, False]
-    cov = evidence.covariance(is_open, CONFIG.information)
+    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
+    assert assessment.is_weakly_observable(CONFIG.information)
+    is_degenerate = degenerate_directions(ref, cur, np.zeros(3), assessment, CONFIG)
+    assert is_degenerate.tolist() == [True, False, False]
+    cov = assessment.covariance(is_degenerate, CONFIG.information)
     assert cov[0, 0] > 0.8
     assert cov[1, 1] < 0.01
 
 
 def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    evidence = gather_evidence(ref, cur, np.zeros(3), CONFIG)
+    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
     scores = np.array([0.9, 0.895, 0.89])
-    assert along_the_way(poses, scores, evidence, CONFIG) == [1]
+    assert along_degenerate_direction(poses, scores, assessment, CONFIG) == [1]
     args = (poses, scores, [1], CONFIG)
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
@@ -90,7 +92,9 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
 
 def test_a_fine_slide_stays_on_the_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    poses, scores = slide_finely(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
+    poses, scores = search_degenerate_direction(
+        ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG
+    )
     assert len(poses) == len(scores) > 1
     assert (np.diff(scores) <= 0).all()
     assert np.ptp(poses[:, 0]) > 0.3
@@ -105,7 +109,7 @@ def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
     for off in (-0.5, 0.0, 0.4):
         result = cs.match(first, last, guess=true + np.array([off, 0.0, 0.0]))
         assert result.ok
-        assert result.weak_direction is not None
+        assert result.degenerate_direction is not None
         # along the corridor where the guess is, across it and in direction where the walls are
         assert abs(result.pose[0] - true[0] - off) < 0.1
         assert abs(result.pose[1] - true[1]) < 0.005
@@ -115,9 +119,9 @@ def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
 def test_ties_widen_the_covariance_until_it_holds_them():
     pose = np.array([0.0, 0.0, 3.1])
     tie = np.array([0.8, 0.02, -3.1])  # 0.083 rad on, across the seam
-    moment = spread(pose, np.array([pose, tie]))
-    apart = np.array([0.8, 0.02, 2 * np.pi - 6.2])
-    np.testing.assert_allclose(moment, np.outer(apart, apart) / 2, atol=1e-12)
+    moment = covariance_of_ties(pose, np.array([pose, tie]))
+    min_difference = np.array([0.8, 0.02, 2 * np.pi - 6.2])
+    np.testing.assert_allclose(moment, np.outer(min_difference, min_difference) / 2, atol=1e-12)
     certain = np.diag([1e-6, 1e-6, 1e-7])
-    assert apart @ np.linalg.solve(certain + moment, apart) < 2.0
-    np.testing.assert_array_equal(spread(pose, pose[np.newaxis]), np.zeros((3, 3)))
+    assert min_difference @ np.linalg.solve(certain + moment, min_difference) < 2.0
+    np.testing.assert_array_equal(covariance_of_ties(pose, pose[np.newaxis]), np.zeros((3, 3)))

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.hypotheses import is_in_sight, most_voted, pair_frames
+from curvescan.matchers.curvescan.hypotheses import is_in_sight, most_voted, pair_keypoints
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 def test_a_pair_of_frames_is_the_pose_that_joins_them():
     ref, cur = pair()
-    poses = pair_frames(ref.frames, cur.frames, ref.view, cur.view, 0.4, 4000)
+    poses = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, 0.4, 4000)
     expected = []
-    for c in cur.frames:
-        for r in ref.frames:
+    for c in cur.keypoints:
+        for r in ref.keypoints:
             if r[4] != c[4] or abs(r[3] - c[3]) > 0.4:
                 continue
             pose = cs.se2.compose(r[:3], cs.se2.inverse(c[:3]))
             back = cs.se2.inverse(pose)
-            if is_in_sight(*pose[:2], ref.view, 0.1) and is_in_sight(*back[:2], cur.view, 0.1):
+            if is_in_sight(*pose[:2], ref.image, 0.1) and is_in_sight(*back[:2], cur.image, 0.1):
                 expected.append(pose)
     np.testing.assert_allclose(poses, expected, atol=1e-12)
     error = cs.se2.between(MOTION, poses)
@@ -30,17 +30,17 @@ def test_a_pair_of_frames_is_the_pose_that_joins_them():
 
 
 def test_a_sensor_does_not_stand_behind_a_wall():
-    view = features(pillar_scan(sigma=0.0)).view
-    assert is_in_sight(0.0, 0.0, view, 0.1)
-    assert is_in_sight(2.9, 0.1, view, 0.1)
-    assert not is_in_sight(3.3, 0.1, view, 0.1)
-    assert is_in_sight(-5.0, 0.0, view, 0.1)  # out of the field of view: nobody knows
+    image = features(pillar_scan(sigma=0.0)).image
+    assert is_in_sight(0.0, 0.0, image, 0.1)
+    assert is_in_sight(2.9, 0.1, image, 0.1)
+    assert not is_in_sight(3.3, 0.1, image, 0.1)
+    assert is_in_sight(-5.0, 0.0, image, 0.1)  # out of the field of view: nobody knows
 
 
 def test_no_more_pairs_than_asked_for():
     ref, cur = pair()
-    assert len(pair_frames(ref.frames, cur.frames, ref.view, cur.view, 0.4, 5)) == 5
-    assert len(pair_frames(ref.frames[:0], cur.frames, ref.view, cur.view, 0.4, 5)) == 0
+    assert len(pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, 0.4, 5)) == 5
+    assert len(pair_keypoints(ref.keypoints[:0], cur.keypoints, ref.image, cur.image, 0.4, 5)) == 0
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -14,13 +14,13 @@ from curvescan.matchers.curvescan.labels import compare_readings
 from curvescan.matchers.curvescan.refinement import refine
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 def told_at(ref, cur, pose):
-    _, partner_cur = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
-    _, partner_ref = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(pose), 0.01)
-    arguments = (ref.view.surfels, partner_ref, cur.view.surfels, partner_cur, pose)
+    _, partner_cur = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
+    _, partner_ref = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(pose), 0.01)
+    arguments = (ref.image.surfels, partner_ref, cur.image.surfels, partner_cur, pose)
     return arguments, pose_information(*arguments)
 
 
@@ -43,14 +43,14 @@ def test_eigen_of_a_diagonal_matrix():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_information_is_that_of_the_slow_twin(seed):
     ref, cur = pair(seed)
-    arguments, (told, feigned, axes, units) = told_at(ref, cur, MOTION)
-    net = axes @ np.diag(told) @ axes.T / np.outer(units, units)
+    arguments, (information, spurious, axes, units) = told_at(ref, cur, MOTION)
+    net = axes @ np.diag(information) @ axes.T / np.outer(units, units)
     expected = slow.information(*arguments)
     # what tilt feigns is small in a room, and taken off
-    assert (feigned < 0.1 * told).all()
+    assert (spurious < 0.1 * information).all()
     np.testing.assert_allclose(np.diag(net), np.diag(expected), rtol=0.05)
     assert (np.diag(net) <= np.diag(expected) * (1 + 1e-6)).all()
-    cov = covariance(told, axes, units, np.zeros(3, dtype=bool), 1.0)
+    cov = covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0)
     np.testing.assert_array_equal(cov, cov.T)
     np.testing.assert_allclose(cov @ net, np.eye(3), atol=1e-6)
 
@@ -60,10 +60,10 @@ def test_the_covariance_is_that_of_a_monte_carlo():
     errors, predicted = [], []
     for seed in range(200):
         ref, cur = pair(seed)
-        pose = refine(MOTION[np.newaxis], ref.whole, cur.whole, np.array([0.0, 0.0]))[0]
-        _, (told, _, axes, units) = told_at(ref, cur, pose)
+        pose = refine(MOTION[np.newaxis], ref.full_image, cur.full_image, np.array([0.0, 0.0]))[0]
+        _, (information, _, axes, units) = told_at(ref, cur, pose)
         errors.append(pose - MOTION)
-        predicted.append(covariance(told, axes, units, np.zeros(3, dtype=bool), 1.0))
+        predicted.append(covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0))
     nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, predicted, strict=True)]
     # chi-square of 3 degrees of freedom: mean 3, and of 200 of them a standard error of 0.17
     assert 2.3 < np.mean(nees) < 3.7
@@ -75,34 +75,34 @@ def test_a_corridor_tells_nothing_along_itself():
     for seed in range(10):
         ref = features(hall_scan(0.0, seed=2 * seed))
         cur = features(hall_scan(0.3, seed=2 * seed + 1))
-        _, (told, feigned, axes, units) = told_at(ref, cur, np.zeros(3))
+        _, (information, spurious, axes, units) = told_at(ref, cur, np.zeros(3))
         assert abs(axes[0, 0]) > 0.98
-        assert told[0] < 2.0 * feigned[0] or told[0] < 100.0
-        assert told[1] > 1e4
-        cov = covariance(told, axes, units, np.array([True, False, False]), 1.0)
+        assert information[0] < 2.0 * spurious[0] or information[0] < 100.0
+        assert information[1] > 1e4
+        cov = covariance(information, axes, units, np.array([True, False, False]), 1.0)
         assert abs(math.sqrt(cov[0, 0]) - 1.0) < 0.05
         assert math.sqrt(cov[1, 1]) < 0.05
 
 
 def test_an_open_turn_about_a_far_place_widens_the_position():
     axes = np.eye(3)[:, [2, 0, 1]]
-    is_open = np.array([True, False, False])
-    plain = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_open, 0.4)
+    is_degenerate = np.array([True, False, False])
+    plain = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
     np.testing.assert_allclose(np.diag(plain), [1e-6, 1e-6, 0.16])
     c, s = math.cos(0.6), math.sin(0.6)
     axes = np.array([[s, c, 0.0], [0.0, 0.0, 1.0], [c, -s, 0.0]])
-    arc = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_open, 0.4)
+    arc = covariance(np.array([1.0, 1e6, 1e6]), axes, np.ones(3), is_degenerate, 0.4)
     assert arc[1, 1] > 1e-4
     assert np.linalg.eigvalsh(arc).min() > 0
 
 
 def test_no_partners_tell_nothing():
     one = features(pillar_scan())
-    nobody = np.full(len(one.view.surfels), -1)
-    told, feigned, _, _ = pose_information(
-        one.view.surfels, nobody, one.view.surfels, nobody, np.zeros(3)
+    nobody = np.full(len(one.image.surfels), -1)
+    information, spurious, _, _ = pose_information(
+        one.image.surfels, nobody, one.image.surfels, nobody, np.zeros(3)
     )
-    assert not told.any()
-    assert not feigned.any()
+    assert not information.any()
+    assert not spurious.any()
     with pytest.raises(cs.InvalidArgumentError, match="max_sigma must be > 0"):
         InformationConfig(max_sigma=0.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import FramesConfig
+from curvescan.matchers.curvescan.config import KeypointsConfig
 from curvescan.matchers.curvescan.keypoints import arm_direction
 from curvescan.matchers.curvescan.surfels import moments
 from tests.matchers.curvescan.scenes import features, pillar_scan
@@ -18,15 +18,15 @@ CORNERS = [(ROOM[2], ROOM[1]), (ROOM[2], ROOM[3])]
 
 
 def test_the_corners_of_a_room_are_found_with_their_turn():
-    frames = features(room_scan()).frames
+    keypoints = features(room_scan()).keypoints
     for x, y in CORNERS:
-        at = np.hypot(frames[:, 0] - x, frames[:, 1] - y) < 0.02
+        at = np.hypot(keypoints[:, 0] - x, keypoints[:, 1] - y) < 0.02
         assert at.any()
         # seen from inside, counter-clockwise, the wall turns left by a right angle
-        np.testing.assert_allclose(frames[at, 3], math.pi / 2, atol=0.05)
-    is_wide = (frames[:, 4] == 2) & (np.abs(frames[:, 0] - 3.0) < 0.02)
+        np.testing.assert_allclose(keypoints[at, 3], math.pi / 2, atol=0.05)
+    is_wide = (keypoints[:, 4] == 2) & (np.abs(keypoints[:, 0] - 3.0) < 0.02)
     np.testing.assert_allclose(
-        np.sort(frames[is_wide, 2]), [math.pi / 4, 3 * math.pi / 4], atol=0.03
+        np.sort(keypoints[is_wide, 2]), [math.pi / 4, 3 * math.pi / 4], atol=0.03
     )
 
 
@@ -35,19 +35,19 @@ def test_a_bare_wall_under_noise_has_no_corner():
     for seed in range(20):
         noise = 0.01 * np.random.default_rng(seed).standard_normal(281)
         scan = cs.LaserScan(1.0 / np.cos(angles) + noise, angle_min=-0.7, angle_increment=0.005)
-        assert np.count_nonzero(features(scan).frames[:, 4] < 10) <= 2
+        assert np.count_nonzero(features(scan).keypoints[:, 4] < 10) <= 2
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0, -3.0])
 def test_frames_turn_with_the_sensor_frame(angle):
     scan = pillar_scan(seed=1)
-    turned = cs.LaserScan(
+    rotated = cs.LaserScan(
         scan.ranges,
         angle_min=scan.angle_min + angle,
         angle_increment=scan.angle_increment,
         range_max=20.0,
     )
-    plain, moved = features(scan).frames, features(turned).frames
+    plain, moved = features(scan).keypoints, features(rotated).keypoints
     np.testing.assert_allclose(
         cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9
     )
@@ -59,8 +59,8 @@ def test_ends_are_those_of_near_surfaces_and_not_of_shadows():
     # a board 2 m ahead, from y = -0.5 to 0.5, before a wall 4 m ahead
     angles = -0.6 + 0.005 * np.arange(241)
     ranges = np.where(np.abs(2.0 * np.tan(angles)) < 0.5, 2.0, 4.0) / np.cos(angles)
-    frames = features(cs.LaserScan(ranges, angle_min=-0.6, angle_increment=0.005)).frames
-    ends = frames[frames[:, 4] >= 10]
+    keypoints = features(cs.LaserScan(ranges, angle_min=-0.6, angle_increment=0.005)).keypoints
+    ends = keypoints[keypoints[:, 4] >= 10]
     np.testing.assert_allclose(ends[:, 0], 2.0, atol=1e-9)
     np.testing.assert_allclose(np.sort(ends[:, 1]), [-0.5, 0.5], atol=0.02)
     # the first end begins the surface, the other closes it; both point along the sweep
@@ -78,12 +78,12 @@ def test_the_direction_of_an_arm_points_along_it():
 
 
 def test_no_more_frames_than_asked_for():
-    from curvescan.matchers.curvescan.config import ConsensusConfig
+    from curvescan.matchers.curvescan.config import CurvescanConfig
 
-    config = ConsensusConfig(frames=FramesConfig(max_frames=3))
-    frames = features(pillar_scan(), config).frames
-    assert np.count_nonzero(frames[:, 4] < 10) <= 3
-    assert np.count_nonzero(frames[:, 4] >= 10) <= 3
-    for wrong in ({"arms": ()}, {"min_turn": 4.0}, {"max_frames": 0}):
+    config = CurvescanConfig(keypoints=KeypointsConfig(max_keypoints=3))
+    keypoints = features(pillar_scan(), config).keypoints
+    assert np.count_nonzero(keypoints[:, 4] < 10) <= 3
+    assert np.count_nonzero(keypoints[:, 4] >= 10) <= 3
+    for wrong in ({"arms": ()}, {"min_turn": 4.0}, {"max_keypoints": 0}):
         with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
-            FramesConfig(**wrong)
+            KeypointsConfig(**wrong)

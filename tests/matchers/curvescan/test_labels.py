@@ -9,38 +9,38 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.labels import (
-    AGREES,
-    HIDDEN,
-    MOVED,
+    DYNAMIC,
+    INLIER,
+    OCCLUDED,
     compare_readings,
-    surfaces_at_rest,
+    static_segments,
 )
 from curvescan.matchers.curvescan.range_image import reading_at
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_labels_follow_their_definition(seed):
     ref, cur = pair(seed)
     pose = MOTION + 0.02 * np.random.default_rng(seed).standard_normal(3)
-    codes, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
-    for surfel, code, j in zip(cur.view.surfels, codes, partner, strict=True):
+    codes, partner = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
+    for surfel, code, j in zip(cur.image.surfels, codes, partner, strict=True):
         point = cs.se2.transform(pose, surfel[:2])
-        seen = reading_at(*point, ref.view)
-        assert (j >= 0) == (code == AGREES)
+        seen = reading_at(*point, ref.image)
+        assert (j >= 0) == (code == INLIER)
         if seen < 0:
-            assert code == HIDDEN
+            assert code == OCCLUDED
             continue
-        other = ref.view.surfels[seen]
+        other = ref.image.surfels[seen]
         if surfel[7] < 0 or other[7] < 0:
             continue
         limit = 3.0 * np.sqrt(surfel[7] + other[7]) + 0.01
         across = abs(other[5:7] @ (point - other[3:5]))
-        if code == AGREES:
+        if code == INLIER:
             assert j == seen
             assert across < limit
-        elif code == MOVED:
+        elif code == DYNAMIC:
             assert np.linalg.norm(point) < other[2] - 2.0 * limit
         else:
             assert np.linalg.norm(point) > other[2] - 2.0 * limit - 0.06
@@ -56,27 +56,27 @@ def test_someone_who_walked_in_is_seen_as_moved():
             ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
         )
     )
-    codes, _ = compare_readings(cur.view.surfels, ref.view, MOTION, 0.01)
+    codes, _ = compare_readings(cur.image.surfels, ref.image, MOTION, 0.01)
     is_person = np.isin(cur.beam_idx, np.arange(100, 110))
-    assert (codes[is_person] == MOVED).all()
-    assert np.mean(codes[~is_person] == AGREES) > 0.85
-    assert np.mean(codes[~is_person] == MOVED) < 0.02
+    assert (codes[is_person] == DYNAMIC).all()
+    assert np.mean(codes[~is_person] == INLIER) > 0.85
+    assert np.mean(codes[~is_person] == DYNAMIC) < 0.02
     # and from the other side: what the person hides is out of sight
-    codes, _ = compare_readings(ref.view.surfels, cur.view, cs.se2.inverse(MOTION), 0.01)
+    codes, _ = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(MOTION), 0.01)
     behind = np.isin(ref.beam_idx, np.arange(110, 113))
-    assert (codes[behind] != MOVED).all()
+    assert (codes[behind] != DYNAMIC).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_surfaces_at_rest_are_those_of_the_slow_twin(seed):
     ref, cur = pair(seed)
     pose = MOTION + np.array([0.004, 0.0, 0.0])  # half a wall seems to have moved
-    _, partner = compare_readings(cur.view.surfels, ref.view, pose, 0.01)
+    _, partner = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
     for least in (0.0, 0.003, 0.01):
-        arguments = (cur.view.surfels, cur.bounds, partner, ref.view.surfels, pose, 4.0, least)
-        at_rest, n_moved = surfaces_at_rest(*arguments)
-        np.testing.assert_array_equal(at_rest, slow.surfaces_at_rest(*arguments))
-        assert n_moved == sum(not at_rest[a] for a, b in itertools.pairwise(cur.bounds))
+        arguments = (cur.image.surfels, cur.bounds, partner, ref.image.surfels, pose, 4.0, least)
+        is_static, n_dynamic = static_segments(*arguments)
+        np.testing.assert_array_equal(is_static, slow.static_segments(*arguments))
+        assert n_dynamic == sum(not is_static[a] for a, b in itertools.pairwise(cur.bounds))
 
 
 def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
@@ -90,7 +90,7 @@ def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
         ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0
     )
     result = cs.match(ref, pushed)
-    assert np.mean(result.labels_current[is_box] == cs.matchers.Label.MOVED) > 0.9
+    assert np.mean(result.labels_current[is_box] == cs.matchers.Label.DYNAMIC) > 0.9
     assert np.mean(result.labels_current[~is_box] == cs.matchers.Label.MATCHED) > 0.9
     still = cs.match(ref, plain)
-    assert (still.labels_current == cs.matchers.Label.MOVED).mean() < 0.02
+    assert (still.labels_current == cs.matchers.Label.DYNAMIC).mean() < 0.02

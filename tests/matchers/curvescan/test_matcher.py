@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers import DEFAULT_METHOD, Label
-from curvescan.matchers.curvescan.config import ConsensusConfig, HypothesesConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig
 from curvescan.simulation import simulate_pairs
 from tests.matchers.curvescan.scenes import MOTION, pillar_scan
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
@@ -43,7 +43,7 @@ def test_any_turn_of_a_full_circle_is_found_without_a_guess(turn_deg):
 def test_the_direction_of_the_sensor_frame_changes_nothing(angle):
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
     plain = cs.match(ref, cur)
-    turned = [
+    rotated = [
         cs.LaserScan(
             scan.ranges,
             angle_min=scan.angle_min + angle,
@@ -52,9 +52,9 @@ def test_the_direction_of_the_sensor_frame_changes_nothing(angle):
         )
         for scan in (ref, cur)
     ]
-    result = cs.match(*turned)
-    frame = np.array([0.0, 0.0, angle])
-    expected = cs.se2.compose(cs.se2.compose(frame, plain.pose), cs.se2.inverse(frame))
+    result = cs.match(*rotated)
+    keypoint = np.array([0.0, 0.0, angle])
+    expected = cs.se2.compose(cs.se2.compose(keypoint, plain.pose), cs.se2.inverse(keypoint))
     np.testing.assert_allclose(result.pose, expected, atol=1e-6)
     np.testing.assert_array_equal(result.labels_current, plain.labels_current)
 
@@ -120,14 +120,14 @@ def test_a_corridor_names_its_weak_direction():
     for seed in range(5):
         result = cs.match(hall_scan(0.0, seed=2 * seed), hall_scan(0.3, seed=2 * seed + 1))
         assert result.ok
-        weak = result.weak_direction
+        weak = result.degenerate_direction
         assert abs(weak[0]) > 0.95 * np.hypot(weak[0], weak[1])
         assert math.sqrt(result.covariance[0, 0]) > 0.5
         # across and in angle the corridor tells
         assert abs(result.pose[1]) < 0.02
         assert abs(result.pose[2]) < 0.01
     rich = cs.match(pillar_scan(seed=1), pillar_scan(MOTION, seed=2))
-    assert rich.weak_direction is None
+    assert rich.degenerate_direction is None
     assert math.sqrt(np.diag(rich.covariance).max()) < 0.005
 
 
@@ -161,16 +161,16 @@ def test_readings_are_told_what_they_are():
     )
     result = cs.match(ref, cur)
     assert (result.labels_current[50:60] == Label.NO_READING).all()
-    assert (result.labels_current[100:110] == Label.MOVED).all()
+    assert (result.labels_current[100:110] == Label.DYNAMIC).all()
     assert np.mean(result.labels_current == Label.MATCHED) > 0.8
     assert result.n_matched == np.count_nonzero(result.labels_current == Label.MATCHED)
 
 
 def test_the_configuration_is_used():
-    blind = ConsensusConfig(hypotheses=HypothesesConfig(max_tried=1, n_turns=1))
+    blind = CurvescanConfig(hypotheses=HypothesesConfig(max_tried=1, n_rotations=1))
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
     assert cs.match(ref, cur, config=blind).trace.candidates.n_tried < 5
-    with pytest.raises(cs.InvalidArgumentError, match="takes a ConsensusConfig"):
+    with pytest.raises(cs.InvalidArgumentError, match="takes a CurvescanConfig"):
         cs.match(ref, cur, config=HypothesesConfig())
 
 
@@ -195,8 +195,8 @@ def test_offices_are_matched_without_a_guess(sensor, translation, rotation_deg, 
     right = [(r, pose) for r, pose in results if is_right(r, pose)]
     assert len(right) >= least * 60
     # confidently wrong: none
-    assert sum(r.ok and r.weak_direction is None for r, _ in results) == sum(
-        r.weak_direction is None for r, _ in right
+    assert sum(r.ok and r.degenerate_direction is None for r, _ in results) == sum(
+        r.degenerate_direction is None for r, _ in right
     )
     errors = [r.pose - pose for r, pose in right]
     nees = [e @ np.linalg.solve(r.covariance, e) for e, (r, _) in zip(errors, right, strict=True)]

@@ -9,13 +9,13 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.range_image import (
+    azimuth_table,
     bearing,
-    polar_lookup,
     reading_at,
-    uneven_lookup,
+    uneven_azimuth_table,
 )
 from tests.matchers.curvescan.scenes import features
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 def ring(n_beams, increment, angle_min, missing=()):
@@ -42,7 +42,7 @@ def test_the_reading_is_that_of_the_nearest_beam(angle_min, increment_deg, n_bea
         if edge or (n_beams == 359 and off.min() > 0.008):
             continue  # halfway between two beams: either is right
         expected = slow.reading_at(point, scan.angles, by_beam)
-        assert reading_at(*point, one.view) == expected
+        assert reading_at(*point, one.image) == expected
         n_told += 1
     assert n_told > 100
 
@@ -59,30 +59,30 @@ def test_a_bearing_is_the_arc_tangent():
 def test_a_full_circle_of_one_beam_too_many_or_too_few_closes():
     for n_beams in (359, 360, 361):
         one = features(ring(n_beams, math.radians(1.0), -math.pi))
-        assert reading_at(-2.0, 1e-3, one.view) >= 0
-        assert reading_at(-2.0, -1e-3, one.view) >= 0
-        assert (one.view.lookup >= 0).all()
+        assert reading_at(-2.0, 1e-3, one.image) >= 0
+        assert reading_at(-2.0, -1e-3, one.image) >= 0
+        assert (one.image.table >= 0).all()
 
 
 def test_a_half_circle_sees_nothing_behind():
     one = features(ring(181, math.radians(1.0), -math.pi / 2, missing=(90,)))
-    assert reading_at(-1.0, 0.2, one.view) == -2
-    assert reading_at(1.0, 0.0, one.view) == -1
+    assert reading_at(-1.0, 0.2, one.image) == -2
+    assert reading_at(1.0, 0.0, one.image) == -1
 
 
 def test_slots_run_counter_clockwise_whatever_way_the_sensor_turns():
-    assert polar_lookup(np.array([0, 2]), 3, 4, False, False).tolist() == [0, -1, 1, -2]
-    assert polar_lookup(np.array([2, 0]), 3, 4, True, False).tolist() == [0, -1, 1, -2]
-    assert polar_lookup(np.array([0, 1]), 2, 3, False, True).tolist() == [0, 1, 0]
-    assert polar_lookup(np.array([0, 1, 2]), 3, 2, False, True).tolist() == [0, 1]
+    assert azimuth_table(np.array([0, 2]), 3, 4, False, False).tolist() == [0, -1, 1, -2]
+    assert azimuth_table(np.array([2, 0]), 3, 4, True, False).tolist() == [0, -1, 1, -2]
+    assert azimuth_table(np.array([0, 1]), 2, 3, False, True).tolist() == [0, 1, 0]
+    assert azimuth_table(np.array([0, 1, 2]), 3, 2, False, True).tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("increment", [1e-9, 1e-3, 3.0, 30.0])
 def test_odd_increments_cost_no_memory_and_raise_nothing(increment):
     scan = cs.LaserScan(np.ones(50), angle_min=0.3, angle_increment=increment)
     one = features(scan)
-    assert one.view.lookup.size <= 6300
-    assert -2 <= reading_at(1.0, 1.0, one.view) < 50
+    assert one.image.table.size <= 6300
+    assert -2 <= reading_at(1.0, 1.0, one.image) < 50
 
 
 def uneven(span_deg, seed, way, n_beams=240):
@@ -113,14 +113,14 @@ def test_of_uneven_beams_the_reading_is_that_of_the_nearest(span_deg, way):
             continue  # about halfway between two beams, or at the sweep's end: either is right
         point = 3.0 * np.array([math.cos(angle), math.sin(angle)])
         expected = slow.reading_at(point, scan.angles, by_beam, 1.5 * step)
-        assert reading_at(*point, one.view) == expected
+        assert reading_at(*point, one.image) == expected
         n_told += 1
     assert n_told > 150
 
 
 def test_a_hole_between_uneven_beams_is_out_of_view():
     angles = np.radians([0.0, 1.0, 2.1, 3.0, 60.0, 61.0, 62.0])
-    lookup, density = uneven_lookup(np.arange(7), angles, math.radians(1.0), False)
+    table, density = uneven_azimuth_table(np.arange(7), angles, math.radians(1.0), False)
     for bearing_deg, expected in [(0.2, 0), (2.0, 2), (4.0, 3), (30.0, -2), (59.0, 4), (63.0, 6)]:
-        assert lookup[round(math.radians(bearing_deg) * density)] == expected
-    assert lookup[-1] == -2
+        assert table[round(math.radians(bearing_deg) * density)] == expected
+    assert table[-1] == -2

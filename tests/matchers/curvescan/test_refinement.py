@@ -10,7 +10,7 @@ from curvescan.matchers.curvescan.config import RefinementConfig
 from curvescan.matchers.curvescan.range_image import reading_at
 from curvescan.matchers.curvescan.refinement import accumulate, refine, solve
 from tests.matchers.curvescan.scenes import MOTION, pair
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 @pytest.mark.parametrize("inverse", [False, True])
@@ -20,14 +20,14 @@ def test_the_gradient_is_the_derivative_of_the_residuals(seed, inverse):
     a, b = (ref, cur) if inverse else (cur, ref)
     pose = MOTION + np.array([0.01, -0.01, 0.004])
     n_told = 0
-    for surfel in a.view.probes[:20]:
+    for surfel in a.image.samples[:20]:
         system = np.zeros(9)
-        accumulate(surfel[np.newaxis], b.view, pose, -1.0 if inverse else 1.0, 0.05, 0.0, system)
+        accumulate(surfel[np.newaxis], b.image, pose, -1.0 if inverse else 1.0, 0.05, 0.0, system)
         if not system.any():
             continue
         n_told += 1
         moved = cs.se2.transform(cs.se2.inverse(pose) if inverse else pose, surfel[:2])
-        other = b.view.surfels[reading_at(*moved, b.view)]
+        other = b.image.surfels[reading_at(*moved, b.image)]
         e = slow.residual(pose, surfel[:2], other, inverse)
         slope = slow.jacobian(pose, surfel[:2], other, inverse)
         variance = surfel[7] + other[7] + 0.05**2
@@ -55,8 +55,8 @@ def test_a_start_nearby_ends_at_the_truth():
         ref, cur = pair(seed)
         rng = np.random.default_rng(seed)
         start = MOTION + rng.uniform([-0.1, -0.1, -0.04], [0.1, 0.1, 0.04])
-        probed = refine(start[np.newaxis], ref.view, cur.view, np.array([0.06, 0.03, 0.01]))
-        final = refine(probed, ref.whole, cur.whole, np.array([0.0, 0.0]))
+        probed = refine(start[np.newaxis], ref.image, cur.image, np.array([0.06, 0.03, 0.01]))
+        final = refine(probed, ref.full_image, cur.full_image, np.array([0.0, 0.0]))
         errors.append(cs.se2.between(MOTION, final[0]))
     # 5 mm of noise on several hundred readings
     assert np.abs(errors)[:, :2].max() < 0.003
@@ -65,15 +65,15 @@ def test_a_start_nearby_ends_at_the_truth():
 
 def test_a_scan_and_itself_stay_where_they_are():
     ref, _ = pair()
-    pose = refine(np.zeros((1, 3)), ref.whole, ref.whole, np.array([0.02, 0.0, 0.0]))
+    pose = refine(np.zeros((1, 3)), ref.full_image, ref.full_image, np.array([0.02, 0.0, 0.0]))
     np.testing.assert_allclose(pose, 0.0, atol=1e-12)
 
 
 def test_converged_scans_swapped_give_the_inverse():
     ref, cur = pair()
-    slacks = np.zeros(12)
-    there = refine(MOTION[np.newaxis], ref.whole, cur.whole, slacks)[0]
-    back = refine(cs.se2.inverse(MOTION)[np.newaxis], cur.whole, ref.whole, slacks)[0]
+    sigmas = np.zeros(12)
+    there = refine(MOTION[np.newaxis], ref.full_image, cur.full_image, sigmas)[0]
+    back = refine(cs.se2.inverse(MOTION)[np.newaxis], cur.full_image, ref.full_image, sigmas)[0]
     np.testing.assert_allclose(cs.se2.compose(there, back), 0.0, atol=2e-5)
 
 
@@ -81,7 +81,7 @@ def test_the_start_is_left_alone_and_the_turn_wrapped():
     ref, cur = pair()
     start = np.array([[0.0, 0.0, 3.1415], [5.0, 5.0, -3.1415]])
     kept = start.copy()
-    refined = refine(start, ref.view, cur.view, np.array([0.06, 0.02]))
+    refined = refine(start, ref.image, cur.image, np.array([0.06, 0.02]))
     np.testing.assert_array_equal(start, kept)
     assert (np.abs(refined[:, 2]) <= np.pi).all()
     assert np.isfinite(refined).all()

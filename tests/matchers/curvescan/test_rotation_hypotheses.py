@@ -9,13 +9,13 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.rotation_hypotheses import (
+    degenerate_hypotheses,
     direction_histogram,
-    lattice,
-    slides,
-    turns,
+    rotation_hypotheses,
+    translation_grid,
 )
 from tests.matchers.curvescan.scenes import features, pair, pillar_scan
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
 
 def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
@@ -32,15 +32,15 @@ def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 2.9])
 def test_the_histogram_turns_with_the_sensor(angle):
     scan = pillar_scan(seed=1)
-    turned = cs.LaserScan(
+    rotated = cs.LaserScan(
         scan.ranges,
         angle_min=scan.angle_min - angle,
         angle_increment=scan.angle_increment,
         range_max=20.0,
     )
-    ref, cur = features(scan), features(turned)
+    ref, cur = features(scan), features(rotated)
     np.testing.assert_allclose(np.linalg.norm(ref.directions), 1.0)
-    poses = turns(ref.directions, cur.directions, 4, np.array([0.3, 0.1, 0.2]))
+    poses = rotation_hypotheses(ref.directions, cur.directions, 4, np.array([0.3, 0.1, 0.2]))
     np.testing.assert_array_equal(poses[0], [0.3, 0.1, 0.2])
     np.testing.assert_array_equal(poses[1:, :2], np.tile([0.3, 0.1], (len(poses) - 1, 1)))
     # a tenth of a bin of 3 degrees
@@ -50,7 +50,7 @@ def test_the_histogram_turns_with_the_sensor(angle):
 def test_turns_are_peaks_of_the_correlation():
     ref, cur = pair()
     likeness = slow.turn_likeness(ref.directions, cur.directions)
-    poses = turns(ref.directions, cur.directions, 3, np.zeros(3))
+    poses = rotation_hypotheses(ref.directions, cur.directions, 3, np.zeros(3))
     bins = np.round(np.mod(poses[1:, 2], 2 * math.pi) * 120 / (2 * math.pi)).astype(int) % 120
     assert bins[0] == np.argmax(likeness)
     for k in bins:
@@ -64,7 +64,7 @@ def test_scans_without_lines_have_an_even_histogram():
 
 def test_the_lattice_spreads_around_each_pose():
     poses = np.array([[0.0, 0.0, 0.1], [5.0, 5.0, 0.2]])
-    moved = lattice(poses, 0.5, 1)
+    moved = translation_grid(poses, 0.5, 1)
     assert len(moved) == 18
     np.testing.assert_array_equal(moved[:2], poses)  # centre first
     first = moved[moved[:, 2] == 0.1]
@@ -74,12 +74,12 @@ def test_the_lattice_spreads_around_each_pose():
 
 def test_slides_run_along_a_corridor_and_nowhere_else():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    slid = slides(np.zeros((1, 3)), ref.view, cur.view, 0.2, 3, 0.1)
-    assert len(slid) == 6
-    np.testing.assert_allclose(np.abs(slid[:, 1]), 0.0, atol=0.02)
+    moved_along = degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)
+    assert len(moved_along) == 6
+    np.testing.assert_allclose(np.abs(moved_along[:, 1]), 0.0, atol=0.02)
     np.testing.assert_allclose(
-        np.sort(np.abs(slid[:, 0])), [0.2, 0.2, 0.4, 0.4, 0.6, 0.6], atol=0.01
+        np.sort(np.abs(moved_along[:, 0])), [0.2, 0.2, 0.4, 0.4, 0.6, 0.6], atol=0.01
     )
-    assert not slid[:, 2].any()
+    assert not moved_along[:, 2].any()
     ref, cur = pair()
-    assert len(slides(np.zeros((1, 3)), ref.view, cur.view, 0.2, 3, 0.1)) == 0
+    assert len(degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)) == 0

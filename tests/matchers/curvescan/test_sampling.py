@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.matchers.curvescan.sampling import choose_probes
+from curvescan.matchers.curvescan.sampling import choose_samples
 from tests.matchers.curvescan.scenes import features, pillar_scan
 
 
 def test_probes_are_spread_over_the_lengths_of_the_surfaces():
     one = features(pillar_scan(sigma=0.0))
-    surfels = one.view.surfels
-    step = 1.0 / one.view.fan[1]
-    probes = choose_probes(surfels, 200)
-    assert probes.shape == (200, 10)
+    surfels = one.image.surfels
+    step = 1.0 / one.image.azimuth[1]
+    samples = choose_samples(surfels, 200)
+    assert samples.shape == (200, 10)
     facing = np.abs(np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1)) / surfels[:, 2]
     length = np.clip(surfels[:, 2] * step / np.maximum(facing, 0.1), 0.03, 0.3)
     is_right = surfels[:, 1] < 0
     share = length[is_right].sum() / length.sum()
-    assert abs(np.mean(probes[:, 1] < 0) - share) < 0.02
+    assert abs(np.mean(samples[:, 1] < 0) - share) < 0.02
     # each is a surfel of the scan
-    distance = np.abs(probes[:, None, :2] - surfels[None, :, :2]).sum(axis=2).min(axis=1)
+    distance = np.abs(samples[:, None, :2] - surfels[None, :, :2]).sum(axis=2).min(axis=1)
     assert distance.max() == 0.0
 
 
 def test_the_first_probes_are_spread_like_all():
-    probes = features(pillar_scan(sigma=0.0)).view.probes
-    bearing = np.arctan2(probes[:, 1], probes[:, 0])
+    samples = features(pillar_scan(sigma=0.0)).image.samples
+    bearing = np.arctan2(samples[:, 1], samples[:, 0])
     for n in (6, 12, 24):
         edges = np.quantile(bearing, [1 / 3, 2 / 3])
         thirds = np.bincount(np.digitize(bearing[:n], edges), minlength=3)
@@ -37,4 +37,4 @@ def test_surfaces_without_lines_have_no_probes():
     surfels = np.zeros((5, 10))
     surfels[:, 2], surfels[:, 7] = 1.0, -1.0
     for one in (surfels, surfels[:0]):
-        assert choose_probes(one, 12).shape == (0, 10)
+        assert choose_samples(one, 12).shape == (0, 10)

@@ -6,15 +6,15 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import (
-    ConsensusConfig,
+    CurvescanConfig,
     HypothesesConfig,
-    VerificationConfig,
+    ScoringConfig,
 )
-from curvescan.matchers.curvescan.search import follow, search
+from curvescan.matchers.curvescan.search import follow_guess, search
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
 
-CONFIG = ConsensusConfig()
+CONFIG = CurvescanConfig()
 
 
 def off(pose):
@@ -33,9 +33,9 @@ def test_the_best_candidate_is_near_the_truth():
 
 def test_a_lattice_finds_what_nothing_else_proposes():
     ref, cur = pair(motion=np.array([0.55, -0.45, 0.0]))
-    blind = ConsensusConfig(
-        hypotheses=HypothesesConfig(max_tried=1, n_turns=1, slide_reach=0.01),
-        verification=VerificationConfig(doubtful_score=1.0),
+    blind = CurvescanConfig(
+        hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
+        scoring=ScoringConfig(doubtful_score=1.0),
     )
     found = search(ref, cur, None, blind)
     assert found.n_tried > 200
@@ -46,9 +46,9 @@ def test_no_lattice_is_tried_where_the_best_pose_lies_where_the_guess_has_it():
     motion = np.array([0.55, -0.45, 0.0])
     ref, cur = pair(motion=motion)
     # nothing is ever certain, and nothing but the guess and the lattice proposes the place
-    doubting = ConsensusConfig(
-        hypotheses=HypothesesConfig(max_tried=1, n_turns=1, slide_reach=0.01),
-        verification=VerificationConfig(few_tried=10_000, certain_score=1.0),
+    doubting = CurvescanConfig(
+        hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
+        scoring=ScoringConfig(few_tried=10_000, certain_score=1.0),
     )
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
     assert search(ref, cur, right, doubting).n_tried < 10
@@ -59,12 +59,12 @@ def test_no_lattice_is_tried_where_the_best_pose_lies_where_the_guess_has_it():
 
 def test_a_guess_is_followed_only_where_it_is_right():
     ref, cur = pair()
-    trusted = follow(ref, cur, MOTION + 0.03, CONFIG)
+    trusted = follow_guess(ref, cur, MOTION + 0.03, CONFIG)
     assert trusted is not None
     assert off(trusted.poses[0]) < 0.01
-    assert follow(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]), CONFIG) is None
+    assert follow_guess(ref, cur, MOTION + np.array([0.8, 0.5, 1.0]), CONFIG) is None
 
 
 def test_a_guess_in_a_corridor_is_not_trusted():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    assert follow(ref, cur, np.zeros(3), CONFIG) is None
+    assert follow_guess(ref, cur, np.zeros(3), CONFIG) is None

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import SurfacesConfig
-from curvescan.matchers.curvescan.segments import sweep
+from curvescan.matchers.curvescan.config import SegmentsConfig
+from curvescan.matchers.curvescan.segments import ordered_readings
 from tests.matchers.curvescan.scenes import pillar_scan
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 
-CONFIG = SurfacesConfig()
+CONFIG = SegmentsConfig()
 
 
 def run_sweep(scan, told_by_angles=False):
-    return sweep(
+    return ordered_readings(
         scan.ranges,
         scan.directions,
         scan.valid,
@@ -43,7 +43,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
     )
     beam_idx, readings, bounds = run_sweep(scan)
     beams = np.flatnonzero(scan.valid)
-    expected = slow.surfaces(
+    expected = slow.segments(
         scan.points[beams],
         scan.ranges[beams],
         beams,
@@ -82,8 +82,10 @@ def test_beams_told_one_by_one_give_the_same_surfaces(fov, way):
     ranges[np.random.default_rng(4).choice(360, 40, replace=False)] = np.nan
     angles = scan.angles
     scan = cs.LaserScan(ranges[::way], angles=angles[::way], range_max=20.0)
-    for grid, told in zip(run_sweep(scan), run_sweep(scan, told_by_angles=True), strict=True):
-        np.testing.assert_array_equal(told, grid)
+    for grid, information in zip(
+        run_sweep(scan), run_sweep(scan, told_by_angles=True), strict=True
+    ):
+        np.testing.assert_array_equal(information, grid)
 
 
 def corridor_scan(*, sigma=0.0, seed=0):
@@ -124,4 +126,4 @@ def test_steps_of_a_grazed_wall_still_break_it():
 )
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
-        SurfacesConfig(**wrong)
+        SegmentsConfig(**wrong)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import SurfacesConfig
+from curvescan.matchers.curvescan.config import SegmentsConfig
 from curvescan.matchers.curvescan.surfels import fit_line, fit_surfels, low_quantile, moments
 from tests.matchers.curvescan.scenes import features
 from tests.matchers.curvescan.test_segments import run_sweep
-from tests.reference import consensus as slow
+from tests.reference import curvescan as slow
 from tests.scenes import room_scan
 
-CONFIG = SurfacesConfig()
+CONFIG = SegmentsConfig()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -54,11 +54,11 @@ def test_the_range_noise_is_found(sigma):
 
 def test_scans_of_few_readings_have_no_lines():
     blank = cs.LaserScan([np.nan] * 90, angle_min=-1.0, angle_increment=0.02)
-    assert len(features(blank).view.surfels) == 0
+    assert len(features(blank).image.surfels) == 0
     lonely = cs.LaserScan(
         [np.nan] * 40 + [1.0, 1.01] + [np.nan] * 48, angle_min=-1.0, angle_increment=0.02
     )
-    surfels = features(lonely).view.surfels
+    surfels = features(lonely).image.surfels
     assert len(surfels) == 2
     assert (surfels[:, 7] < 0).all()  # a reading without a line says so by its variance
     assert np.isfinite(surfels).all()

@@ -22,7 +22,7 @@ from curvescan import se2
 from curvescan.errors import LogFormatError
 from curvescan.io.arrays.stream import PoseRow, Record, StreamLog, refuse_topic
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -86,9 +86,9 @@ def open_coreslam(
     return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, notes=_NOTES, mount=MOUNT)
 
 
-def _records(path: Path, range_max: float, faults: FaultCounter) -> Iterator[Record]:
+def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Iterator[Record]:
     wheels = _Wheels()
-    for number, line in read_lines(path, faults):
+    for number, line in read_lines(path, read_errors):
         fields = line.split()
         if not fields:
             continue
@@ -97,7 +97,9 @@ def _records(path: Path, range_max: float, faults: FaultCounter) -> Iterator[Rec
             pose = wheels.move(int(fields[2]), int(fields[3]))
         except (_BrokenLineError, ValueError, OverflowError) as error:
             is_ours = isinstance(error, _BrokenLineError)
-            faults.add(str(error) if is_ours else "line with a field that is no number", number)
+            read_errors.add(
+                str(error) if is_ours else "line with a field that is no number", number
+            )
             continue
         yield Record(scan, pose)
 

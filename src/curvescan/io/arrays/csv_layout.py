@@ -17,7 +17,7 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.arrays.stream import NO_POSE, OPTIONAL, PoseRow, Record
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -68,7 +68,7 @@ def check_header(names: tuple[str, ...], path: object) -> None:
     known = (*COLUMNS, *POSE_COLUMNS)
     if names[-1] != RANGES:
         raise LogFormatError(
-            f"{rule}, the last of them {RANGES!r}: it holds {shown_text(', '.join(names[:9]), 200)}"
+            f"{rule}, the last of them {RANGES!r}: it holds {printable(', '.join(names[:9]), 200)}"
         )
     for name in names[:-1]:
         if name not in known:

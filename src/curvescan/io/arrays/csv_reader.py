@@ -20,7 +20,7 @@ from curvescan.io.arrays.csv_layout import (
 )
 from curvescan.io.arrays.stream import Record, StreamLog, refuse_topic
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.files.read_errors import ReadErrorCounter
 
 FORMAT = "CSV of scans"
 
@@ -51,10 +51,12 @@ def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = 
     return StreamLog(str(path), name=path.name, kind=FORMAT, read=read)
 
 
-def _records(path: Path, range_max: float | None, faults: FaultCounter) -> Iterator[Record]:
+def _records(
+    path: Path, range_max: float | None, read_errors: ReadErrorCounter
+) -> Iterator[Record]:
     names: tuple[str, ...] = ()
     before = Beams()
-    for number, line in read_lines(path, faults):
+    for number, line in read_lines(path, read_errors):
         if not is_content(line):
             continue
         if not names:
@@ -73,6 +75,6 @@ def _records(path: Path, range_max: float | None, faults: FaultCounter) -> Itera
                 now, before = before, before._replace(intensities=None)
                 yield parse_scan(fields, names, now, range_max)
         except BrokenRowError as error:
-            faults.add(str(error), number)
+            read_errors.add(str(error), number)
     if not names:
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import Fault
+from curvescan.io.log import ReadError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -36,7 +36,7 @@ class MemoryLog:
     odometry: Trajectory | None = None
     name: str = "arrays"
     format: str = "scans in memory"
-    faults: tuple[Fault, ...] = ()
+    read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -33,8 +33,8 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.arrays.stream import NO_POSE, OPTIONAL, Record, StreamLog, refuse_topic
-from curvescan.io.files.printable import shown_text
-from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.files.printable import printable
+from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -84,12 +84,12 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     for name in ("stamps", "ranges"):
         if name not in shapes:
             raise LogFormatError(
-                f"{file.path} needs an array {name!r} to be scans, and holds {shown_text(', '.join(shapes), 200)}"
+                f"{file.path} needs an array {name!r} to be scans, and holds {printable(', '.join(shapes), 200)}"
             )
     if "angles" not in shapes and not {"angle_min", "angle_increment"} <= shapes.keys():
         raise LogFormatError(
             f"{file.path} needs arrays 'angle_min' and 'angle_increment', or 'angles', and holds "
-            f"{shown_text(', '.join(shapes), 200)}"
+            f"{printable(', '.join(shapes), 200)}"
         )
     if len(shapes["ranges"]) != 2:
         raise LogFormatError(
@@ -119,7 +119,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
 
 
 def _records(
-    file: NpzFile, n: int, m: int, range_max: float | None, faults: FaultCounter
+    file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter
 ) -> Iterator[Record]:
     columns = {
         name: file.read(name) if name in file.headers else value
@@ -142,7 +142,7 @@ def _records(
         try:
             row = next(rows, None)
         except LogFormatError:
-            faults.add(_DAMAGED, i + 1)
+            read_errors.add(_DAMAGED, i + 1)
             return
         if row is None:
             return
@@ -152,7 +152,7 @@ def _records(
         try:
             scan = _scan(value, counts[i], *row)
         except InvalidArgumentError:
-            faults.add(_fault(value, counts[i], m), i + 1)
+            read_errors.add(_fault(value, counts[i], m), i + 1)
             continue
         pose = NO_POSE
         if odometry is not None and np.isfinite(odometry[i]).all():

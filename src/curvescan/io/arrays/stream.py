@@ -12,8 +12,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -43,7 +43,7 @@ class Record(NamedTuple):
     pose: PoseRow = NO_POSE
 
 
-ReadRecords: TypeAlias = Callable[[FaultCounter], Iterator[Record]]
+ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 """Reads a source anew, scan by scan, and counts what it skips."""
 
 
@@ -89,16 +89,16 @@ class StreamLog:
         self._mount = np.array(mount)
         self._name, self._format, self._notes = name, kind, notes
         self._read, self._unit = read, unit
-        faults = FaultCounter(unit)
+        read_errors = ReadErrorCounter(unit)
         stamps, poses = array("d"), array("d")
-        for record in read(faults):
+        for record in read(read_errors):
             stamps.append(record.scan.stamp)
             poses.extend(record.pose)
-        self._faults = faults.faults()
+        self._read_errors = read_errors.read_errors()
         self._stamps = np.array(stamps)
         self._poses = np.array(poses).reshape(-1, 3)
         if not stamps:
-            raise LogFormatError(_no_scan_message(path, kind, self._faults))
+            raise LogFormatError(_no_scan_message(path, kind, self._read_errors))
 
     @property
     def name(self) -> str:
@@ -132,9 +132,9 @@ class StreamLog:
         return False
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """What was skipped, most frequent first."""
-        return self._faults
+        return self._read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
@@ -150,7 +150,7 @@ class StreamLog:
         return len(self._stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return (record.scan for record in self._read(FaultCounter(self._unit)))
+        return (record.scan for record in self._read(ReadErrorCounter(self._unit)))
 
 
 def refuse_topic(path: object, kind: str, topic: str | None) -> None:
@@ -161,11 +161,11 @@ def refuse_topic(path: object, kind: str, topic: str | None) -> None:
         )
 
 
-def _no_scan_message(path: str, kind: str, faults: tuple[Fault, ...]) -> str:
-    if not faults:
+def _no_scan_message(path: str, kind: str, read_errors: tuple[ReadError, ...]) -> str:
+    if not read_errors:
         return f"{path} is a {kind} without a scan"
-    fault = faults[0]
+    read_error = read_errors[0]
     return (
-        f"{path} is a {kind} without a scan that can be read: {fault.rule} "
-        f"({fault.count} times, first in {fault.first})"
+        f"{path} is a {kind} without a scan that can be read: {read_error.rule} "
+        f"({read_error.count} times, first in {read_error.first})"
     )

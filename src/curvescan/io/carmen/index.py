@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.io.carmen.lines import (
-    SWEEP_PARSERS,
+    SCAN_PARSERS,
     BrokenLineError,
     PoseRow,
-    Sweep,
+    ScanRecord,
     parse_max_range,
     parse_odom,
     tag_of,
 )
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.printable import shown_text
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.printable import printable
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 
 SICK_MM_END = 8.192
 """End of the scale of a SICK LMS that counts millimetres, metres."""
@@ -57,7 +57,7 @@ class Series:
     is_beyond_mm_scale: bool = False
     has_own_limit: bool = True
 
-    def add(self, sweep: Sweep, robot_pose: PoseRow) -> None:
+    def add(self, sweep: ScanRecord, robot_pose: PoseRow) -> None:
         """Append a sweep, with the pose of the robot for lines that give none."""
         self.stamps.append(sweep.stamp)
         self.poses.extend(sweep.pose or robot_pose)
@@ -88,7 +88,7 @@ class Index:
     series: dict[bytes, Series]
     max_range: float | None
     tag_counts: dict[str, int]
-    faults: tuple[Fault, ...]
+    read_errors: tuple[ReadError, ...]
 
 
 def build_index(path: Path) -> Index:
@@ -104,34 +104,34 @@ def build_index(path: Path) -> Index:
     LogFileError
         When the file cannot be read.
     """
-    faults = FaultCounter()
+    read_errors = ReadErrorCounter()
     counts: dict[bytes, int] = {}
-    series = {tag: Series() for tag in SWEEP_PARSERS}
+    series = {tag: Series() for tag in SCAN_PARSERS}
     robot_pose, max_range = _NO_POSE, None
-    for number, line in read_lines(path, faults):
+    for number, line in read_lines(path, read_errors):
         tag = tag_of(line)
         _count_tag(counts, tag)
         try:
-            if tag in SWEEP_PARSERS:
-                sweep = SWEEP_PARSERS[tag](line)
+            if tag in SCAN_PARSERS:
+                sweep = SCAN_PARSERS[tag](line)
                 series[tag].add(sweep, robot_pose)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":
                 max_range = parse_max_range(line) or max_range
         except BrokenLineError as error:
-            faults.add(str(error), number)
+            read_errors.add(str(error), number)
     return Index(
         series={tag: found for tag, found in series.items() if found.stamps},
         max_range=max_range,
         tag_counts=_named(counts),
-        faults=faults.faults(),
+        read_errors=read_errors.read_errors(),
     )
 
 
 def _count_tag(counts: dict[bytes, int], tag: bytes) -> None:
     # a file of arbitrary text may have as many first words as lines: they share one count
-    if tag not in counts and len(counts) >= _MAX_TAGS and tag not in SWEEP_PARSERS:
+    if tag not in counts and len(counts) >= _MAX_TAGS and tag not in SCAN_PARSERS:
         tag = OTHER_TAGS.encode()
     if tag:
         counts[tag] = counts.get(tag, 0) + 1
@@ -140,6 +140,6 @@ def _count_tag(counts: dict[bytes, int], tag: bytes) -> None:
 def _named(counts: dict[bytes, int]) -> dict[str, int]:
     names: dict[str, int] = {}
     for tag, count in counts.items():
-        name = shown_text(tag.decode("ascii", errors="replace"))
+        name = printable(tag.decode("ascii", errors="replace"))
         names[name] = names.get(name, 0) + count
     return names

@@ -37,7 +37,7 @@ class BrokenLineError(LogFormatError):
     """A line breaks the rule that the message names; the message holds no value of the line."""
 
 
-class Sweep(NamedTuple):
+class ScanRecord(NamedTuple):
     """One sweep as its line gives it.
 
     Attributes
@@ -95,7 +95,7 @@ def flaser_angle_increment(n: int) -> float:
     return math.pi / (n if n % 2 == 0 else max(n - 1, 1))
 
 
-def parse_flaser(line: bytes) -> Sweep:
+def parse_flaser(line: bytes) -> ScanRecord:
     """Return the sweep of a FLASER line with the pose of the laser.
 
     Raises
@@ -108,7 +108,7 @@ def parse_flaser(line: bytes) -> Sweep:
     _check_length(fields, n + 8 + _N_TAIL, "FLASER")
     ranges = _numbers(fields[2 : n + 2], "FLASER")
     *poses, stamp = _finite_numbers(fields[n + 2 : n + 9], "FLASER")
-    return Sweep(
+    return ScanRecord(
         stamp,
         ranges,
         -math.pi / 2.0,
@@ -120,7 +120,7 @@ def parse_flaser(line: bytes) -> Sweep:
     )
 
 
-def parse_robotlaser1(line: bytes) -> Sweep:
+def parse_robotlaser1(line: bytes) -> ScanRecord:
     """Return the sweep of a ROBOTLASER1 line with the pose of the laser.
 
     Raises
@@ -131,7 +131,7 @@ def parse_robotlaser1(line: bytes) -> Sweep:
     return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
 
 
-def parse_rawlaser1(line: bytes) -> Sweep:
+def parse_rawlaser1(line: bytes) -> ScanRecord:
     """Return the sweep of a RAWLASER1 line, which gives no pose.
 
     Raises
@@ -142,7 +142,7 @@ def parse_rawlaser1(line: bytes) -> Sweep:
     return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
 
 
-SWEEP_PARSERS: dict[bytes, Callable[[bytes], Sweep]] = {
+SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
     b"ROBOTLASER1": parse_robotlaser1,
     b"FLASER": parse_flaser,
     b"RAWLASER1": parse_rawlaser1,
@@ -185,7 +185,7 @@ def parse_max_range(line: bytes) -> float | None:
     return value
 
 
-def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> Sweep:
+def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> ScanRecord:
     fields = line.split()
     n = _count(fields, 8, tag)
     n_remissions = _count(fields, n + 9, tag, least=0)
@@ -193,7 +193,7 @@ def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> Sweep:
     _check_length(fields, end + n_pose_fields + _N_TAIL, tag)
     start_angle, fov, resolution, max_range = _numbers(fields[2:6], tag).tolist()
     tail = _finite_numbers(fields[end : end + n_pose_fields + 1], tag)
-    return Sweep(
+    return ScanRecord(
         stamp=tail[-1],
         ranges=_numbers(fields[9 : n + 9], tag),
         angle_min=_angle(start_angle, tag),

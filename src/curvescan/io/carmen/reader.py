@@ -26,11 +26,11 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.carmen.index import Index, build_index
-from curvescan.io.carmen.lines import SWEEP_PARSERS, BrokenLineError, Sweep, tag_of
+from curvescan.io.carmen.lines import SCAN_PARSERS, BrokenLineError, ScanRecord, tag_of
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.printable import shown_text
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.printable import printable
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -114,9 +114,9 @@ class CarmenLog:
         return False
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Lines that were skipped and damage of the file, most frequent first."""
-        return self._index.faults
+        return self._index.read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
@@ -144,8 +144,8 @@ class CarmenLog:
         return len(self._series.stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        tag, parse = self._tag, SWEEP_PARSERS[self._tag]
-        for _, line in read_lines(self._path, FaultCounter()):
+        tag, parse = self._tag, SCAN_PARSERS[self._tag]
+        for _, line in read_lines(self._path, ReadErrorCounter()):
             if tag_of(line) != tag:
                 continue
             try:
@@ -154,7 +154,7 @@ class CarmenLog:
                 continue  # counted by the index, which goes by the same parser
             yield self._scan(sweep)
 
-    def _scan(self, sweep: Sweep) -> LaserScan:
+    def _scan(self, sweep: ScanRecord) -> LaserScan:
         return LaserScan(
             sweep.ranges,
             angle_min=sweep.angle_min,
@@ -205,13 +205,13 @@ def _below_codes(range_max: float) -> float:
 
 
 def _no_scan_message(path: Path, index: Index) -> str:
-    if index.faults:
-        fault = index.faults[0]
+    if index.read_errors:
+        read_error = index.read_errors[0]
         return (
-            f"{path} is a CARMEN log without a scan that can be read: {fault.rule} "
-            f"({fault.count} times, first in {fault.first})"
+            f"{path} is a CARMEN log without a scan that can be read: {read_error.rule} "
+            f"({read_error.count} times, first in {read_error.first})"
         )
-    tags = shown_text(", ".join(index.tag_counts), 300) or "none"
+    tags = printable(", ".join(index.tag_counts), 300) or "none"
     return (
         f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, "
         f"and holds {tags}"

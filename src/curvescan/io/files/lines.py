@@ -18,7 +18,7 @@ from pathlib import Path
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.files.decompression import unpacked_limit
-from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.files.read_errors import ReadErrorCounter
 
 GZIP_MAGIC = b"\x1f\x8b"
 MAX_LINE_BYTES = 1 << 20
@@ -68,14 +68,14 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     return head[:n_bytes]
 
 
-def read_lines(path: Path, faults: FaultCounter) -> Iterator[tuple[int, bytes]]:
+def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int, bytes]]:
     r"""Yield the number, from 1, and the bytes of each line, without its newline.
 
     Parameters
     ----------
     path : Path
         A regular file, opened anew by each call and closed when the iteration ends or is given up.
-    faults : FaultCounter
+    faults : ReadErrorCounter
         Lines above MAX_LINE_BYTES, which are not yielded, and damage of the compression are added to it.
 
     Yields
@@ -96,15 +96,15 @@ def read_lines(path: Path, faults: FaultCounter) -> Iterator[tuple[int, bytes]]:
                 number += 1
                 if is_dropping or len(line) > MAX_LINE_BYTES:
                     is_dropping = False
-                    faults.add(LONG_LINE, number)
+                    read_errors.add(LONG_LINE, number)
                 else:
                     yield number, line
             if is_dropping or len(tail) > MAX_LINE_BYTES:
                 is_dropping, tail = True, b""
     except BrokenGzipError:
-        faults.add(BROKEN_GZIP, number + 1)
+        read_errors.add(BROKEN_GZIP, number + 1)
     if is_dropping:
-        faults.add(LONG_LINE, number + 1)
+        read_errors.add(LONG_LINE, number + 1)
     elif tail:
         yield number + 1, tail
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def shown_text(text: str, longest: int = 60) -> str:
+def printable(text: str, longest: int = 60) -> str:
     """Return a text on one line, with ``?`` for what cannot be printed, cut to `longest` characters.
 
     Parameters

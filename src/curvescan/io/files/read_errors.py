@@ -1,11 +1,11 @@
-"""FaultCounter: what is broken in a log, gathered by kind while the log is read."""
+"""ReadErrorCounter: what is broken in a log, gathered by kind while the log is read."""
 
 from __future__ import annotations
 
-from curvescan.io.log import Fault
+from curvescan.io.log import ReadError
 
 
-class FaultCounter:
+class ReadErrorCounter:
     """Counts faults by rule and remembers the place where each was met first.
 
     Its size grows with the number of rules, not with the number of faults.
@@ -34,11 +34,11 @@ class FaultCounter:
         self._counts[rule] = self._counts.get(rule, 0) + 1
         self._first_numbers.setdefault(rule, number)
 
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Return one Fault a rule, most frequent first, then in the order they were met."""
         rules = sorted(self._counts, key=lambda rule: -self._counts[rule])
         return tuple(
-            Fault(
+            ReadError(
                 rule=rule,
                 count=self._counts[rule],
                 first=f"{self._unit} {self._first_numbers[rule]}",

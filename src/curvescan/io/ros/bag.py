@@ -24,7 +24,7 @@ from rosbags.rosbag2 import ReaderError as Ros2Error
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.gzip_files import is_packed, unpack
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 from curvescan.io.ros.bag_files import BagKind, bag_kind, storage_files
 from curvescan.io.ros.limits import CheckedMcapReader, CheckedRos1Reader
 from curvescan.io.ros.messages import Decoder
@@ -201,7 +201,7 @@ class Bag:
             raise
         except (Ros1Error, Ros2Error) as error:
             raise self._unreadable(
-                shown_text(" ".join(str(error).split()), 300).rstrip(".")
+                printable(" ".join(str(error).split()), 300).rstrip(".")
             ) from error
         except Exception as error:
             # an offset of the file's own that leads out of it is an invalid argument

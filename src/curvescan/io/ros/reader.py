@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.files.read_errors import FaultCounter
-from curvescan.io.log import Fault
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import ReadError
 from curvescan.io.ros.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
@@ -49,7 +49,7 @@ class _Survey:
     """What one reading of all scans found."""
 
     stamps: array[float]
-    faults: tuple[Fault, ...]
+    read_errors: tuple[ReadError, ...]
     n_bad_times: int
 
 
@@ -115,9 +115,9 @@ class RosbagLog:
         return self._odometry.trajectory
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def read_errors(self) -> tuple[ReadError, ...]:
         """Scans that were skipped and damage of the bag, most frequent first."""
-        return self._surveyed().faults
+        return self._surveyed().read_errors
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
@@ -164,7 +164,7 @@ class RosbagLog:
         return len(self._surveyed().stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        faults, stamps = FaultCounter("message"), array("d")
+        read_errors, stamps = ReadErrorCounter("message"), array("d")
         number, n_bad_times = 0, 0
         try:
             for number, message in enumerate(self._bag.messages([self._topic]), 1):
@@ -172,14 +172,14 @@ class RosbagLog:
                     decoded = self._bag.decode(message)
                     scan = self._scan(decoded, message)
                 except BrokenMessageError as error:
-                    faults.add(str(error), number)
+                    read_errors.add(str(error), number)
                     continue
                 stamps.append(scan.stamp)
                 n_bad_times += has_bad_times(decoded)
                 yield scan
         except LogFormatError:
-            faults.add(BROKEN_BAG, number + 1)
-        self._survey = self._survey or _Survey(stamps, faults.faults(), n_bad_times)
+            read_errors.add(BROKEN_BAG, number + 1)
+        self._survey = self._survey or _Survey(stamps, read_errors.read_errors(), n_bad_times)
 
     def _surveyed(self) -> _Survey:
         if self._survey is None:
@@ -216,10 +216,10 @@ class RosbagLog:
         return is_sound
 
     def _no_scan_message(self) -> str:
-        faults = self._surveyed().faults
+        read_errors = self._surveyed().read_errors
         reason = (
-            f"{faults[0].rule} ({faults[0].count} times, first in {faults[0].first})"
-            if faults
+            f"{read_errors[0].rule} ({read_errors[0].count} times, first in {read_errors[0].first})"
+            if read_errors
             else "its table of contents promises messages that are not there"
         )
         return (

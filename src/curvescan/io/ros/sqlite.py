@@ -13,7 +13,7 @@ from urllib.parse import quote
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 from curvescan.io.ros.limits import check_qos
 
 _NEEDED = ("messages", "topics")
@@ -40,7 +40,7 @@ def sqlite_reader(file: Path) -> Sqlite3Reader:
             _check(database)
     except sqlite3.Error as error:
         raise LogFormatError(
-            f"its database cannot be read: {shown_text(str(error), 200)}"
+            f"its database cannot be read: {printable(str(error), 200)}"
         ) from error
     return Sqlite3Reader(Path(name))
 
@@ -58,7 +58,7 @@ def _check(database: sqlite3.Connection) -> None:
         names = ", ".join(name for name, (kind, _) in found.items() if kind == "table")
         raise LogFormatError(
             "it is a SQLite database without the tables messages and topics of a bag: it holds "
-            f"{shown_text(names, 200) or 'no table'}"
+            f"{printable(names, 200) or 'no table'}"
         )
     for name in _READ:
         kind, sql = found.get(name, ("table", ""))

@@ -35,7 +35,7 @@ class RunData:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FurtherFile:
+class ExportFormat:
     """One row of the table.
 
     Attributes
@@ -59,18 +59,18 @@ class FurtherFile:
         function(folder / self.filename, *(getattr(data, field) for field in self.takes))
 
 
-FURTHER_FILES: dict[str, FurtherFile] = {
-    "kitti": FurtherFile(
+EXPORTS: dict[str, ExportFormat] = {
+    "kitti": ExportFormat(
         filename="trajectory.kitti",
         writer="curvescan.io.trajectories.kitti:write_kitti",
         takes=("trajectory",),
     ),
-    "g2o": FurtherFile(
+    "g2o": ExportFormat(
         filename="graph.g2o",
         writer="curvescan.io.trajectories.g2o:write_g2o",
         takes=("trajectory", "edges"),
     ),
-    "mcap": FurtherFile(
+    "mcap": ExportFormat(
         filename="run.mcap",
         writer="curvescan.io.ros.odometry_export:write_odometry_mcap",
         takes=("trajectory", "scans"),
@@ -81,10 +81,10 @@ FURTHER_FILES: dict[str, FurtherFile] = {
 
 def takes_edges(names: Iterable[str]) -> bool:
     """Return whether any of these further files is written from the matches, which have to be gathered for it."""
-    return any("edges" in FURTHER_FILES[name].takes for name in names)
+    return any("edges" in EXPORTS[name].takes for name in names)
 
 
-def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
+def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
     """Write further files of a run into an existing folder, and return their names.
 
     Parameters
@@ -92,7 +92,7 @@ def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[st
     folder : Path
         Where to.
     names : iterable of str
-        Names of FURTHER_FILES.
+        Names of EXPORTS.
     data : RunData
         The run.
 
@@ -105,11 +105,11 @@ def write_further(folder: Path, names: Iterable[str], data: RunData) -> tuple[st
     """
     rows = []
     for name in names:
-        if name not in FURTHER_FILES:
+        if name not in EXPORTS:
             raise InvalidArgumentError(
-                f"a further file must be one of {', '.join(FURTHER_FILES)}, got {name!r}"
+                f"a further file must be one of {', '.join(EXPORTS)}, got {name!r}"
             )
-        rows.append(FURTHER_FILES[name])
+        rows.append(EXPORTS[name])
     for row in rows:
         row.write(folder, data)
     return tuple(row.filename for row in rows)

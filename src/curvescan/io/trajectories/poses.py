@@ -17,7 +17,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.files.lines import GZIP_MAGIC, read_head
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 from curvescan.io.formats import FORMATS, HEAD_BYTES
 from curvescan.io.reading import read_log
 from curvescan.io.trajectories.tum_csv import CSV_HEADER, read_tum
@@ -187,5 +187,5 @@ def _row(row: list[str], n: int, columns: list[int], where: str) -> list[float]:
         return [float(row[k]) for k in columns]
     except ValueError as error:
         raise LogFormatError(
-            f"{where}: a field is not a number ({shown_text(str(error), 120)})"
+            f"{where}: a field is not a number ({printable(str(error), 120)})"
         ) from None

@@ -17,7 +17,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.read_errors import FaultCounter
+from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.types import Floats, Pose
 
 _MAX_TILT = math.radians(5.0)
@@ -81,15 +81,15 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
         no line.
     """
     rows = array("d")
-    faults = FaultCounter()
+    read_errors = ReadErrorCounter()
     if not Path(path).exists():  # the reader of lines would speak of a log
         raise LogFileError(f"relations file {path} does not exist: check the path")
-    for number, line in read_lines(Path(path), faults):
+    for number, line in read_lines(Path(path), read_errors):
         fields = line.split()
         if fields and not fields[0].startswith(b"#"):
             rows.extend(_numbers(fields, f"{path}, line {number}"))
-    for fault in faults.faults():
-        raise LogFormatError(f"{path}, {fault.first}: {fault.rule}")
+    for read_error in read_errors.read_errors():
+        raise LogFormatError(f"{path}, {read_error.first}: {read_error.rule}")
     if not rows:
         raise LogFormatError(
             f"{path} holds no relation: a line is t1 t2 x y z roll pitch yaw (s, m, rad)"

@@ -27,7 +27,7 @@ from curvescan.errors import (
     OutputError,
 )
 from curvescan.io.files.output import output_file
-from curvescan.io.files.printable import shown_text
+from curvescan.io.files.printable import printable
 from curvescan.types import Trajectory
 
 CSV_HEADER = (
@@ -213,7 +213,7 @@ def _numbers(fields: Iterable[str], where: str) -> list[float]:
         return [float(field) for field in fields]
     except ValueError as error:
         raise LogFormatError(
-            f"{where}: a field is not a number ({shown_text(str(error), 120)})"
+            f"{where}: a field is not a number ({printable(str(error), 120)})"
         ) from None
 
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.baselines.points import Sweep
+from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.types import Bools, Floats, Ints, Points
 
 _TWO_PI = 2.0 * math.pi
@@ -21,7 +21,9 @@ _TOUCH = (
 )
 
 
-def nearest_readings(points: Points, reference: Sweep, max_distance: float) -> tuple[Ints, Floats]:
+def nearest_readings(
+    points: Points, reference: ScanPoints, max_distance: float
+) -> tuple[Ints, Floats]:
     """Return the reading of the reference nearest to each point, and the squared distance to it.
 
     Parameters
@@ -44,7 +46,7 @@ def nearest_readings(points: Points, reference: Sweep, max_distance: float) -> t
 
 
 def closest_points(
-    points: Points, reference: Sweep, window: float, max_distance: float
+    points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
     """Return the point of the reference's surfaces closest to each point: IDC's closest-point rule.
 
@@ -76,7 +78,7 @@ def closest_points(
 
 
 def matching_range_points(
-    points: Points, reference: Sweep, window: float, max_distance: float
+    points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
     """Return the point of the reference's surfaces at each point's own range: IDC's matching-range rule.
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import CoxConfig
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate
 from curvescan.matchers.baselines.least_squares import (
     jacobian,
     point_to_line_step,
     propagated_covariance,
 )
 from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
-from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Ints, Points, Pose
@@ -31,7 +31,7 @@ from curvescan.types import Cov, Ints, Points, Pose
 class CoxFeatures:
     """Readings and lines of one scan."""
 
-    sweep: Sweep
+    points: ScanPoints
     lines: Lines
 
 
@@ -47,8 +47,8 @@ class CoxMatcher:
 
     def prepare(self, scan: LaserScan) -> CoxFeatures:
         """Return the readings and the lines of a scan."""
-        sweep = sweep_of(scan)
-        return CoxFeatures(sweep=sweep, lines=extract_lines(sweep, self.config.lines))
+        points = sweep_of(scan)
+        return CoxFeatures(points=points, lines=extract_lines(points, self.config.lines))
 
     def can_be_reference(self, features: CoxFeatures) -> bool:
         """Return whether the scan has a line."""
@@ -58,35 +58,35 @@ class CoxMatcher:
         self, reference: CoxFeatures, current: CoxFeatures, guess: Pose | None
     ) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
-        lines, sweep = reference.lines, current.sweep
-        if not (has_surfaces(reference.sweep) and has_surfaces(sweep)):
-            return failure("cox", Outcome.NO_SEGMENTS, reference.sweep, sweep)
+        lines, points = reference.lines, current.points
+        if not (has_surfaces(reference.points) and has_surfaces(points)):
+            return failure("cox", Outcome.NO_SEGMENTS, reference.points, points)
         if len(lines) == 0:
-            return failure("cox", Outcome.NO_LINES, reference.sweep, sweep)
+            return failure("cox", Outcome.NO_LINES, reference.points, points)
         gate = self.config.gate
 
         def step(pose: Pose, iteration: int) -> Pose | None:
-            cur_idx, line_idx = _assign(lines, sweep, pose, gate.at(iteration))
+            cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration))
             if cur_idx.size < LEAST_PAIRS:
                 return None
             return point_to_line_step(
-                sweep.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose
+                points.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose
             )
 
-        descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
-        cur_idx, line_idx = _assign(lines, sweep, descent.pose, gate.last)
-        return conclude(
+        descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
+        cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last)
+        return check_outcome(
             "cox",
             descent,
-            reference.sweep,
-            sweep,
-            (lines.readings(reference.sweep, np.unique(line_idx)), cur_idx),
+            reference.points,
+            points,
+            (lines.readings(reference.points, np.unique(line_idx)), cur_idx),
             self.config.min_share,
-            lambda: _covariance(lines, line_idx, sweep.points[cur_idx], descent.pose),
+            lambda: _covariance(lines, line_idx, points.points[cur_idx], descent.pose),
         )
 
 
-def _assign(lines: Lines, current: Sweep, pose: Pose, gate: float) -> tuple[Ints, Ints]:
+def _assign(lines: Lines, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
     """Return the readings that have a line within the gate, and that line."""
     line_idx, _ = nearest_lines(se2.transform(pose, current.points), lines, gate)
     cur_idx = np.flatnonzero(line_idx >= 0)

@@ -18,7 +18,7 @@ from curvescan.matchers.baselines.histograms import Peak, best_lag, ring_histogr
 from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
 from curvescan.matchers.baselines.lines import extract_lines
 from curvescan.matchers.baselines.outcome_checks import failure, has_surfaces, labels, start
-from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Floats, Ints, Points, Pose
@@ -30,7 +30,7 @@ class HistogramFeatures:
 
     Attributes
     ----------
-    sweep : Sweep
+    points : ScanPoints
         The scan.
     on_line : (n,) int64
         Its readings that pass the line filter.
@@ -40,7 +40,7 @@ class HistogramFeatures:
         Smoothed histogram of these.
     """
 
-    sweep: Sweep
+    points: ScanPoints
     on_line: Ints
     angles: Floats
     angle_histogram: Floats
@@ -73,16 +73,16 @@ class HistogramMatcher:
     def prepare(self, scan: LaserScan) -> HistogramFeatures:
         """Return the tangent angles of a scan's lines and their histogram."""
         config = self.config
-        sweep = sweep_of(scan)
-        lines = extract_lines(sweep, config.lines)
-        on_line = lines.readings(sweep, np.arange(len(lines)))
-        angles = np.arctan2(sweep.tangents[on_line, 1], sweep.tangents[on_line, 0])
+        points = sweep_of(scan)
+        lines = extract_lines(points, config.lines)
+        on_line = lines.readings(points, np.arange(len(lines)))
+        angles = np.arctan2(points.tangents[on_line, 1], points.tangents[on_line, 0])
         step = 2.0 * math.pi / config.angle_bins
         histogram = ring_histogram(
             angles / step, np.ones(angles.size), config.angle_bins, config.angle_smoothing / step
         )
         return HistogramFeatures(
-            sweep=sweep, on_line=on_line, angles=angles, angle_histogram=histogram
+            points=points, on_line=on_line, angles=angles, angle_histogram=histogram
         )
 
     def can_be_reference(self, features: HistogramFeatures) -> bool:
@@ -93,7 +93,7 @@ class HistogramMatcher:
         self, reference: HistogramFeatures, current: HistogramFeatures, guess: Pose | None
     ) -> MatchResult:
         """Return the pose of `current` in `reference`, looked for around the guess."""
-        if not (has_surfaces(reference.sweep) and has_surfaces(current.sweep)):
+        if not (has_surfaces(reference.points) and has_surfaces(current.points)):
             return _failure(Outcome.NO_SEGMENTS, reference, current)
         if reference.on_line.size == 0 or current.on_line.size == 0:
             return _failure(Outcome.NO_LINES, reference, current)
@@ -111,7 +111,7 @@ class HistogramMatcher:
             return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
         shift = self.config.bin_width * np.array([x.lag, y.lag])
         pose = np.append(se2.rotation(main) @ shift, se2.wrap(theta))
-        points, angles = current.sweep.points[current.on_line], current.angles + theta
+        points, angles = current.points.points[current.on_line], current.angles + theta
         rows = jacobian(points, np.stack([-np.sin(angles), np.cos(angles)], axis=1), pose)
         if not is_constrained(rows, points):
             return _failure(Outcome.UNCONSTRAINED, reference, current, trace)
@@ -122,8 +122,8 @@ class HistogramMatcher:
             covariance=self._covariance(trace, points, angles, theta),
             n_matched=current.on_line.size,
             trace=trace,
-            labels_reference=labels(reference.sweep, reference.on_line),
-            labels_current=labels(current.sweep, current.on_line),
+            labels_reference=labels(reference.points, reference.on_line),
+            labels_current=labels(current.points, current.on_line),
         )
 
     def _rotation(
@@ -147,8 +147,8 @@ class HistogramMatcher:
     ) -> tuple[Peak | None, Peak | None]:
         """Return the peaks of the x and y histograms, axes along the main direction of the reference."""
         config = self.config
-        ref = reference.sweep.points[reference.on_line] @ se2.rotation(main)
-        cur = current.sweep.points[current.on_line] @ se2.rotation(main - theta)
+        ref = reference.points.points[reference.on_line] @ se2.rotation(main)
+        cur = current.points.points[current.on_line] @ se2.rotation(main - theta)
         ref_facing = _facing(reference.angles - main)
         cur_facing = _facing(current.angles + theta - main)
         centre = expected[:2] @ se2.rotation(main) / config.bin_width
@@ -219,4 +219,4 @@ def _failure(
     current: HistogramFeatures,
     trace: HistogramTrace | None = None,
 ) -> MatchResult:
-    return failure("histogram", outcome, reference.sweep, current.sweep, trace)
+    return failure("histogram", outcome, reference.points, current.points, trace)

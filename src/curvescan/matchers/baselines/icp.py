@@ -15,10 +15,10 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import IcpConfig
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend, keep_best
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
 from curvescan.matchers.baselines.neighbours import plant_tree
-from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult, Outcome
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class IcpFeatures:
     """Readings of one scan and the tree in which the nearest of them is looked up."""
 
-    sweep: Sweep
+    points: ScanPoints
     tree: cKDTree
 
 
@@ -48,18 +48,18 @@ class IcpMatcher:
 
     def prepare(self, scan: LaserScan) -> IcpFeatures:
         """Return the readings of a scan and their tree."""
-        sweep = sweep_of(scan)
-        return IcpFeatures(sweep=sweep, tree=plant_tree(sweep.points))
+        points = sweep_of(scan)
+        return IcpFeatures(points=points, tree=plant_tree(points.points))
 
     def can_be_reference(self, features: IcpFeatures) -> bool:
         """Return whether the scan has a surface at all."""
-        return has_surfaces(features.sweep)
+        return has_surfaces(features.points)
 
     def match(
         self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None
     ) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
-        ref, cur = reference.sweep, current.sweep
+        ref, cur = reference.points, current.points
         if not (has_surfaces(ref) and has_surfaces(cur)):
             return failure("icp", Outcome.NO_SEGMENTS, ref, cur)
         gate = self.config.gate
@@ -70,9 +70,9 @@ class IcpMatcher:
                 return None
             return align(ref.points[ref_idx], cur.points[cur_idx]).pose
 
-        descent = descend(start(guess), step, self.config.convergence, gate.n_shrinking)
+        descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
         cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
-        return conclude(
+        return check_outcome(
             "icp",
             descent,
             ref,
@@ -83,7 +83,7 @@ class IcpMatcher:
         )
 
     def _pair(
-        self, reference: IcpFeatures, current: Sweep, pose: Pose, gate: float
+        self, reference: IcpFeatures, current: ScanPoints, pose: Pose, gate: float
     ) -> tuple[Ints, Ints]:
         """Return the current readings that keep a partner, and the reading nearest to each."""
         points = se2.transform(pose, current.points)

@@ -17,16 +17,16 @@ from curvescan import se2
 from curvescan.matchers.baselines.config import IdcConfig
 from curvescan.matchers.baselines.correspondences import closest_points, matching_range_points
 from curvescan.matchers.baselines.filters import is_visible, median_filter
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend, keep_best
-from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import Sweep, join
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
+from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import ScanPoints, join
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan, valid_readings
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
-Rule = Callable[[Points, Sweep, float, float], tuple[Points, Floats, Ints]]
+Rule = Callable[[Points, ScanPoints, float, float], tuple[Points, Floats, Ints]]
 """A correspondence rule: points, reference, window and gate in; partners, squared distances, readings out."""
 
 
@@ -36,15 +36,15 @@ class IdcMatcher:
     def __init__(self, config: IdcConfig) -> None:
         self.config = config
 
-    def prepare(self, scan: LaserScan) -> Sweep:
+    def prepare(self, scan: LaserScan) -> ScanPoints:
         """Return the median-filtered readings of a scan."""
         return join(median_filter(valid_readings(scan), self.config.median_readings))
 
-    def can_be_reference(self, features: Sweep) -> bool:
+    def can_be_reference(self, features: ScanPoints) -> bool:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features)
 
-    def match(self, reference: Sweep, current: Sweep, guess: Pose | None) -> MatchResult:
+    def match(self, reference: ScanPoints, current: ScanPoints, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
         if not (has_surfaces(reference) and has_surfaces(current)):
             return failure("idc", Outcome.NO_SEGMENTS, reference, current)
@@ -68,12 +68,12 @@ class IdcMatcher:
             return se2.compose(np.array([x, y, theta]), pose)
 
         n_shrinking = max(config.window.n_shrinking, config.gate.n_shrinking)
-        descent = descend(guess, step, config.convergence, n_shrinking)
+        descent = iterate(guess, step, config.convergence, n_shrinking)
         points = se2.transform(descent.pose, current.points)
         last = pair(points, closest_points, config.window.last, config.gate.last)
         cur_idx = np.flatnonzero(last.kept)
         error = float(last.squared[cur_idx].sum())
-        return conclude(
+        return check_outcome(
             "idc",
             descent,
             reference,
@@ -97,7 +97,7 @@ class _RulePairs(NamedTuple):
         return int(np.count_nonzero(self.kept))
 
 
-def _hidden(reference: Sweep, current: Sweep, guess: Pose) -> tuple[Bools, Bools]:
+def _hidden(reference: ScanPoints, current: ScanPoints, guess: Pose) -> tuple[Bools, Bools]:
     """Return which readings of cur, and of ref, the other viewpoint cannot see if the guess is right.
 
     Once, before the first step, as the authors do. Again at every step it would trust poses that are still wrong,

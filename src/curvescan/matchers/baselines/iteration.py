@@ -16,7 +16,7 @@ LEAST_PAIRS = 5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Descent:
+class IterationTrace:
     """The way of an iterated method from its guess to where it stopped.
 
     Attributes
@@ -45,12 +45,12 @@ class Descent:
         return len(self.poses) - 1
 
 
-def descend(
+def iterate(
     guess: Pose,
     step: Callable[[Pose, int], Pose | None],
     config: ConvergenceConfig,
     n_shrinking: int = 0,
-) -> Descent:
+) -> IterationTrace:
     """Return the poses of a method that repeats one step until it no longer moves.
 
     A few pairs that change sides for ever make a method jump between two or three poses. That is convergence
@@ -82,7 +82,7 @@ def descend(
         poses.append(pose)
         if has_converged:
             break
-    return Descent(poses=np.array(poses), has_converged=has_converged, is_lost=is_lost)
+    return IterationTrace(poses=np.array(poses), has_converged=has_converged, is_lost=is_lost)
 
 
 def keep_best(squared: Floats, share: float) -> Bools:

@@ -15,7 +15,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.baselines.config import LinesConfig
-from curvescan.matchers.baselines.points import Sweep
+from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.types import Floats, Ints, Points
 
 
@@ -49,26 +49,26 @@ class Lines:
         """(s, 2) unit normals, towards the sensor's side by a quarter turn to the left of the direction."""
         return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=1)
 
-    def readings(self, sweep: Sweep, line_idx: Ints) -> Ints:
+    def readings(self, points: ScanPoints, line_idx: Ints) -> Ints:
         """Return the readings, of the sweep the lines were found in, that lie on some of them."""
         if line_idx.size == 0:
             return line_idx
-        return np.concatenate([sweep.order[self.starts[k] : self.stops[k]] for k in line_idx])
+        return np.concatenate([points.order[self.starts[k] : self.stops[k]] for k in line_idx])
 
 
-def extract_lines(sweep: Sweep, config: LinesConfig) -> Lines:
+def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
     """Return the line segments of a sweep.
 
     Parameters
     ----------
-    sweep : Sweep
+    points : ScanPoints
         Surfaces are split, never joined.
     config : LinesConfig
         When to split, and which lines are too short.
     """
-    points = sweep.points[sweep.order]
-    starts, stops = _split_and_merge(points, sweep.starts, sweep.stops, config.max_error)
-    centres, directions, extents = _fit_all(points, starts, stops)
+    ordered = points.points[points.order]
+    starts, stops = _split_and_merge(ordered, points.starts, points.stops, config.max_error)
+    centres, directions, extents = _fit_all(ordered, starts, stops)
     keep = (stops - starts >= config.min_readings) & (np.ptp(extents, axis=1) >= config.min_length)
     return Lines(
         centres=centres[keep],

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, Descent
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, IterationTrace
 from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
-from curvescan.matchers.baselines.points import Sweep
+from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.types import Codes, Cov, Ints, Pose
 
@@ -19,16 +19,16 @@ def start(guess: Pose | None) -> Pose:
     return se2.identity() if guess is None else guess
 
 
-def has_surfaces(sweep: Sweep) -> bool:
+def has_surfaces(points: ScanPoints) -> bool:
     """Return whether a scan has enough readings on surfaces for a pose."""
-    return sweep.order.size >= LEAST_PAIRS
+    return points.order.size >= LEAST_PAIRS
 
 
-def conclude(
+def check_outcome(
     method: str,
-    descent: Descent,
-    reference: Sweep,
-    current: Sweep,
+    descent: IterationTrace,
+    reference: ScanPoints,
+    current: ScanPoints,
     matched: tuple[Ints, Ints],
     min_share: float,
     covariance: Callable[[], Cov],
@@ -39,7 +39,7 @@ def conclude(
     ----------
     method : str
         Name of the matcher.
-    descent : Descent
+    descent : IterationTrace
         How it got there; becomes the trace.
     reference, current : Sweep
         The scans.
@@ -70,7 +70,7 @@ def conclude(
     )
 
 
-def _holds(pose: Pose, current: Sweep, cur_idx: Ints) -> bool:
+def _holds(pose: Pose, current: ScanPoints, cur_idx: Ints) -> bool:
     """Return whether the surfaces the matched readings lie on fix the pose.
 
     Asked of the current scan's own surfaces: the lines that Cox makes of a round room would say that it has corners.
@@ -81,7 +81,7 @@ def _holds(pose: Pose, current: Sweep, cur_idx: Ints) -> bool:
 
 
 def failure(
-    method: str, outcome: Outcome, reference: Sweep, current: Sweep, trace: object = None
+    method: str, outcome: Outcome, reference: ScanPoints, current: ScanPoints, trace: object = None
 ) -> MatchResult:
     """Return a result without a pose."""
     nothing = np.empty(0, dtype=np.int64)
@@ -97,9 +97,9 @@ def failure(
     )
 
 
-def labels(sweep: Sweep, matched: Ints) -> Codes:
+def labels(points: ScanPoints, matched: Ints) -> Codes:
     """Return a Label for each beam of a scan."""
-    codes = np.full(sweep.n_beams, Label.NO_READING, dtype=np.uint8)
-    codes[sweep.beam_idx] = Label.UNMATCHED
-    codes[sweep.beam_idx[matched]] = Label.MATCHED
+    codes = np.full(points.n_beams, Label.NO_READING, dtype=np.uint8)
+    codes[points.beam_idx] = Label.UNMATCHED
+    codes[points.beam_idx[matched]] = Label.MATCHED
     return codes

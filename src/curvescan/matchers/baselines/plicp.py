@@ -11,14 +11,14 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.baselines.config import PlIcpConfig
 from curvescan.matchers.baselines.correspondences import nearest_readings
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, descend, keep_best, within_quantile
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best, within_quantile
 from curvescan.matchers.baselines.least_squares import (
     jacobian,
     point_to_line_step,
     propagated_covariance,
 )
-from curvescan.matchers.baselines.outcome_checks import conclude, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import Sweep, sweep_of
+from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
+from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Ints, Pose
@@ -37,15 +37,15 @@ class PlIcpMatcher:
     def __init__(self, config: PlIcpConfig) -> None:
         self.config = config
 
-    def prepare(self, scan: LaserScan) -> Sweep:
+    def prepare(self, scan: LaserScan) -> ScanPoints:
         """Return the readings of a scan with their tangents."""
         return sweep_of(scan)
 
-    def can_be_reference(self, features: Sweep) -> bool:
+    def can_be_reference(self, features: ScanPoints) -> bool:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features)
 
-    def match(self, reference: Sweep, current: Sweep, guess: Pose | None) -> MatchResult:
+    def match(self, reference: ScanPoints, current: ScanPoints, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
         if not (has_surfaces(reference) and has_surfaces(current)):
             return failure("plicp", Outcome.NO_SEGMENTS, reference, current)
@@ -58,9 +58,9 @@ class PlIcpMatcher:
             anchors, normals = reference.points[ref_idx], reference.normals[ref_idx]
             return point_to_line_step(current.points[cur_idx], anchors, normals, pose)
 
-        descent = descend(start(guess), step, self.config.convergence)
+        descent = iterate(start(guess), step, self.config.convergence)
         pairs = self._pair(reference, current, descent.pose, gate.at(descent.n_iterations))
-        return conclude(
+        return check_outcome(
             "plicp",
             descent,
             reference,
@@ -70,7 +70,9 @@ class PlIcpMatcher:
             lambda: self._covariance(reference, current, descent.pose, pairs),
         )
 
-    def _pair(self, reference: Sweep, current: Sweep, pose: Pose, gate: float) -> tuple[Ints, Ints]:
+    def _pair(
+        self, reference: ScanPoints, current: ScanPoints, pose: Pose, gate: float
+    ) -> tuple[Ints, Ints]:
         """Return the readings of the reference and of the current scan that belong together."""
         config = self.config
         points = se2.transform(pose, current.points)
@@ -81,7 +83,7 @@ class PlIcpMatcher:
         return ref_idx[kept], np.flatnonzero(kept)
 
     def _covariance(
-        self, reference: Sweep, current: Sweep, pose: Pose, pairs: tuple[Ints, Ints]
+        self, reference: ScanPoints, current: ScanPoints, pose: Pose, pairs: tuple[Ints, Ints]
     ) -> Cov:
         """Return Censi's closed form: range noise of both scans, each along its own beam."""
         ref_idx, cur_idx = pairs

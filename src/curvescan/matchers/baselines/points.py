@@ -20,7 +20,7 @@ ARM = 0.15
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep:
+class ScanPoints:
     """The valid readings of a scan, counter-clockwise, with the surfaces they lie on.
 
     Attributes
@@ -68,12 +68,12 @@ class Sweep:
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=1)
 
 
-def sweep_of(scan: LaserScan) -> Sweep:
+def sweep_of(scan: LaserScan) -> ScanPoints:
     """Return the valid readings of a scan with their surfaces and tangents."""
     return join(valid_readings(scan))
 
 
-def join(readings: Readings) -> Sweep:
+def join(readings: Readings) -> ScanPoints:
     """Return readings with the surfaces they form and the tangents of these.
 
     Surfaces end where the adaptive breakpoint detector (Borges and Aldon 2004) sees a gap, as for CF-SMA.
@@ -90,7 +90,7 @@ def join(readings: Readings) -> Sweep:
     tangents[segments.order] = _tangents(in_order, segments.starts, segments.stops, ARM)
     for start, stop in zip(segments.starts, segments.stops, strict=True):
         is_joined[segments.order[start : stop - 1]] = True
-    return Sweep(
+    return ScanPoints(
         n_beams=readings.n_beams,
         beam_idx=readings.beam_idx,
         ranges=readings.ranges,

@@ -16,7 +16,7 @@ from curvescan.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
-class SurfacesConfig:
+class SegmentsConfig:
     """Surfaces: where they break, and the line through each reading."""
 
     incidence_limit: float = math.radians(10.0)
@@ -40,7 +40,7 @@ class SurfacesConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FramesConfig:
+class KeypointsConfig:
     """Frames: corners and ends of surfaces."""
 
     arms: tuple[float, ...] = (0.12, 0.25, 0.5)
@@ -49,7 +49,7 @@ class FramesConfig:
     """Least turn of a corner, radians."""
     end_arm: float = 0.25
     """Length over which the direction of a surface is taken at its end, metres."""
-    max_frames: int = 96
+    max_keypoints: int = 96
     """Corners and ends kept of a scan, at most."""
 
     @cached_property
@@ -63,7 +63,7 @@ class FramesConfig:
         )
         require(0.0 < self.min_turn < math.pi, "min_turn must lie in (0, pi) rad", self.min_turn)
         require(self.end_arm > 0.0, "end_arm must be > 0 m", self.end_arm)
-        require(self.max_frames >= 1, "max_frames must be at least 1", self.max_frames)
+        require(self.max_keypoints >= 1, "max_keypoints must be at least 1", self.max_keypoints)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,40 +78,40 @@ class HypothesesConfig:
     """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
     max_tried: int = 96
     """Most voted poses that are tried."""
-    n_turns: int = 4
+    n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
-    lattice_step: float = 0.25
+    grid_step: float = 0.25
     """Where no pose finds support, places this far apart are tried, metres."""
-    lattice_reach: float = 1.25
+    grid_reach: float = 1.25
     """How far the places tried lie from the reference's, metres on each axis."""
-    slide_step: float = 0.15
+    along_step: float = 0.15
     """Along corridors places this far apart are tried, metres."""
-    slide_reach: float = 1.8
+    along_reach: float = 1.8
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
         for name in (
             "turn_tolerance",
             "cell",
-            "lattice_step",
-            "lattice_reach",
-            "slide_step",
-            "slide_reach",
+            "grid_step",
+            "grid_reach",
+            "along_step",
+            "along_reach",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("max_pairs", "max_tried", "n_turns"):
+        for name in ("max_pairs", "max_tried", "n_rotations"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerificationConfig:
+class ScoringConfig:
     """Verification: what counts as agreement, and how much of it is enough."""
 
-    n_probes: int = 36
+    n_samples: int = 36
     """Readings of each scan that stand for all of them."""
     rough: tuple[float, float] = (0.08, 0.03)
     """Tolerance of a pose not yet refined: metres, and metres more for each metre of range."""
-    slid: tuple[float, float] = (0.06, 0.01)
+    moved_along: tuple[float, float] = (0.06, 0.01)
     """Tolerance of a pose along a corridor."""
     close: tuple[float, float] = (0.04, 0.005)
     """Tolerance of a pose after a quick refinement."""
@@ -119,10 +119,10 @@ class VerificationConfig:
     """Tolerance of a pose to be judged."""
     margin: float = 0.01
     """Metres that two readings of one surface may lie apart besides three standard deviations of their noise."""
-    moved_least: float = 0.01
+    dynamic_min_m: float = 0.01
     """A surface moved when its readings lie to one side by more than this on the mean, metres: under it stand the
     errors that all readings of a wall share (rounding to centimetres, angle of incidence)."""
-    moved_limit: float = 4.0
+    dynamic_sigmas: float = 4.0
     """A surface moved when its readings lie to one side by more standard deviations of their mean than this."""
     n_kept: int = 4
     """Poses that are refined."""
@@ -136,28 +136,28 @@ class VerificationConfig:
     """With fewer poses than this to try, other ways are tried up to the next score."""
     certain_score: float = 0.55
     """See `few_tried`."""
-    trusted_score: float = 0.5
+    guess_score: float = 0.5
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.15
     """Least score of a match."""
-    min_agreeing: int = 15
+    min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
     ambiguity: tuple[float, float] = (0.93, 0.04)
     """Another pose with this share of the score, or less below it than this, is as good."""
 
     def __post_init__(self) -> None:
-        require(self.n_probes >= 6, "n_probes must be at least 6", self.n_probes)
+        require(self.n_samples >= 6, "n_samples must be at least 6", self.n_samples)
         require(self.n_wide >= 6, "n_wide must be at least 6", self.n_wide)
-        require(self.min_agreeing >= 1, "min_agreeing must be at least 1", self.min_agreeing)
+        require(self.min_inliers >= 1, "min_inliers must be at least 1", self.min_inliers)
         require(self.n_kept >= 1, "n_kept must be at least 1", self.n_kept)
-        for name in ("rough", "slid", "close", "fine"):
+        for name in ("rough", "moved_along", "close", "fine"):
             tolerance = getattr(self, name)
             require(
                 tolerance[0] > 0.0 and tolerance[1] >= 0.0,
                 f"{name} must be metres > 0 and a slope >= 0",
                 tolerance,
             )
-        for name in ("doubtful_score", "trusted_score", "certain_score", "min_score", "contested"):
+        for name in ("doubtful_score", "guess_score", "certain_score", "min_score", "contested"):
             require(
                 -1.0 <= getattr(self, name) <= 1.0,
                 f"{name} must lie in [-1, 1]",
@@ -177,27 +177,27 @@ class RefinementConfig:
     """The same on all readings."""
 
     @cached_property
-    def quick_slacks(self) -> Floats:
+    def quick_schedule(self) -> Floats:
         """`quick` as an array."""
         return np.array(self.quick, dtype=np.float64)
 
     @cached_property
-    def closer_slacks(self) -> Floats:
+    def closer_schedule(self) -> Floats:
         """`closer` as an array."""
         return np.array(self.closer, dtype=np.float64)
 
     @cached_property
-    def full_slacks(self) -> Floats:
+    def full_schedule(self) -> Floats:
         """`full` as an array."""
         return np.array(self.full, dtype=np.float64)
 
     def __post_init__(self) -> None:
         for name in ("quick", "closer", "full"):
-            slacks = getattr(self, name)
+            sigmas = getattr(self, name)
             require(
-                len(slacks) > 0 and all(s >= 0.0 for s in slacks),
+                len(sigmas) > 0 and all(s >= 0.0 for s in sigmas),
                 f"{name} must be lengths >= 0 m, at least one",
-                slacks,
+                sigmas,
             )
 
 
@@ -207,14 +207,14 @@ class InformationConfig:
 
     max_sigma: float = 0.1
     """A direction known no better than this is open, metres at the typical reading."""
-    open_sigma: float = 1.0
+    degenerate_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
-    weak_ratio: float = 0.1
+    degenerate_ratio: float = 0.1
     """A direction of which less than this share of the next one's information is known is slid along, and asked whether
     the scans agree as well some way along it."""
-    fine_step: float = 0.05
+    fine_along_step: float = 0.05
     """The best place along it is looked for in steps of this length, metres at the typical reading."""
-    max_slid_turn: float = 0.5
+    max_along_turn: float = 0.5
     """Turns along it are tried up to this angle, radians."""
     offsets: tuple[float, ...] = (0.1, 0.2, 0.4)
     """How far, metres at the typical reading."""
@@ -222,33 +222,33 @@ class InformationConfig:
     """It is open when the scans agree there by this share of their score."""
     tie: float = 0.97
     """Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
-    way_tolerance: float = 0.15
+    along_tolerance: float = 0.15
     """Two poses differ by a slide or a turn along an open direction when nothing else of their difference exceeds
     this, metres and radians."""
 
     def __post_init__(self) -> None:
         for name in (
             "max_sigma",
-            "open_sigma",
-            "weak_ratio",
-            "fine_step",
+            "degenerate_sigma",
+            "degenerate_ratio",
+            "fine_along_step",
             "flat_score",
-            "way_tolerance",
+            "along_tolerance",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConsensusConfig:
+class CurvescanConfig:
     """All parameters of the matcher, grouped by stage."""
 
-    surfaces: SurfacesConfig = field(default_factory=SurfacesConfig)
+    segments: SegmentsConfig = field(default_factory=SegmentsConfig)
     """Surfaces and lines."""
-    frames: FramesConfig = field(default_factory=FramesConfig)
+    keypoints: KeypointsConfig = field(default_factory=KeypointsConfig)
     """Corners and ends."""
     hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
     """Poses to try."""
-    verification: VerificationConfig = field(default_factory=VerificationConfig)
+    scoring: ScoringConfig = field(default_factory=ScoringConfig)
     """Agreement of the scans."""
     refinement: RefinementConfig = field(default_factory=RefinementConfig)
     """Least squares."""

@@ -7,18 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.matchers.curvescan.config import ConsensusConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.range_image import View, polar_lookup, uneven_lookup
+from curvescan.matchers.curvescan.range_image import RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
-from curvescan.matchers.curvescan.sampling import choose_probes
-from curvescan.matchers.curvescan.segments import sweep
+from curvescan.matchers.curvescan.sampling import choose_samples
+from curvescan.matchers.curvescan.segments import ordered_readings
 from curvescan.matchers.curvescan.surfels import fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
 
-class ConsensusFeatures(NamedTuple):
+class CurvescanFeatures(NamedTuple):
     """Surfels, frames and the polar view of one scan.
 
     Attributes
@@ -42,33 +42,33 @@ class ConsensusFeatures(NamedTuple):
     n_beams: int
     beam_idx: Ints
     bounds: Ints
-    view: View
-    whole: View
-    frames: Floats
+    image: RangeImage
+    full_image: RangeImage
+    keypoints: Floats
     directions: Floats
 
-    def with_probes(self, n_probes: int) -> View:
+    def with_samples(self, n_samples: int) -> RangeImage:
         """Return the view with another number of probes."""
-        return self.view._replace(probes=choose_probes(self.view.surfels, n_probes))
+        return self.image._replace(samples=choose_samples(self.image.surfels, n_samples))
 
     @property
     def sigma(self) -> float:
         """Range noise of the scan, metres."""
-        return float(self.view.fan[2])
+        return float(self.image.azimuth[2])
 
     @property
     def points(self) -> Floats:
         """(m, 2) readings, metres, sensor frame."""
-        return self.view.surfels[:, :2]
+        return self.image.surfels[:, :2]
 
 
-def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatures:
+def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatures:
     """Return the features of a scan, also of one without a valid reading."""
     n, step = len(scan), abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     is_even = scan.has_uniform_angles
-    surfaces, frames = config.surfaces, config.frames
-    beam_idx, readings, bounds = sweep(
+    segments, keypoints = config.segments, config.keypoints
+    beam_idx, readings, bounds = ordered_readings(
         scan.ranges,
         scan.directions,
         scan.valid,
@@ -76,33 +76,39 @@ def extract_features(scan: LaserScan, config: ConsensusConfig) -> ConsensusFeatu
         is_closed,
         step,
         scan.angles[:0] if is_even else scan.angles,
-        surfaces.incidence_limit,
-        surfaces.max_gap,
+        segments.incidence_limit,
+        segments.max_gap,
     )
     surfels, sums, sigma = fit_surfels(
-        readings, bounds, step, surfaces.arm, surfaces.range_sigma_min
+        readings, bounds, step, segments.arm, segments.range_sigma_min
     )
     corners = find_corners(
-        surfels, sums, bounds, frames.arm_lengths, sigma, frames.min_turn, frames.max_frames
+        surfels,
+        sums,
+        bounds,
+        keypoints.arm_lengths,
+        sigma,
+        keypoints.min_turn,
+        keypoints.max_keypoints,
     )
     corners_and_ends = with_ends(
-        corners, surfels, sums, bounds, frames.end_arm, is_closed, frames.max_frames
+        corners, surfels, sums, bounds, keypoints.end_arm, is_closed, keypoints.max_keypoints
     )
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
         n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
-        lookup, density = polar_lookup(beam_idx, n, n_slots, is_clockwise, is_closed), 1.0 / step
+        table, density = azimuth_table(beam_idx, n, n_slots, is_clockwise, is_closed), 1.0 / step
     else:
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
-        lookup, density = uneven_lookup(beam_idx, scan.angles, step, is_closed)
-    fan = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
-    few = choose_probes(surfels, config.verification.n_probes)
-    return ConsensusFeatures(
+        table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
+    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
+    few = choose_samples(surfels, config.scoring.n_samples)
+    return CurvescanFeatures(
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
-        view=View(few, surfels, fan, lookup),
-        whole=View(surfels, surfels, fan, lookup),
-        frames=corners_and_ends,
+        image=RangeImage(few, surfels, azimuth, table),
+        full_image=RangeImage(surfels, surfels, azimuth, table),
+        keypoints=corners_and_ends,
         directions=direction_histogram(surfels),
     )

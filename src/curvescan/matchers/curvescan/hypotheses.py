@@ -11,27 +11,27 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
 
 @kernel
-def is_in_sight(x: float, y: float, view: View, margin: float) -> bool:
+def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
     """Return whether a scan leaves the way from its sensor to a place free, as far as it tells."""
-    j = reading_at(x, y, view)
+    j = reading_at(x, y, image)
     if j < 0:
         return True
-    reach = view.surfels[j, 2] + margin
+    reach = image.surfels[j, 2] + margin
     return bool(x * x + y * y < reach * reach)
 
 
 @kernel
-def pair_frames(
-    frames_ref: Floats,
-    frames_cur: Floats,
-    ref: View,
-    cur: View,
+def pair_keypoints(
+    keypoints_ref: Floats,
+    keypoints_cur: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
     turn_tolerance: float,
     max_pairs: int,
 ) -> Floats:
@@ -41,18 +41,18 @@ def pair_frames(
     """
     poses = np.empty((max_pairs, 3))
     n = 0
-    for i in range(frames_cur.shape[0]):
-        x, y, direction = frames_cur[i, 0], frames_cur[i, 1], frames_cur[i, 2]
-        turn, kind = frames_cur[i, 3], frames_cur[i, 4]
-        for j in range(frames_ref.shape[0]):
-            if frames_ref[j, 4] != kind or n >= max_pairs:
+    for i in range(keypoints_cur.shape[0]):
+        x, y, direction = keypoints_cur[i, 0], keypoints_cur[i, 1], keypoints_cur[i, 2]
+        turn, kind = keypoints_cur[i, 3], keypoints_cur[i, 4]
+        for j in range(keypoints_ref.shape[0]):
+            if keypoints_ref[j, 4] != kind or n >= max_pairs:
                 continue
-            if abs(frames_ref[j, 3] - turn) > turn_tolerance:
+            if abs(keypoints_ref[j, 3] - turn) > turn_tolerance:
                 continue
-            theta = wrap_angle(frames_ref[j, 2] - direction)
+            theta = wrap_angle(keypoints_ref[j, 2] - direction)
             c, s = math.cos(theta), math.sin(theta)
-            tx = frames_ref[j, 0] - c * x + s * y
-            ty = frames_ref[j, 1] - s * x - c * y
+            tx = keypoints_ref[j, 0] - c * x + s * y
+            ty = keypoints_ref[j, 1] - s * x - c * y
             if not is_in_sight(tx, ty, ref, 0.1):
                 continue
             if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, 0.1):

@@ -166,31 +166,31 @@ def pose_information(
             net[i, j] = net[j, i] = unit * (system[k] - system[6 + k])
             false[i, j] = false[j, i] = unit * system[6 + k]
             k += 1
-    told, axes = eigen3(net)
-    feigned = np.zeros(3)
+    information, axes = eigen3(net)
+    spurious = np.zeros(3)
     for k in range(3):
         for i in range(3):
             for j in range(3):
-                feigned[k] += axes[i, k] * false[i, j] * axes[j, k]
-    return told, feigned, axes, units
+                spurious[k] += axes[i, k] * false[i, j] * axes[j, k]
+    return information, spurious, axes, units
 
 
 @kernel
 def covariance(
-    told: Floats, axes: Floats, units: Floats, is_open: Bools, open_sigma: float
+    information: Floats, axes: Floats, units: Floats, is_degenerate: Bools, degenerate_sigma: float
 ) -> Floats:
-    """Return the (3, 3) covariance of a pose, m^2, m rad, rad^2, with open_sigma metres in each open direction."""
+    """Return the (3, 3) covariance of a pose, m^2, m rad, rad^2, with degenerate_sigma metres in each open direction."""
     cov = np.zeros((3, 3))
-    least = 1.0 / (open_sigma * open_sigma)
+    least = 1.0 / (degenerate_sigma * degenerate_sigma)
     for k in range(3):
-        variance = 1.0 / least if is_open[k] else 1.0 / max(told[k], least)
+        variance = 1.0 / least if is_degenerate[k] else 1.0 / max(information[k], least)
         for i in range(3):
             for j in range(i + 1):
                 cov[i, j] += variance * axes[i, k] * units[i] * axes[j, k] * units[j]
-        if is_open[k]:
+        if is_degenerate[k]:
             # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
-            turn = abs(axes[2, k]) * units[2] * open_sigma
-            way = math.hypot(axes[0, k], axes[1, k]) * open_sigma
+            turn = abs(axes[2, k]) * units[2] * degenerate_sigma
+            way = math.hypot(axes[0, k], axes[1, k]) * degenerate_sigma
             cov[0, 0] += 0.25 * turn * turn * way * way
             cov[1, 1] += 0.25 * turn * turn * way * way
     for i in range(3):

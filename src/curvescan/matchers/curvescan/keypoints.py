@@ -43,11 +43,11 @@ def find_corners(
     arms: Floats,
     sigma: float,
     min_turn: float,
-    max_frames: int,
+    max_keypoints: int,
 ) -> Floats:
-    """Return (k, 5) corners at each arm length, max_frames at most."""
+    """Return (k, 5) corners at each arm length, max_keypoints at most."""
     m = surfels.shape[0]
-    found = np.empty((max_frames, 5))
+    found = np.empty((max_keypoints, 5))
     n_found = 0
     bend = np.empty(m)
     lows = np.empty(m, dtype=np.int64)
@@ -109,7 +109,7 @@ def find_corners(
                     if bend[j] > height:
                         is_peak = False
                         break
-                if not is_peak or n_found >= max_frames:
+                if not is_peak or n_found >= max_keypoints:
                     continue
                 x, y = surfels[i, 0], surfels[i, 1]
                 inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, 0], y - surfels[low, 1])

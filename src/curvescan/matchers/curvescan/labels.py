@@ -7,17 +7,17 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
 from curvescan.types import Bools, Codes, Floats, Ints
 
-HIDDEN, AGREES, MOVED = 0, 1, 2
+OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
 
 
 @kernel
 def compare_readings(
     surfels: Floats,
-    other: View,
+    other: RangeImage,
     pose: Floats,
     margin: float,
 ) -> tuple[Codes, Ints]:
@@ -71,7 +71,7 @@ def compare_readings(
 
 
 @kernel
-def surfaces_at_rest(
+def static_segments(
     surfels: Floats,
     bounds: Ints,
     partner: Ints,
@@ -105,11 +105,11 @@ def surfaces_at_rest(
     -------
     at_rest : (m,) bool
         False on surfaces that moved; True on those with fewer than four partners.
-    n_moved : int
+    n_dynamic : int
         Surfaces that moved.
     """
-    at_rest = np.ones(surfels.shape[0], dtype=np.bool_)
-    n_moved = 0
+    is_static = np.ones(surfels.shape[0], dtype=np.bool_)
+    n_dynamic = 0
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for k in range(bounds.size - 1):
         total, variance, n = 0.0, 0.0, 0
@@ -123,7 +123,7 @@ def surfaces_at_rest(
             variance += surfels[i, 7] + surfels_other[j, 7]
             n += 1
         if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
-            n_moved += 1
+            n_dynamic += 1
             for i in range(bounds[k], bounds[k + 1]):
-                at_rest[i] = False
-    return at_rest, n_moved
+                is_static[i] = False
+    return is_static, n_dynamic

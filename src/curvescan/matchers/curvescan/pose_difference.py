@@ -19,7 +19,7 @@ def distance(a: Pose, b: Pose) -> float:
     return max(math.hypot(x, y), 2.0 * abs(theta))
 
 
-def is_on_the_way(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
+def is_along(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
     """Return whether a motion that starts in a direction and keeps to it passes another pose.
 
     Parameters

@@ -11,7 +11,7 @@ from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
 
 
-class View(NamedTuple):
+class RangeImage(NamedTuple):
     """One scan as the kernels that compare two scans take it.
 
     Attributes
@@ -23,13 +23,13 @@ class View(NamedTuple):
     fan : (3,) float64
         Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
     lookup : (n_slots,) int64
-        Reading in each direction, see :func:`polar_lookup`.
+        Reading in each direction, see :func:`azimuth_table`.
     """
 
-    probes: Floats
+    samples: Floats
     surfels: Floats
-    fan: Floats
-    lookup: Ints
+    azimuth: Floats
+    table: Ints
 
 
 _SLOTS_A_STEP = 4
@@ -39,7 +39,7 @@ _MAX_SLOTS = 1 << 16
 
 
 @kernel
-def polar_lookup(
+def azimuth_table(
     beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool
 ) -> Ints:
     """Return (n_slots,) the reading in each direction, counter-clockwise from the first beam.
@@ -48,18 +48,18 @@ def polar_lookup(
     The slots of a full circle go once around; when it has a beam less than slots the last slot is left to the first
     beam, when it has one more the last beam has none.
     """
-    lookup = np.full(n_slots, -2, dtype=np.int64)
-    lookup[: min(n_beams, n_slots)] = -1
+    table = np.full(n_slots, -2, dtype=np.int64)
+    table[: min(n_beams, n_slots)] = -1
     for i in range(beam_idx.size):
         slot = n_beams - 1 - beam_idx[i] if is_clockwise else beam_idx[i]
         if slot < n_slots:
-            lookup[slot] = i
+            table[slot] = i
     if is_closed and n_beams == n_slots - 1:
-        lookup[n_slots - 1] = lookup[0]
-    return lookup
+        table[n_slots - 1] = table[0]
+    return table
 
 
-def uneven_lookup(
+def uneven_azimuth_table(
     beam_idx: Ints, angles: Floats, step: float, is_closed: bool
 ) -> tuple[Ints, float]:
     """Return the lookup of beams that are not evenly spaced, and its slots a radian.
@@ -96,10 +96,10 @@ def uneven_lookup(
     slots = np.arange(n_slots) / density
     after = np.clip(np.searchsorted(around, slots), 1, max(around.size - 1, 1))
     nearest = np.where(slots - around[after - 1] <= around[after] - slots, after - 1, after)
-    lookup = np.where(np.abs(slots - around[nearest]) <= 1.5 * step, reading[nearest], -2)
+    table = np.where(np.abs(slots - around[nearest]) <= 1.5 * step, reading[nearest], -2)
     if not is_closed:
-        lookup[-1] = -2
-    return lookup, density
+        table[-1] = -2
+    return table, density
 
 
 @kernel
@@ -124,14 +124,14 @@ def bearing(x: float, y: float) -> float:
 
 
 @kernel
-def reading_at(x: float, y: float, view: View) -> int:
+def reading_at(x: float, y: float, image: RangeImage) -> int:
     """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
-    turn = 2.0 * math.pi * view.fan[1]
-    place = (bearing(x, y) - view.fan[0]) * view.fan[1] + 0.5
+    turn = 2.0 * math.pi * image.azimuth[1]
+    place = (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
     if place < 0.0:
         place += turn
     elif place >= turn:
         place -= turn
-    slot = min(math.floor(place), view.lookup.size - 1)
-    return int(view.lookup[slot])
+    slot = min(math.floor(place), image.table.size - 1)
+    return int(image.table[slot])

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
@@ -21,10 +21,10 @@ from curvescan.types import Floats
 @kernel
 def accumulate(
     surfels_a: Floats,
-    view_b: View,
+    view_b: RangeImage,
     pose: Floats,
     way: float,
-    slack: float,
+    sigma_extra: float,
     slack_slope: float,
     system: Floats,
 ) -> None:
@@ -70,14 +70,17 @@ def accumulate(
         ux, uy = qx - surfels_b[j, 3], qy - surfels_b[j, 4]
         nx, ny = surfels_b[j, 5], surfels_b[j, 6]
         e = nx * ux + ny * uy
-        extra = slack + slack_slope * surfels_b[j, 2]
+        extra = sigma_extra + slack_slope * surfels_b[j, 2]
         variance = va + vb + extra * extra
         u2 = e * e / variance
         if u2 > 16.0:
             continue
         reach = 0.1 + 3.0 * extra
-        apart = uy * nx - ux * ny
-        if apart * apart > reach * reach + 0.01 * surfels_b[j, 2] * surfels_b[j, 2]:
+        min_difference = uy * nx - ux * ny
+        if (
+            min_difference * min_difference
+            > reach * reach + 0.01 * surfels_b[j, 2] * surfels_b[j, 2]
+        ):
             continue
         # facing: both lines must look the same way
         mx, my = surfels_a[i, 5], surfels_a[i, 6]
@@ -128,9 +131,9 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 @kernel
 def refine(
     poses: Floats,
-    ref: View,
-    cur: View,
-    slacks: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    sigmas: Floats,
 ) -> Floats:
     """Return (h, 3) refined poses.
 
@@ -148,10 +151,10 @@ def refine(
     system = np.empty(9)
     for h in range(refined.shape[0]):
         pose = refined[h]
-        for slack in slacks:
+        for sigma_extra in sigmas:
             system[:] = 0.0
-            accumulate(cur.probes, ref, pose, 1.0, slack, 0.3 * slack, system)
-            accumulate(ref.probes, cur, pose, -1.0, slack, 0.3 * slack, system)
+            accumulate(cur.samples, ref, pose, 1.0, sigma_extra, 0.3 * sigma_extra, system)
+            accumulate(ref.samples, cur, pose, -1.0, sigma_extra, 0.3 * sigma_extra, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0
@@ -162,8 +165,14 @@ def refine(
 
 
 @kernel
-def refine_fully(poses: Floats, ref: View, cur: View, closer: Floats, full: Floats) -> Floats:
+def refine_fully(
+    poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats
+) -> Floats:
     """Return (h, 3) poses refined on the probes of two views, then on all of their readings; slacks as `refine` takes."""
-    all_ref = View(probes=ref.surfels, surfels=ref.surfels, fan=ref.fan, lookup=ref.lookup)
-    all_cur = View(probes=cur.surfels, surfels=cur.surfels, fan=cur.fan, lookup=cur.lookup)
+    all_ref = RangeImage(
+        samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table
+    )
+    all_cur = RangeImage(
+        samples=cur.surfels, surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table
+    )
     return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import View, bearing
+from curvescan.matchers.curvescan.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.refinement import accumulate
 from curvescan.matchers.curvescan.surfels import LENGTH, NX, NY
 from curvescan.se2.angles import wrap_angle
@@ -38,7 +38,9 @@ def direction_histogram(surfels: Floats) -> Floats:
 
 
 @kernel
-def turns(histogram_ref: Floats, histogram_cur: Floats, n_turns: int, around: Floats) -> Floats:
+def rotation_hypotheses(
+    histogram_ref: Floats, histogram_cur: Floats, n_rotations: int, around: Floats
+) -> Floats:
     """Return (k, 3) the pose `around`, and its place with the rotations at which the histograms correlate best."""
     n = histogram_ref.size
     likeness = np.zeros(n)
@@ -49,12 +51,12 @@ def turns(histogram_ref: Floats, histogram_cur: Floats, n_turns: int, around: Fl
         for k in range(n - shift, n):
             total += histogram_cur[k] * histogram_ref[k + shift - n]
         likeness[shift] = total
-    poses = np.empty((n_turns + 1, 3))
+    poses = np.empty((n_rotations + 1, 3))
     for k in range(3):
         poses[0, k] = around[k]
     count = 1
     taken = np.zeros(n, dtype=np.bool_)
-    while count <= n_turns:
+    while count <= n_rotations:
         best = -1
         for k in range(n):
             if taken[k] or likeness[k] < likeness[k - 1] or likeness[k] < likeness[(k + 1) % n]:
@@ -75,7 +77,7 @@ def turns(histogram_ref: Floats, histogram_cur: Floats, n_turns: int, around: Fl
 
 
 @kernel
-def lattice(poses: Floats, step: float, n_steps: int) -> Floats:
+def translation_grid(poses: Floats, step: float, n_steps: int) -> Floats:
     """Return each pose moved to the places of a square lattice around it, out to n_steps a side, centre first."""
     n_side = 2 * n_steps + 1
     moved = np.empty((poses.shape[0] * n_side * n_side, 3))
@@ -94,24 +96,24 @@ def lattice(poses: Floats, step: float, n_steps: int) -> Floats:
 
 
 @kernel
-def slides(
+def degenerate_hypotheses(
     poses: Floats,
-    ref: View,
-    cur: View,
+    ref: RangeImage,
+    cur: RangeImage,
     step: float,
     n_steps: int,
     max_ratio: float,
 ) -> Floats:
     """Return poses along the way that the scans leave open at the given poses; none where they fix both axes."""
     n_each = 2 * n_steps
-    slid = np.empty((poses.shape[0] * n_each, 3))
+    moved_along = np.empty((poses.shape[0] * n_each, 3))
     count = 0
     system = np.empty(9)
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        accumulate(cur.probes, ref, pose, 1.0, 0.02, 0.006, system)
-        accumulate(ref.probes, cur, pose, -1.0, 0.02, 0.006, system)
+        accumulate(cur.samples, ref, pose, 1.0, 0.02, 0.006, system)
+        accumulate(ref.samples, cur, pose, -1.0, 0.02, 0.006, system)
         half = 0.5 * (system[0] - system[3])
         root = math.sqrt(half * half + system[1] * system[1])
         mean = 0.5 * (system[0] + system[3])
@@ -122,8 +124,8 @@ def slides(
         ux, uy = math.cos(angle), math.sin(angle)
         for k in range(n_each):
             offset = step * (k - n_steps if k < n_steps else k - n_steps + 1)
-            slid[count, 0] = pose[0] + offset * ux
-            slid[count, 1] = pose[1] + offset * uy
-            slid[count, 2] = pose[2]
+            moved_along[count, 0] = pose[0] + offset * ux
+            moved_along[count, 1] = pose[1] + offset * uy
+            moved_along[count, 2] = pose[2]
             count += 1
-    return slid[:count]
+    return moved_along[:count]

@@ -12,8 +12,8 @@ from curvescan.types import Floats
 
 
 @kernel
-def choose_probes(surfels: Floats, n_probes: int) -> Floats:
-    """Return n_probes surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
+def choose_samples(surfels: Floats, n_samples: int) -> Floats:
+    """Return n_samples surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
     A reading that stands for much may be chosen more than once. The first few of the probes are spread as evenly as all
     of them.
@@ -22,23 +22,23 @@ def choose_probes(surfels: Floats, n_probes: int) -> Floats:
     total = 0.0
     for i in range(m):
         total += surfels[i, LENGTH]
-    chosen = np.empty(n_probes, dtype=np.int64)
+    chosen = np.empty(n_samples, dtype=np.int64)
     count = 0
     reached = 0.0
     for i in range(m):
         length = surfels[i, LENGTH]
         reached += length
-        while count < n_probes and length > 0.0 and reached * n_probes >= (count + 0.5) * total:
+        while count < n_samples and length > 0.0 and reached * n_samples >= (count + 0.5) * total:
             chosen[count] = i
             count += 1
     # a stride near the golden section that shares no factor with the count visits each one once
     stride = max(int(0.618 * count), 1)
     while math.gcd(stride, max(count, 1)) != 1:
         stride += 1
-    probes = np.empty((count, N_COLUMNS))
+    samples = np.empty((count, N_COLUMNS))
     k = 0
     for i in range(count):
         for column in range(N_COLUMNS):
-            probes[i, column] = surfels[chosen[k], column]
+            samples[i, column] = surfels[chosen[k], column]
         k = (k + stride) % count
-    return probes
+    return samples

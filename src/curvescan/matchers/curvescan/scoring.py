@@ -12,16 +12,16 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import View, reading_at
+from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
 from curvescan.types import Floats
 
 
 @kernel
-def support(
-    probes: Floats,
+def score_samples(
+    samples: Floats,
     low: int,
     high: int,
-    view: View,
+    image: RangeImage,
     x: float,
     y: float,
     c: float,
@@ -34,11 +34,11 @@ def support(
     (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
     """
     score = 0.0
-    surfels = view.surfels
+    surfels = image.surfels
     for k in range(low, high):
-        ax, ay = probes[k, 0], probes[k, 1]
+        ax, ay = samples[k, 0], samples[k, 1]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        j = reading_at(qx, qy, view)
+        j = reading_at(qx, qy, image)
         if j < 0:
             continue
         ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
@@ -47,7 +47,7 @@ def support(
         across = (nx * ux + ny * uy) / limit
         badness = across * across
         if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit * limit:
-            mx, my = probes[k, 5], probes[k, 6]
+            mx, my = samples[k, 5], samples[k, 6]
             alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
             if alike > 0.0:
                 score += (1.0 - badness) * alike
@@ -59,10 +59,10 @@ def support(
 
 
 @kernel
-def verify(
+def score_pose(
     pose: Floats,
-    ref: View,
-    cur: View,
+    ref: RangeImage,
+    cur: RangeImage,
     tolerance: float,
     slope: float,
     n_first: int,
@@ -76,11 +76,11 @@ def verify(
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
     ix, iy = -c * x - s * y, s * x - c * y
-    n_ref, n_cur = ref.probes.shape[0], cur.probes.shape[0]
+    n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
     low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
     while low < max(n_ref, n_cur):
-        score += support(
-            cur.probes,
+        score += score_samples(
+            cur.samples,
             low,
             min(high, n_cur),
             ref,
@@ -91,8 +91,8 @@ def verify(
             tolerance,
             slope,
         )
-        score += support(
-            ref.probes,
+        score += score_samples(
+            ref.samples,
             low,
             min(high, n_ref),
             cur,
@@ -115,13 +115,13 @@ def verify(
 @kernel
 def select(
     poses: Floats,
-    ref: View,
-    cur: View,
+    ref: RangeImage,
+    cur: RangeImage,
     tolerance: float,
     slope: float,
     n_kept: int,
     n_first: int,
-    apart: float,
+    min_difference: float,
 ) -> tuple[Floats, Floats]:
     """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
     best = np.empty((n_kept, 3))
@@ -135,7 +135,10 @@ def select(
         for k in range(n):
             turn = abs(best[k, 2] - theta)
             dx, dy = best[k, 0] - x, best[k, 1] - y
-            if dx * dx + dy * dy < apart * apart and min(turn, 2.0 * math.pi - turn) < 0.5 * apart:
+            if (
+                dx * dx + dy * dy < min_difference * min_difference
+                and min(turn, 2.0 * math.pi - turn) < 0.5 * min_difference
+            ):
                 like = k
                 break
         if like >= 0:
@@ -143,7 +146,7 @@ def select(
             if n_alike[like] > 4:
                 continue
             least = scores[like]
-        score = verify(
+        score = score_pose(
             poses[h],
             ref,
             cur,
@@ -174,8 +177,8 @@ def best_beside(
     pose: Floats,
     axis: Floats,
     offsets: Floats,
-    ref: View,
-    cur: View,
+    ref: RangeImage,
+    cur: RangeImage,
     tolerance: float,
     slope: float,
 ) -> float:
@@ -188,7 +191,7 @@ def best_beside(
                 moved[k] = pose[k] + sign * offset * axis[k]
             best = max(
                 best,
-                verify(
+                score_pose(
                     moved,
                     ref,
                     cur,

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.config import ConsensusConfig
-from curvescan.matchers.curvescan.features import ConsensusFeatures
-from curvescan.matchers.curvescan.hypotheses import most_voted, pair_frames
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.range_image import View
+from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.matchers.curvescan.rotation_hypotheses import lattice, slides, turns
+from curvescan.matchers.curvescan.rotation_hypotheses import (
+    degenerate_hypotheses,
+    rotation_hypotheses,
+    translation_grid,
+)
 from curvescan.matchers.curvescan.scoring import select
 from curvescan.types import Floats, Pose
 
@@ -39,29 +43,31 @@ class Candidates:
     n_tried: int
 
 
-def follow(
-    ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose, config: ConsensusConfig
+def follow_guess(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig
 ) -> Candidates | None:
     """Return the guess refined, where it is to be trusted, else None.
 
     It is when enough readings agree there, the refinement stays near, and both axes are fixed.
     """
-    step = config.hypotheses.slide_step
-    views = (ref.view, cur.view)
-    near = refine(guess[np.newaxis], *views, config.refinement.quick_slacks)
-    near, scores = select(near, *views, *config.verification.close, 1, 64, 0.3)
+    step = config.hypotheses.along_step
+    images = (ref.image, cur.image)
+    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
+    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
     if (
         len(near)
-        and scores[0] > config.verification.trusted_score
+        and scores[0] > config.scoring.guess_score
         and distance(near[0], guess) < 2.0 * step
-        and not len(slides(near, *views, step, 1, config.information.weak_ratio))
+        and not len(
+            degenerate_hypotheses(near, *images, step, 1, config.information.degenerate_ratio)
+        )
     ):
         return Candidates(poses=near, scores=scores, n_tried=1)
     return None
 
 
 def search(
-    ref: ConsensusFeatures, cur: ConsensusFeatures, guess: Pose | None, config: ConsensusConfig
+    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig
 ) -> Candidates:
     """Return the best poses of all that frames, directions of surfaces and the guess propose.
 
@@ -69,36 +75,36 @@ def search(
     still are tried as well.
     """
     steps = config.hypotheses
-    turned = turns(ref.directions, cur.directions, steps.n_turns, _STAND_STILL)
+    rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
     if guess is not None:
-        turned = np.concatenate((guess[np.newaxis], turned))
-    pairs = pair_frames(
-        ref.frames, cur.frames, ref.view, cur.view, steps.turn_tolerance, steps.max_pairs
+        rotated = np.concatenate((guess[np.newaxis], rotated))
+    pairs = pair_keypoints(
+        ref.keypoints, cur.keypoints, ref.image, cur.image, steps.turn_tolerance, steps.max_pairs
     )
     voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
-    found = _best(ref, cur, np.concatenate((turned, voted)), config)
+    found = _best(ref, cur, np.concatenate((rotated, voted)), config)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
-    reach = round(steps.lattice_reach / steps.lattice_step)
-    places = np.concatenate((found.poses, lattice(turned, steps.lattice_step, reach)))
+    reach = round(steps.grid_reach / steps.grid_step)
+    places = np.concatenate((found.poses, translation_grid(rotated, steps.grid_step, reach)))
     return _best(ref, cur, places, config)
 
 
 def _best(
-    ref: ConsensusFeatures, cur: ConsensusFeatures, poses: Floats, config: ConsensusConfig
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
 ) -> Candidates:
-    rules, steps = config.verification, config.hypotheses
+    rules, steps = config.scoring, config.hypotheses
     best, scores = explore(
         poses,
-        ref.view,
-        cur.view,
-        config.refinement.quick_slacks,
-        (*rules.rough, *rules.slid, *rules.close),
+        ref.image,
+        cur.image,
+        config.refinement.quick_schedule,
+        (*rules.rough, *rules.moved_along, *rules.close),
         (rules.n_kept, rules.n_kept + 1, 3),
         (6, 12, 64),
-        steps.slide_step,
-        round(steps.slide_reach / steps.slide_step),
-        config.information.weak_ratio,
+        steps.along_step,
+        round(steps.along_reach / steps.along_step),
+        config.information.degenerate_ratio,
     )
     return Candidates(poses=best, scores=scores, n_tried=len(poses))
 
@@ -117,15 +123,15 @@ def stack(first: Floats, second: Floats) -> Floats:
 @kernel
 def explore(
     poses: Floats,
-    ref: View,
-    cur: View,
-    slacks: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    sigmas: Floats,
     tolerances: tuple[float, float, float, float, float, float],
     n_kept: tuple[int, int, int],
     n_first: tuple[int, int, int],
-    slide_step: float,
-    n_slides: int,
-    weak_ratio: float,
+    along_step: float,
+    n_along: int,
+    degenerate_ratio: float,
 ) -> tuple[Floats, Floats]:
     """Return a few poses and their scores: the best of those given, refined, and if need be slid and refined.
 
@@ -135,30 +141,37 @@ def explore(
     """
     rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
     chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], 0.3)
-    quick = refine(chosen, ref, cur, slacks)
-    slid = slides(quick[:2], ref, cur, slide_step, n_slides, weak_ratio)
-    if slid.shape[0] > 0:
+    quick = refine(chosen, ref, cur, sigmas)
+    moved_along = degenerate_hypotheses(quick[:2], ref, cur, along_step, n_along, degenerate_ratio)
+    if moved_along.shape[0] > 0:
         chosen, _ = select(
-            stack(quick, slid), ref, cur, slid_tolerance, slid_slope, n_kept[1], n_first[1], 0.3
+            stack(quick, moved_along),
+            ref,
+            cur,
+            slid_tolerance,
+            slid_slope,
+            n_kept[1],
+            n_first[1],
+            0.3,
         )
-        quick = refine(chosen, ref, cur, slacks)
+        quick = refine(chosen, ref, cur, sigmas)
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], 0.3)
 
 
-def _is_expected(found: Candidates, guess: Pose | None, config: ConsensusConfig) -> bool:
+def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig) -> bool:
     """Return whether the best pose lies where the guess has it, and finds some support."""
     if guess is None or not len(found.scores):
         return False
-    is_near = distance(found.poses[0], guess) < 2.0 * config.hypotheses.slide_step
-    return bool(is_near and found.scores[0] > config.verification.doubtful_score)
+    is_near = distance(found.poses[0], guess) < 2.0 * config.hypotheses.along_step
+    return bool(is_near and found.scores[0] > config.scoring.doubtful_score)
 
 
-def _is_doubtful(found: Candidates, config: ConsensusConfig) -> bool:
+def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
     """Return whether the best pose finds little support, or middling with few poses tried or a near rival."""
-    verification, scores = config.verification, found.scores
-    if not len(scores) or scores[0] < verification.doubtful_score:
+    scoring, scores = config.scoring, found.scores
+    if not len(scores) or scores[0] < scoring.doubtful_score:
         return True
-    if found.n_tried < verification.few_tried and scores[0] < verification.certain_score:
+    if found.n_tried < scoring.few_tried and scores[0] < scoring.certain_score:
         return True
-    is_contested = len(scores) > 1 and scores[1] > verification.contested * scores[0]
-    return bool(is_contested and scores[0] < verification.trusted_score)
+    is_contested = len(scores) > 1 and scores[1] > scoring.contested * scores[0]
+    return bool(is_contested and scores[0] < scoring.guess_score)

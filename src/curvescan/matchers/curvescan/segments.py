@@ -73,7 +73,7 @@ def widest_gap(turn: float, incidence_limit: float) -> float:
 
 
 @kernel
-def sweep(
+def ordered_readings(
     ranges: Floats,
     directions: Points,
     valid: Bools,

@@ -10,7 +10,7 @@ import numpy as np
 from curvescan import se2
 
 
-def surfaces(points, ranges, beams, n_beams, is_closed, step, incidence_limit, max_gap):
+def segments(points, ranges, beams, n_beams, is_closed, step, incidence_limit, max_gap):
     """Lists of reading numbers, one a surface, in sweep order; the seam of a closed sweep joined."""
     n = len(points)
     groups = []
@@ -54,16 +54,16 @@ def reading_at(point, angles, lookup_by_beam, reach=None):
     return lookup_by_beam[beam] if off[beam] <= reach else -2
 
 
-def support(probes, view, find, pose, tolerance, slope):
+def score_samples(samples, image, find, pose, tolerance, slope):
     """Agreements less half the contradictions; `find` gives the reading in the direction of a point."""
     score = 0.0
     rotation = se2.rotation(pose[2])
-    for probe in probes:
+    for probe in samples:
         point = rotation @ probe[:2] + pose[:2]
         j = find(point)
         if j < 0:
             continue
-        surfel = view.surfels[j]
+        surfel = image.surfels[j]
         limit = tolerance + slope * surfel[2]
         across = surfel[5:7] @ (point - surfel[3:5])
         alike = surfel[5:7] @ (rotation @ probe[5:7])
@@ -136,9 +136,9 @@ def votes(poses, cell, turn):
     return counts
 
 
-def surfaces_at_rest(surfels, bounds, partner, others, pose, limit, least):
+def static_segments(surfels, bounds, partner, others, pose, limit, least):
     """(m,) False on surfaces whose readings lie to one side of their partners' lines on the mean."""
-    at_rest = np.ones(len(surfels), dtype=bool)
+    is_static = np.ones(len(surfels), dtype=bool)
     for start, stop in itertools.pairwise(bounds):
         rows = [
             i
@@ -150,5 +150,5 @@ def surfaces_at_rest(surfels, bounds, partner, others, pose, limit, least):
         distances = [residual(pose, surfels[i, :2], others[partner[i]], False) for i in rows]
         variances = [surfels[i, 7] + others[partner[i], 7] for i in rows]
         deviation = np.sqrt(np.sum(variances)) / len(rows)
-        at_rest[start:stop] = abs(np.mean(distances)) <= max(limit * deviation, least)
-    return at_rest
+        is_static[start:stop] = abs(np.mean(distances)) <= max(limit * deviation, least)
+    return is_static
