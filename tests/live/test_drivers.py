@@ -61,6 +61,7 @@ def test_no_turn_is_lost_and_poses_are_right(ld19):
     report = run_live(
         source,
         tracker,
+        is_lossless=True,  # a busy machine must not fail the test: what is tested is the reader
         on_scan=lambda t: (steps.append(t), ld19.unplug() if len(steps) == n - 1 else None),
     )
     reference = Odometry()

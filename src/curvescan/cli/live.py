@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, Laser, LaserSetUp, Method, Topic, open_log
+from curvescan.cli.options import Flag, Laser, Method, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -49,7 +49,7 @@ def live(
     seed: int = 0,
     topic: Topic = None,
     range_max: float | None = None,
-    laser: LaserSetUp = Laser(),  # noqa: B008 - frozen
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.

@@ -16,7 +16,7 @@ from curvescan.errors import MapTooLargeError
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
-from curvescan.odometry.deskewing import Sweeps
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 
@@ -50,7 +50,7 @@ class LiveMap:
     ) -> None:
         self._config, self._is_revisable = config, is_revisable
         self._builder = OccupancyBuilder(config)
-        self._sweeps = Sweeps()
+        self._deskewer = Deskewer()
         self._before: Pose | None = None
         self._mapped: Pose | None = None
         self._kept: list[tuple[int, LaserScan]] = []
@@ -65,7 +65,7 @@ class LiveMap:
         if tracked.revised is not None:
             self._redraw(tracked.revised.poses)
         pose = tracked.pose
-        self._sweeps.tick(tracked.scan)
+        self._deskewer.tick(tracked.scan)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
         self._before = pose
         if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), _PATH_STEP_M, 1e9):
@@ -74,7 +74,7 @@ class LiveMap:
         if not tracked.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
         if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
-            scan = self._sweeps.deskewed(tracked.scan, moved)
+            scan = self._deskewer.deskewed(tracked.scan, moved)
             self._enter(scan, pose)
             self._mapped = pose
             if self._is_revisable and (

@@ -244,7 +244,7 @@ def closure_ends(closure: Any) -> tuple[int, int]:
 
 def is_degenerate(match: Any) -> bool:
     """Return whether a direction of the pose is unobservable in a match."""
-    return getattr(match, "weak_direction", None) is not None
+    return getattr(match, "degenerate_direction", None) is not None
 
 
 def _millimetres(tracked: TrackedScan) -> list[int]:
