@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 import zlib
 from array import array
 from collections.abc import Sequence
@@ -30,6 +31,9 @@ _KEPT_M, _KEPT_RAD = 0.25, 0.35
 """A scan is kept, to draw the map anew, when the sensor has moved by this much, metres or radians."""
 
 
+_REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
+"""The map is drawn anew at most every so many seconds, and in at most this share of the time."""
+
 _DARK = 20.0
 """Grey of the surest obstacle; the surest free space is white, 255."""
 
@@ -56,6 +60,8 @@ class LiveMap:
         self._kept: list[tuple[int, LaserScan]] = []
         self._kept_at: Pose | None = None
         self._path, self._path_indices = array("d"), array("q")
+        self._revised: Pose | None = None
+        self._next_redraw = 0.0
         self.path_version = 0
         self.version = 0
         self.why_no_grid = ""
@@ -63,7 +69,9 @@ class LiveMap:
     def add(self, tracked: TrackedScan) -> None:
         """Take in a tracked scan."""
         if tracked.revised is not None:
-            self._redraw(tracked.revised.poses)
+            self._revised = tracked.revised.poses
+        if self._revised is not None and time.monotonic() >= self._next_redraw:
+            self.redraw()
         pose = tracked.pose
         self._deskewer.tick(tracked.scan)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
@@ -112,18 +120,22 @@ class LiveMap:
             self.why_no_grid = str(error)
         self.version += 1
 
-    def _redraw(self, poses: Pose) -> None:
-        """Draw map and path anew with revised poses, one a scan."""
+    def redraw(self) -> None:
+        """Draw map and path anew with the newest revised poses, if there are any that were not used yet."""
+        poses, started = self._revised, time.monotonic()
+        if poses is None or not len(poses):
+            return
+        self._revised = None
         self._builder = OccupancyBuilder(self._config)
         for index, scan in self._kept:
             if index < len(poses):
                 self._enter(scan, poses[index])
-        revised = poses[np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)]
-        self._path = array("d", np.ascontiguousarray(revised).tobytes())
-        if self._before is not None and len(poses):
-            self._before = None  # the last motion is not one between revised poses
-        self._mapped = self._kept_at = None
+        indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
+        self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
+        self._before = self._mapped = None  # the last motion is not one between revised poses
         self.path_version += 1
+        now = time.monotonic()
+        self._next_redraw = now + max(_REDRAW_PERIOD, (now - started) / _REDRAW_SHARE)
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,9 @@ class ResultsSink(WorkerSink):
         self._covariances.extend(tracked.covariance.ravel())
         self._outcomes.append(tracked.outcome.name.lower())
 
+    def _finish(self) -> None:
+        self._map.redraw()
+
     def trajectory(self) -> Trajectory:
         """Return stamp, pose and covariance of each scan, as they were told at the time."""
         n = len(self._outcomes)

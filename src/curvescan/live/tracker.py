@@ -21,7 +21,7 @@ LOST = (StepOutcome.PREDICTED, StepOutcome.HELD)
 class Engine(Protocol):
     """What a tracker drives: :class:`curvescan.Odometry`, :class:`curvescan.Slam` or :class:`curvescan.Localizer`."""
 
-    def add(self, scan: LaserScan, /) -> Any:
+    def add(self, scan: LaserScan, /, *odometry_pose: Pose) -> Any:
         """Return where the sensor was at this scan."""
         ...
 
@@ -36,6 +36,8 @@ class TrackedScan:
         Number of the scan among those that were tracked, from 0.
     scan : LaserScan
         The scan as the source gave it.
+    step : OdometryStep, SlamStep or another
+        What the engine said of it.
     pose : (3,) float64
         Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`.
     pose_odom : (3,) float64
@@ -48,8 +50,8 @@ class TrackedScan:
         Whether the pose stands on a match.
     match : MatchResult or None
         The match behind the pose.
-    closures : tuple
-        Loop closures that this scan brought.
+    closures : tuple of (int, int)
+        Numbers of the two scans that each loop closure joins which this scan brought.
     revised : Trajectory or None
         All poses so far, where this scan changed those of the past.
     seconds : float
@@ -62,13 +64,14 @@ class TrackedScan:
 
     index: int
     scan: LaserScan
+    step: Any
     pose: Pose
     pose_odom: Pose
     covariance: Cov
     outcome: Enum
     is_matched: bool
     match: MatchResult | None
-    closures: tuple[Any, ...]
+    closures: tuple[tuple[int, int], ...]
     revised: Trajectory | None
     seconds: float
     received: float
@@ -87,9 +90,15 @@ class Tracker:
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self._n_scans = 0
+        self._scan_of_keyframe: dict[int, int] = {}
 
     def add(
-        self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0
+        self,
+        scan: LaserScan,
+        *,
+        received: float | None = None,
+        n_dropped: int = 0,
+        odometry_pose: Pose | None = None,
     ) -> TrackedScan:
         """Return where the sensor was at this scan.
 
@@ -101,26 +110,39 @@ class Tracker:
             When it came, by time.monotonic(), seconds; None: now.
         n_dropped : int
             Scans that were dropped so far.
+        odometry_pose : (3,) float64 or None
+            Pose of the sensor by its wheels, in a frame of their own; see :meth:`curvescan.Odometry.add`.
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
-        step = self.engine.add(scan)
-        closures: Sequence[Any] = getattr(step, "closures", ())
-        revised = self.engine.trajectory() if closures else None  # type: ignore[attr-defined]
+        # an engine may know no wheels: it is asked with them only where there are any
+        step = (
+            self.engine.add(scan) if odometry_pose is None else self.engine.add(scan, odometry_pose)
+        )
+        seconds = time.perf_counter() - started
+        if hasattr(step, "keyframe"):
+            self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
+        is_revised = getattr(step, "is_revised", False)
         tracked = TrackedScan(
             index=self._n_scans,
             scan=scan,
+            step=step,
             pose=step.pose,
             pose_odom=getattr(step, "pose_odom", step.pose),
             covariance=step.covariance,
             outcome=step.outcome,
             is_matched=step.outcome in MATCHES,
             match=getattr(step, "match", None),
-            closures=tuple(closures),
-            revised=revised,
-            seconds=time.perf_counter() - started,
+            closures=self._joined(getattr(step, "closures", ())),
+            revised=self.engine.trajectory() if is_revised else None,  # type: ignore[attr-defined]
+            seconds=seconds,
             received=received,
             n_dropped=n_dropped,
         )
         self._n_scans += 1
         return tracked
+
+    def _joined(self, closures: Sequence[Any]) -> tuple[tuple[int, int], ...]:
+        """Return the scans that became the keyframes which loop closures join."""
+        scan_of, now = self._scan_of_keyframe, self._n_scans
+        return tuple((scan_of.get(c.i, now), scan_of.get(c.j, now)) for c in closures)

@@ -155,7 +155,7 @@ class Viewer(WorkerSink):
         frame = self._frame_of(tracked)
         with self._changed:
             self._map.add(tracked)
-            self._closures += [closure_ends(c) for c in tracked.closures]
+            self._closures += tracked.closures
             self._frame = frame
             self._n_events += 1
             self._changed.notify_all()
@@ -163,6 +163,8 @@ class Viewer(WorkerSink):
             self._draw()
 
     def _finish(self) -> None:
+        with self._changed:
+            self._map.redraw()
         self._draw()
 
     def _draw(self) -> None:
@@ -235,11 +237,6 @@ def encoded(event: Event | None) -> bytes:
     name, data = event
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return f"event: {name}\ndata: {text}\n\n".encode()
-
-
-def closure_ends(closure: Any) -> tuple[int, int]:
-    """Return the numbers of the two scans that a loop closure joins."""
-    return int(closure.i), int(closure.j)
 
 
 def is_degenerate(match: Any) -> bool:
