@@ -1,6 +1,6 @@
 """curvescan_ros: an ament_python package; curvescan itself is installed with pip."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import setup
 
@@ -13,9 +13,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", glob("launch/*.launch.py")),
-        (f"share/{PACKAGE}/rviz", glob("rviz/*.rviz")),
-        (f"share/{PACKAGE}/config", glob("config/*.yaml")),
+        (f"share/{PACKAGE}/launch", [str(p) for p in Path("launch").glob("*.launch.py")]),
+        (f"share/{PACKAGE}/rviz", [str(p) for p in Path("rviz").glob("*.rviz")]),
+        (f"share/{PACKAGE}/config", [str(p) for p in Path("config").glob("*.yaml")]),
     ],
     install_requires=["setuptools", "curvescan"],
     zip_safe=True,
