@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, Laser, Method, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer

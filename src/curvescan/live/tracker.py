@@ -21,7 +21,7 @@ LOST = (StepOutcome.PREDICTED, StepOutcome.HELD)
 class Engine(Protocol):
     """What a tracker drives: :class:`curvescan.Odometry`, :class:`curvescan.Slam` or :class:`curvescan.Localizer`."""
 
-    def add(self, scan: LaserScan, /, *odometry_pose: Pose) -> Any:
+    def add(self, scan: LaserScan, odometry_pose: Pose | None = None) -> Any:
         """Return where the sensor was at this scan."""
         ...
 
@@ -115,10 +115,7 @@ class Tracker:
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
-        # an engine may know no wheels: it is asked with them only where there are any
-        step = (
-            self.engine.add(scan) if odometry_pose is None else self.engine.add(scan, odometry_pose)
-        )
+        step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
         if hasattr(step, "keyframe"):
             self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
