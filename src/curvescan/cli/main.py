@@ -42,7 +42,21 @@ COMMANDS: dict[str, Callable[..., int]] = {
 CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
+<<<<<<< Updated upstream
 DONE, BAD_INPUT, BAD_COMMAND_LINE, INTERRUPTED = 0, 1, 2, 130
+=======
+FIRST_STEPS = """\
+curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three commands to try:
+
+  curvescan live                    a simulated robot drives round a building; watch it on a page in the browser
+  curvescan demo                    the same as files: trajectory, map and a table of errors, in ./demo
+  curvescan odometry LOG --out DIR  a log of yours (ROS bag, CARMEN, CSV, NPZ): trajectory and map
+
+All commands: curvescan -h"""
+"""What is printed without arguments."""
+
+DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
+>>>>>>> Stashed changes
 
 
 def main() -> None:
@@ -54,6 +68,9 @@ def run(arguments: list[str]) -> int:
     """Return the exit status of a command line (130 when Ctrl-C ended it before there was a result)."""
     if arguments in (["--version"], ["-V"]):
         print(f"curvescan {__version__}")
+        return DONE
+    if not arguments:
+        print(FIRST_STEPS)
         return DONE
     try:
         return int(_parse_and_call(arguments))
