@@ -4,12 +4,13 @@
 
 PYTHON ?= python3
 VENV := .venv
-BIN := $(VENV)/bin
+SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
+BIN := $(VENV)/$(SCRIPTS)
 INSTALLED := $(VENV)/.installed
 
 export MPLBACKEND := Agg
 
-.PHONY: demo test lint coverage bench format clean
+.PHONY: demo test test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -28,6 +29,21 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# the package as it is published, checked
+dist: $(INSTALLED)
+	rm -rf dist
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check build twine
+	$(BIN)/python -m build
+	$(BIN)/python -m twine check --strict dist/*
+
+# the wheel alone, in a fresh environment, as a user installs it
+test-wheel:
+	rm -rf .cache/wheel
+	$(PYTHON) -m venv .cache/wheel/venv
+	.cache/wheel/venv/$(SCRIPTS)/python -m pip wheel --quiet --no-deps --wheel-dir .cache/wheel .
+	.cache/wheel/venv/$(SCRIPTS)/python -m pip install --quiet .cache/wheel/*.whl
+	cd .cache/wheel && venv/$(SCRIPTS)/curvescan demo --out demo && test -s demo/map.png
 
 bench: $(INSTALLED)
 	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         MissingPackageError,
         OutputError,
         SourceError,
+        UnitWarning,
     )
     from curvescan.io import log_from_arrays, read_log, write_log
     from curvescan.mapping.config import OccupancyConfig
@@ -50,6 +51,7 @@ _HOMES = {
     "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
+    "UnitWarning": "curvescan.errors",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "prepare": "curvescan.matchers",
@@ -77,6 +79,7 @@ __all__ = [
     "SourceError",
     "StepOutcome",
     "Trajectory",
+    "UnitWarning",
     "__version__",
     "log_from_arrays",
     "match",

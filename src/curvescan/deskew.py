@@ -33,7 +33,7 @@ with the velocity that the first match found: a third of a common laser's noise,
 velocity itself makes when it does not change."""
 
 _SHORTEST, _LONGEST = 0.5, 3.0
-"""Steps of the clock that are believed, in usual steps: jitter, and one or two scans lost on the way."""
+"""Steps of the clock that count as regular, in usual steps: jitter, and one or two scans lost on the way."""
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
@@ -77,13 +77,13 @@ def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     seen = _seen(way * bearings, ranges, scan.valid, 1e-3 * step)
     angles = way * _between_seen(way * bearings, way * turned, seen)
     angles, is_again = _once_around(angles, step)
-    told: dict[str, Any] = {"angle_min": None, "angle_increment": None, "angles": angles}
+    given: dict[str, Any] = {"angle_min": None, "angle_increment": None, "angles": angles}
     return replace(
         scan,
         ranges=np.where(seen & ~is_again, ranges, np.where(scan.valid, np.nan, scan.ranges)),
         stamp=scan.stamp + middle_of_sweep(scan),
         time_increment=0.0,
-        **told,
+        **given,
     )
 
 
@@ -131,7 +131,7 @@ def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     Parameters
     ----------
     stamps : sequence of float
-        Of the last few scans, the latest last, seconds: about ten tell what is usual.
+        Of the last few scans, the latest last, seconds: about ten determine what is usual.
     scan_time : float
         What the scan says of the time between two, seconds; 0: nothing.
 

@@ -25,7 +25,7 @@ class LogFormatError(CurvescanError, ValueError):
 
 
 class OutputError(CurvescanError, OSError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the given place."""
 
 
 class SourceError(CurvescanError, OSError):
@@ -37,7 +37,11 @@ class MapTooLargeError(InvalidArgumentError):
 
 
 class MissingPackageError(CurvescanError, ImportError):
-    """An optional package is needed for what was asked; the message gives the pip command."""
+    """An optional package is missing; the message gives the pip command."""
+
+
+class UnitWarning(UserWarning):
+    """Numbers that are allowed but look like another unit: ranges in millimetres, say."""
 
 
 def require(holds: bool, rule: str, value: object) -> None:

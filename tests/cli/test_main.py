@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -55,8 +56,26 @@ def test_odometry_writes_all_files(log, tmp_path, capsys):
     lines = (out / "trajectory.tum").read_text().splitlines()
     assert [line.split()[0] for line in lines[:2]] == ["100.0", "100.2"]
     assert all(len(line.split()) == 8 for line in lines)
-    assert json.loads((out / "run.json").read_text())["input"]["scans"] == 8
+    record = json.loads((out / "run.json").read_text())
+    assert record["input"]["scans"] == 8
+    assert record["verdict"] == {"is_trusted": True, "reasons": []}
+    assert printed.splitlines()[-1].startswith("trusted")
     assert (out / "map.png").stat().st_size > 1000
+
+
+def test_a_wreck_ends_with_the_reason_and_a_status_of_its_own(tmp_path, capsys):
+    path, out = tmp_path / "wreck.clf", tmp_path / "out"
+    scans = [room_scan((0.02 * k, 0.0, 0.0), sigma=0.003, seed=k) for k in range(8)]
+    lines = [flaser(scan, k) for k, scan in enumerate(scans)]
+    for k in (3, 4, 5):
+        lines[k] = flaser(replace(scans[k], ranges=np.zeros(len(scans[k]))), k)
+    path.write_text("".join(lines))
+    assert run(["odometry", str(path), "--out", str(out)]) == 3
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("not to be trusted: 3 of 7 scans are not matched")
+    verdict = json.loads((out / "run.json").read_text())["verdict"]
+    assert not verdict["is_trusted"]
+    assert last.endswith("; ".join(verdict["reasons"]))
 
 
 def test_odometry_takes_gzip_and_parameters(log, tmp_path):
@@ -274,7 +293,7 @@ def test_parameters_out_of_range_are_told(log, tmp_path, capsys):
     assert not (tmp_path / "o").exists()
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["odometry"], ["info", "a", "--no-such"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["odometry"], ["info", "a", "--no-such"]])
 def test_a_wrong_command_line_is_status_2(arguments):
     with pytest.raises(SystemExit) as exit_info:
         run(arguments)

@@ -33,7 +33,7 @@ BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
 """Beams over 180 degrees for which times are taken."""
 
 STAGED = (DEFAULT_METHOD, "cfsma")
-"""Methods whose times are told stage by stage."""
+"""Methods whose times are measured stage by stage."""
 
 EXPERIMENT_1_WORLDS = ("room", "office", "building")
 """Simulated worlds of experiment 1."""

@@ -42,9 +42,6 @@ COMMANDS: dict[str, Callable[..., int]] = {
 CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
-<<<<<<< Updated upstream
-DONE, BAD_INPUT, BAD_COMMAND_LINE, INTERRUPTED = 0, 1, 2, 130
-=======
 FIRST_STEPS = """\
 curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three commands to try:
 
@@ -56,11 +53,13 @@ All commands: curvescan -h"""
 """What is printed without arguments."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
->>>>>>> Stashed changes
 
 
 def main() -> None:
-    """Run the command line and exit with its status: 0 done, 1 bad input, 2 bad command line."""
+    """Run the command line and exit with its status.
+
+    0 done, 1 bad input, 2 bad command line, 3 done but the trajectory is not to be trusted (the last line says why).
+    """
     sys.exit(run(sys.argv[1:]))
 
 

@@ -54,6 +54,9 @@ def odometry(
     map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far,
     marked as partial.
 
+    The last line says whether the trajectory can be trusted and, if not, why. Exit status 0 when it can, 3 when it was
+    written but is not to be trusted.
+
     Parameters
     ----------
     log
@@ -90,7 +93,10 @@ def odometry(
     from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
     from curvescan.cli.summary import summarise, wrote
     from curvescan.cli.tracker import make_odometry
+    from curvescan.diagnostics.inspect import inspect_log
+    from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.motion_prior import motion_prior
+    from curvescan.diagnostics.verdict import judge_run, propose_commands
     from curvescan.io import output_folder
     from curvescan.io.trajectories.exports import RunData, takes_edges, write_exports
     from curvescan.odometry import run_odometry
@@ -112,6 +118,9 @@ def odometry(
                 advance()
 
             run = run_odometry(source, tracker, odometry_poses=odometry_poses, on_step=on_step)
+        with ERR.status("looking for what is wrong with the log"):
+            issues = find_issues(inspect_log(source))
+        verdict = judge_run(run, issues)
         with ERR.status("drawing the maps"):
             left_out = save_run(
                 folder,
@@ -121,6 +130,7 @@ def odometry(
                 command=sys.argv,
                 source=log,
                 occupancy=occupancy,
+                verdict=verdict,
             )
     OUT.print(summarise(run, len(source)))
     for remark in left_out:
@@ -132,7 +142,10 @@ def odometry(
         with output_folder(out) as folder:
             files = write_exports(folder, also, data)
         OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
-    return 0
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    OUT.print(verdict.sentence, markup=False, soft_wrap=True)
+    return 0 if verdict.is_trusted else 3
 
 
 def _lists_beams_backwards(source: Log) -> bool:

@@ -37,7 +37,7 @@ class BeamOrder:
     Attributes
     ----------
     n_pairs : int
-        Pairs of scans that could tell.
+        Pairs of scans that distinguish the two orders.
     gain : float
         Mean of the matches' scores as the log says, less that in the reverse order; NaN without pairs.
     standard_error : float
@@ -65,16 +65,16 @@ def lists_beams_reversed(log: Log, n_scans: int = 300) -> bool:
     Parameters
     ----------
     log : Log
-        Its first scans are read once more; False where they tell no times of their beams.
+        Its first scans are read once more; False where they give no times of their beams.
     n_scans : int
-        How many scans are asked.
+        How many scans are used.
     """
     first = next(iter(log))
     return first.time_increment > 0.0 and judge_beam_order(islice(log, n_scans)).is_reversed_order
 
 
 def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
-    """Return in which order the beams of a log's scans were swept, as far as its motion tells.
+    """Return in which order the beams of a log's scans were swept, as far as its motion determines it.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        deskewer.tick(scan)
+        deskewer = deskewer.ticked(scan)
         current = prepare(scan)
         velocity = np.full(3, math.nan)
         if before is not None:
@@ -104,7 +104,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
 
 
 def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
-    """Return by how much the first two of three scans agree better swept as told than in reverse; none if untold."""
+    """Return by how much the first two of three scans agree better in the order of the log than in reverse; none if undetermined."""
     (first, v_first), (second, v_second), (_, v_third) = held
     # at a scan the mean of the velocities before and after it
     velocities = (0.5 * (v_first + v_second), 0.5 * (v_second + v_third))

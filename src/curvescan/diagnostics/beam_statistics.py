@@ -1,6 +1,6 @@
 """Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
 
-Both are told from beams that should change and do not. A bin that was not refilled repeats its value to the last digit
+Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last digit
 while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one step
 beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything else.
 """
@@ -18,7 +18,7 @@ _CHANGED = 8.0
 """Typical change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
 
 _NEAR = 4
-"""Changes of up to so many steps are counted to tell how often one of zero is to be expected."""
+"""Changes of up to so many steps are counted to estimate how often one of zero is expected."""
 
 _MIN_CHANGES = 20
 _MIN_STEP = 1e-4
@@ -64,7 +64,7 @@ class BeamStatistics:
 
     @property
     def stale_share(self) -> float:
-        """Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1; NaN where few sweeps tell."""
+        """Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1; NaN where too few sweeps determine it."""
         if self.n_pairs < _MIN_PAIRS:
             return np.nan
         expected = self.n_near / (2 * _NEAR)

@@ -1,4 +1,4 @@
-"""What is looked for in a report: one function a topic, each finding with its consequence and the option that handles it."""
+"""The checks of a log: one function a topic, each issue with its consequence and the option that handles it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from curvescan.diagnostics.report import LogReport, TimeSummary
 
 
 class Problem(NamedTuple):
-    """A finding whose topic is that of its finder; the fields are those of Finding."""
+    """An issue without its topic, which is that of the check; the fields are those of Issue."""
 
     kind: str
     what: str
@@ -84,7 +84,7 @@ def on_beams(report: LogReport) -> Iterator[Problem]:
         yield Problem(
             "gyro_in_degrees",
             f"the gyroscope turns {sense.ratio:.0f} times as far as the scans",
-            "it gives degrees where REP-103 asks for radians; --odometry-prior takes them for what they are",
+            "it gives degrees where REP-103 requires radians; --odometry-prior takes them for what they are",
         )
 
 
@@ -193,6 +193,14 @@ def on_readings(report: LogReport) -> Iterator[Problem]:
             f"{report.suspect.share:.1%} of all readings are exactly {value:g} m, at the top of the range",
             "it looks like a code for no reading and would be taken for a wall",
             f"--range-max {0.99 * value:.3g}",
+        )
+    elif report.code_band is not None:
+        low, high, share = report.code_band
+        yield Problem(
+            "undeclared_codes",
+            f"{share:.1%} of all readings lie between {low:.2f} and {high:.2f} m, at the top of the range, in beams all around",
+            "they look like codes for no reading and would be drawn as arcs in the map",
+            f"--range-max {0.99 * low:.3g}",
         )
 
 

@@ -31,7 +31,7 @@ _MISSING = 1.6
 def inspect_log(log: Log) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once, and once more where wheels or a gyroscope tell the robot's turns; memory grows by 8 bytes a
+    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns; memory grows by 8 bytes a
     scan.
 
     Parameters
@@ -78,6 +78,7 @@ def inspect_log(log: Log) -> LogReport:
         largest_reading=statistics.largest_reading,
         codes=_codes(statistics),
         suspect=_suspect(statistics),
+        code_band=statistics.top_of_range.code_band(),
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
@@ -99,7 +100,7 @@ def summarise_time(stamps: Floats) -> TimeSummary:
     Returns
     -------
     TimeSummary
-        NaN where it takes more scans to tell.
+        NaN where there are too few scans.
     """
     steps = np.diff(stamps)
     if not steps.size:
@@ -128,14 +129,14 @@ def summarise_time(stamps: Floats) -> TimeSummary:
 
 
 def _n_missing(steps: Floats, median: float) -> int:
-    """Return how many sweeps are missing between the others; 0 where the clock is too uneven to tell."""
+    """Return how many sweeps are missing between the others; 0 where the clock is too uneven."""
     if not steps.size or np.subtract(*np.percentile(steps, [75, 25])) > _REGULAR * median:
         return 0
     return int(np.sum(np.round(steps / median) - 1.0, where=steps > _MISSING * median))
 
 
 def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] | None:
-    """Return the pose of the laser on the robot, as the poses of both tell it."""
+    """Return the pose of the laser on the robot, from the poses of both."""
     robot = log.robot_odometry() if isinstance(log, MountedLog) else None
     if robot is None or odometry is None:
         return None

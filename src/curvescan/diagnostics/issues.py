@@ -1,4 +1,4 @@
-"""The findings of a report in sentences: what is wrong or odd, what follows from it, and the option that handles it."""
+"""The issues of a log in sentences: what is wrong or odd, its consequence, and the option that handles it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from curvescan.diagnostics.checks import (
 from curvescan.diagnostics.report import LogReport
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What a finding is about."""
+"""What an issue is about."""
 
 
 @dataclass(frozen=True, kw_only=True)

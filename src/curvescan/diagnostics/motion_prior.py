@@ -1,4 +1,4 @@
-"""What a log itself tells of the motion from scan to scan: its wheel odometry, or else its gyroscope."""
+"""The motion prior in a log itself: its wheel odometry, or else its gyroscope."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def motion_prior(log: Log) -> Pose:
     Parameters
     ----------
     log : Log
-        Its scans are read once more where only a gyroscope tells, to find its unit and sense.
+        Its scans are read once more where there is only a gyroscope, to find its unit and direction.
 
     Returns
     -------
     (n, 3) float64
-        [x, y, theta] in a frame of its own: metres, metres, radians; NaN where it does not tell. Of a gyroscope x and y
+        [x, y, theta] in a frame of its own: metres, metres, radians; NaN where it gives none. Of a gyroscope x and y
         are NaN.
 
     Raises

@@ -1,4 +1,4 @@
-"""LogReport: the figures of a log; ``findings.py`` says in sentences what follows from them."""
+"""LogReport: the figures of a log; ``issues.py`` states their consequences."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ReadingCode:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSummary:
-    """Time steps from scan to scan; seconds and hertz, NaN where there are too few scans to tell.
+    """Time steps from scan to scan; seconds and hertz, NaN where there are too few scans.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class LogReport:
     time : TimeSummary
         Time steps.
     n_timed_scans : int
-        Scans that tell the time from a beam to the next, without which the motion within a sweep cannot be undone.
+        Scans that give the time from one beam to the next, without which the motion within a sweep cannot be undone.
     sweep_seconds : float
         Longest time from the first to the last beam of a sweep, by the beams' own times; 0 where they have none.
     valid_share : float
@@ -123,7 +123,7 @@ class LogReport:
         Beams, in the arrangement of the first scan, that never give a valid reading.
     stale_share : float
         Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
-        NaN where the scene does not change enough to tell.
+        NaN where the scene does not change enough.
     fixed_beams : tuple of (int, int)
         Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot.
     largest_reading : float
@@ -132,17 +132,20 @@ class LogReport:
         Values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most.
     suspect : ReadingCode or None
         A valid value that repeats so often at the top of the range that it looks like a code for *no reading*.
+    code_band : (float, float, float) or None
+        Lower and upper end, metres, and share of all readings of a band at the top of the range that looks like several
+        codes for *no reading*.
     odometry : OdometrySummary or None
         None when the log has none.
     mount : tuple of 3 float, or None
-        Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not tell.
+        Pose x, y, theta of the laser on the robot, metres, metres, radians; None where the log does not give it.
     is_upside_down : bool
         Whether the log says that the laser hangs upside down.
     sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
-    faults : tuple of Fault
+    read_errors : tuple of ReadError
         What is broken in the file.
     notes : tuple of str
         What the reader left out or assumed.
@@ -169,6 +172,7 @@ class LogReport:
     largest_reading: float
     codes: tuple[ReadingCode, ...]
     suspect: ReadingCode | None
+    code_band: tuple[float, float, float] | None
     odometry: OdometrySummary | None
     mount: tuple[float, float, float] | None
     is_upside_down: bool

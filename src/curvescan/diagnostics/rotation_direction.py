@@ -1,4 +1,4 @@
-"""Whether the scans turn the way the robot does: the sense of rotation, against wheels or a gyroscope.
+"""The rotation direction of a laser: whether the scans turn as the robot does, by its wheels or gyroscope.
 
 A sensor that turns to the left by an angle sees every wall that much further right: the profile of ranges over beams
 shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
@@ -46,9 +46,9 @@ class RotationDirection:
     Attributes
     ----------
     reference : str
-        What tells the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
+        Source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
     n_turns : int
-        Turns between two scans that both tell, of the sharpest of the log.
+        Turns between two scans that both sources measured, of the sharpest of the log.
     n_reversed : int
         Those in which scans and reference turn opposite ways.
     ratio : float
@@ -75,7 +75,7 @@ class RotationDirection:
 
     @property
     def is_in_degrees(self) -> bool:
-        """Whether the reference is a gyroscope that gives degrees where REP-103 asks for radians."""
+        """Whether the reference is a gyroscope that gives degrees where REP-103 requires radians."""
         is_fully_observed = self.is_reversed or self.is_along
         return (
             self.reference == "gyroscope"
@@ -99,7 +99,7 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
 def compare_rotation(
     scans: Iterable[LaserScan], headings: Floats, reference: Reference
 ) -> RotationDirection | None:
-    """Return how scans turn against a reference, told from the sharpest turns between neighbours.
+    """Return how scans turn against a reference, from the sharpest turns between consecutive scans.
 
     Parameters
     ----------
@@ -138,17 +138,17 @@ def compare_rotation(
 
 
 def turn_between(earlier: LaserScan, later: LaserScan) -> float:
-    """Return the angle a sensor turned by between two scans, as far as their profiles tell without doubt.
+    """Return the angle a sensor turned by between two scans, where their profiles determine it clearly.
 
     Parameters
     ----------
     earlier, later : LaserScan
-        Scans with the same, evenly spaced beams; others tell nothing.
+        Scans with the same, evenly spaced beams; for others it is undetermined.
 
     Returns
     -------
     float
-        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where they do not tell.
+        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where it is undetermined.
     """
     step, n = earlier.angle_increment, len(earlier)
     if len(later) != n or later.angle_increment != step or not earlier.has_uniform_angles:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from curvescan.diagnostics.beam_statistics import BeamStatistics
+from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -33,11 +34,11 @@ class LogStatistics:
     stamps : array of float
         Seconds, one a scan.
     n_timed : int
-        Scans that tell the time from a beam to the next.
+        Scans that give the time from one beam to the next.
     sweep_seconds : float
         Longest time from the first to the last beam, by these times; 0 without.
     beams : BeamStatistics
-        What tells beams that do not say what is there now.
+        Statistics of stale beams and of beams that see the robot itself.
     layouts : Counter of Layout
         Scans by arrangement of the beams.
     range_min, range_max : float
@@ -56,6 +57,8 @@ class LogStatistics:
         Values that are no reading; after the first thousand different ones, further ones are not counted.
     top : dict of float to int
         How often each of the 16 largest valid values occurs, exactly, among the fresh readings.
+    top_of_range : TopOfRange
+        Counts of the fresh readings by distance.
     """
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
@@ -72,6 +75,7 @@ class LogStatistics:
     n_repeats: int = 0
     codes: Counter[float] = field(default_factory=Counter)
     top: dict[float, int] = field(default_factory=dict)
+    top_of_range: TopOfRange = field(default_factory=TopOfRange)
     _previous: Floats | None = None
 
     @property
@@ -101,6 +105,7 @@ class LogStatistics:
         self.n_fresh_readings += len(scan)
         if n_valid:
             self._add_top(scan.ranges[valid])
+            self.top_of_range.add(scan)
 
     def _repeats_previous(self, ranges: Floats) -> bool:
         previous, self._previous = self._previous, ranges
@@ -116,7 +121,7 @@ class LogStatistics:
     def _add_codes(self, values: Floats) -> None:
         for value, count in zip(*_counted(values), strict=True):
             # NaN equals nothing, but a dict finds it again when it is the same object
-            key = math.nan if value != value else value
+            key = math.nan if value != value else value + 0.0  # -0.0 is 0.0
             if key in self.codes or len(self.codes) < _MAX_CODES:
                 self.codes[key] += count
 

@@ -1,4 +1,4 @@
-"""Which pose of one trajectory belongs to which of another, told by their time stamps.
+"""Which pose of one trajectory belongs to which of another, by their time stamps.
 
 Real stamps are neither sorted nor unique: they go back, repeat, and in some files they are printed with so few digits
 that they say nothing. File order is kept throughout.
@@ -27,7 +27,7 @@ class Association:
     n_exact : int
         Pairs whose stamps are equal to the last digit.
     by : {"stamp", "order"}
-        What told that they belong together.
+        By what they were associated.
     """
 
     first: Ints
@@ -43,7 +43,7 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
     """Return the pairs of two lists of stamps, equal stamps first, then the nearest within a tolerance.
 
     Equal stamps that repeat are paired in their order. Of the others, each pair of stamps within the tolerance is a
-    candidate, and the nearest are taken first. Where more than half of the stamps of a list repeat, stamps tell
+    candidate, and the nearest are taken first. Where more than half of the stamps of a list repeat, stamps say
     nothing: the lists are then paired in their order, if they are equally long.
 
     Parameters
@@ -56,7 +56,7 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
     Raises
     ------
     InvalidArgumentError
-        When the stamps tell nothing and the lists differ in length.
+        When the stamps cannot associate them and the lists differ in length.
     """
     if _says_nothing(first) or _says_nothing(second):
         if len(first) != len(second):

@@ -103,7 +103,7 @@ BENCHMARKS: dict[str, BenchmarkLog] = {
 
 
 def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
-    """Return the benchmark of that name, or that a file's name tells; None where it tells none.
+    """Return the benchmark of that name, or that the name of a file contains; None without one.
 
     Raises
     ------

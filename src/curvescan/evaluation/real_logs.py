@@ -170,7 +170,7 @@ def evaluate_log(
 
 
 def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> list[Relations | None]:
-    """Return for each log the relations between its scans, told by their stamps; None without.
+    """Return for each log the relations between its scans, associated by stamps; None without.
 
     Raises
     ------

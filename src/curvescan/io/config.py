@@ -51,7 +51,7 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
     LogFileError
         When the file cannot be opened.
     InvalidArgumentError
-        When it is no TOML, or holds an unknown key (the nearest name is told) or a value out of range.
+        When it is no TOML, or holds an unknown key (the message names the nearest known one) or a value out of range.
     """
     try:
         with Path(path).open(encoding="utf-8") as file:

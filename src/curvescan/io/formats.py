@@ -1,4 +1,4 @@
-"""The table of log formats, and how a file's first bytes tell them apart.
+"""The table of log formats, and how a file's first bytes identify them.
 
 A format is one row: a name, a sniff that looks at the first bytes after unpacking, and the reader as
 ``"module:function"``, imported when a file of the format is met. Rows are tried in order.
@@ -34,7 +34,7 @@ class LogReader(Protocol):
         path : Path
             The file, or the folder of a ROS 2 bag.
         range_max : float or None
-            Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+            Upper limit of a valid reading, metres, in place of that of the log; None to use the log's.
         topic : str or None
             Which of several lasers to read, where a format names them; None for the only one.
 
@@ -149,7 +149,7 @@ def find_format(head: bytes, path: Path) -> LogFormat:
     Raises
     ------
     LogFormatError
-        When there is none; the message says what the file is instead, as far as its bytes tell.
+        When there is none; the message says what the file is instead, as far as its bytes show.
     """
     if not head.strip():
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")

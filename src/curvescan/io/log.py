@@ -13,7 +13,7 @@ from curvescan.types import Floats, Pose, Trajectory
 
 @dataclass(frozen=True, kw_only=True)
 class ReadError:
-    """One kind of fault met while reading a log: counted, reported, not fatal.
+    """One kind of error met while reading a log: counted, reported, not fatal.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class GyroLog(Protocol):
 
 
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
-    """Return the scans of these numbers, in the order asked for; one pass over the log.
+    """Return the scans of these numbers, in the order given; one pass over the log.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def read_log(
         Pose x, y, theta of the laser on the robot (metres, metres, radians), which carries the wheel odometry to the
         laser, in place of what the log says.
     upside_down : bool or None
-        Whether the laser hangs upside down, so that its scans are mirrored; None to believe the log.
+        Whether the laser hangs upside down, so that its scans are mirrored; None to use what the log says.
     clockwise : bool
         Whether the laser turns against what the log says, so that its scans are mirrored.
     drop_stale : bool
@@ -56,7 +56,7 @@ def read_log(
     Returns
     -------
     Log
-        With at least one scan. What is broken in the file is in its ``faults``.
+        With at least one scan. What is broken in the file is in its ``read_errors``.
 
     Raises
     ------

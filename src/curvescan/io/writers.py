@@ -60,7 +60,7 @@ class OutputFormat:
     is_folder : bool
         Whether the result is a folder.
     is_text : bool
-        Whether a further ending ``.gz`` asks for gzip.
+        Whether the further ending ``.gz`` selects gzip.
     """
 
     suffixes: tuple[str, ...]
@@ -127,7 +127,7 @@ def write_log(
     Raises
     ------
     InvalidArgumentError
-        When the format is unknown or not told by the ending.
+        When the format is unknown, or the ending does not determine it.
     OutputError
         When it cannot be written there, `path` is the source, or a scan cannot be said in the format.
     """

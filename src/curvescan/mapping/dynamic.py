@@ -1,11 +1,11 @@
 """Which readings of a scan belong to something that moves, given where earlier scans were taken from.
 
 A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves
-less than his own width from one scan to the next, so scans of about the last second are asked, not the last one alone;
+less than his own width from one scan to the next, so scans of about the last second are compared, not the last one alone;
 and a segment of which a part was not there before is taken to move as a whole.
 
-After Núñez et al. 2009, section 2: the segments without a partner are the dynamic ones. Looking through is the
-test that tells what moved from what only came into view.
+After Núñez et al. 2009, section 2: the segments without a partner are the dynamic ones. A free-space violation
+separates what moved from what only came into view.
 """
 
 from __future__ import annotations
@@ -65,16 +65,16 @@ def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose
 
 
 def dynamic_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
-    """Yield the moved readings of each scan of a drive, told from the scans before it.
+    """Yield the dynamic readings of each scan of a run, by comparison with the scans before it.
 
     Parameters
     ----------
     scans : iterable of LaserScan
-        The drive; held are the last few scans only.
+        The run; only the last few scans are held.
     poses : (n, 3) float64
         Pose of the sensor at each scan, in one frame.
     is_joined : (n,) bool
-        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked.
+        Whether each pose is a motion away from the one before; scans beyond one that is not are not compared.
     """
     relative_to = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
     history: deque[LaserScan] = deque(maxlen=max(LAGS))

@@ -1,4 +1,4 @@
-"""The maps of a drive from one reading of its scans: what stands, what moved, what is free."""
+"""The maps of a run from one pass over its scans: static cells, dynamic cells, free space."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from curvescan.types import Bools, Points, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunMaps:
-    """What a drive tells of the place.
+    """The maps of a run.
 
     Attributes
     ----------
@@ -26,9 +26,9 @@ class RunMaps:
         Centres of the cells in which a reading ended on what stands, and on what moved while the sensor passed; metres,
         frame of the poses. A cell may be in both.
     grid : OccupancyGrid or None
-        The occupancy map, in which what moved is no obstacle; None where it was not asked for or is left out.
+        The occupancy map, without dynamic readings; None where it was not requested or is left out.
     why_no_grid : str
-        Why an occupancy map that was asked for is left out, a sentence; else empty.
+        Why a requested occupancy map is left out, a sentence; else empty.
     """
 
     standing: Points
@@ -45,7 +45,7 @@ def build_maps(
     cell: float = 0.05,
     occupancy: OccupancyConfig | None = None,
 ) -> RunMaps:
-    """Return the maps of a drive.
+    """Return the maps of a run.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def build_maps(
     poses : (n, 3) float64
         Pose of the sensor at each scan, frame of the map; none may be NaN.
     is_joined : (n,) bool
-        Whether each pose is a motion away from the one before; scans beyond one that is not are not asked what moved.
+        Whether each pose is a motion away from the one before; dynamic readings are not searched across one that is not.
     cell : float
         Side of the cells of `standing` and `moved`, metres, > 0.
     occupancy : OccupancyConfig or None

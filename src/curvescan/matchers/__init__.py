@@ -96,7 +96,7 @@ def match(
     Returns
     -------
     MatchResult
-        ``ok`` tells whether there is a pose, ``outcome`` how it ended. Scans that cannot be matched give a
+        ``ok`` is True when there is a pose, ``outcome`` is how it ended. Scans that cannot be matched give a
         result with a reason, never an exception.
 
     Raises

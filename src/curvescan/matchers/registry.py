@@ -1,6 +1,6 @@
 """The table of matchers: a name, where its class lives, where its parameters live.
 
-A row is all it takes to add one; nothing is imported until its name is asked for.
+A row is all it takes to add one; nothing is imported until its name is used.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool 
     seed : int or SeedSequence
         The same seed gives the same building.
     visits_round_room : bool
-        Whether the route leads into the round room, where no laser can tell which way it faces.
+        Whether the route leads into the round room, where the heading is unobservable.
     """
     rng = np.random.default_rng(seed)
     length = rng.uniform(21.5, 23.5)

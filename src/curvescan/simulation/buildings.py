@@ -49,7 +49,7 @@ def corridor(
 ) -> World:
     """Return a corridor along x, centred on the origin; bare by default: two parallel walls, no ends.
 
-    A bare corridor tells nothing about where along it the sensor is.
+    Motion along a bare corridor is unobservable.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ class ScanPair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPairs(Sequence[ScanPair]):
-    """A sequence of scan pairs, each made when asked for, from its own seed.
+    """A sequence of scan pairs, each made on access, from its own seed.
 
     Attributes
     ----------
@@ -182,8 +182,7 @@ def simulate_pairs(
     Raises
     ------
     InvalidArgumentError
-        When a name is unknown or a number out of range; when a pair is asked for, also when no place for it
-        is found.
+        When a name is unknown or a number out of range; on access to a pair, when no place for it is found.
     """
     if not 0.0 <= people_share <= 0.9:
         raise InvalidArgumentError(f"people_share must lie in [0, 0.9], got {people_share}")
@@ -215,7 +214,7 @@ def simulate_pairs(
         raise InvalidArgumentError(
             f"motions must be finite, of shape (n_pairs, 3), got shape {motions.shape}"
         )
-    built = build_world(world, child(seed, WORLD))  # also tells a wrong name at once
+    built = build_world(world, child(seed, WORLD))  # also refuses a wrong name at once
     return ScanPairs(
         world=world if fresh_world else built,
         sensor=choose_sensor(sensor),

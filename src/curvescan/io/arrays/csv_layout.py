@@ -123,8 +123,8 @@ def parse_scan(
         raise BrokenRowError("line cut short: fewer fields than the header names")
     numbers = parse_numbers(fields)
     given = dict(zip(names, numbers[:n_columns].tolist(), strict=False))
-    told = {name: number for name, number in given.items() if not math.isnan(number)}
-    value = {**OPTIONAL, **told}
+    finite = {name: number for name, number in given.items() if not math.isnan(number)}
+    value = {**OPTIONAL, **finite}
     if not math.isfinite(value.get("stamp", math.nan)):
         raise BrokenRowError("time stamp not finite")
     limit = value["range_max"] if range_max is None else range_max

@@ -28,7 +28,7 @@ class MemoryLog:
         Wheel odometry: pose of the sensor at each scan.
     name, format : str
         For titles and messages.
-    faults, tag_counts, notes
+    read_errors, tag_counts, notes
         Empty: there is no file that could be broken.
     """
 
@@ -88,7 +88,7 @@ def log_from_arrays(
     Raises
     ------
     InvalidArgumentError
-        When a pair is none, a number breaks the rules of LaserScan (the message tells the scan), or `odometry` has
+        When a pair is none, a number breaks the rules of LaserScan (the message names the scan), or `odometry` has
         another length.
     """
     scans: list[LaserScan] = []

@@ -1,4 +1,4 @@
-"""NpzFile: the arrays of an .npz file, none of which is believed before it is measured.
+"""NpzFile: the arrays of an .npz file, whose claimed sizes are checked before anything is allocated.
 
 An .npz is a zip archive with one .npy file an array. The header of each says shape and type; they must agree with the bytes
 that are there before anything is reserved, and nothing is unpickled. Arrays are read from the file a block of rows at a time.
@@ -44,7 +44,7 @@ class NpyHeader:
     Attributes
     ----------
     shape : tuple of int
-        Its bytes are there, as far as the archive tells.
+        Its bytes are there, as far as the archive shows.
     dtype : numpy.dtype
         A number of at most 8 bytes.
     is_fortran : bool

@@ -50,7 +50,7 @@ ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 class StreamLog:
     """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
 
-    The source is read through once on opening, to count scans and faults; memory grows by 32 bytes a scan.
+    The source is read through once on opening, to count scans and read errors; memory grows by 32 bytes a scan.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class StreamLog:
     Raises
     ------
     LogFormatError
-        When it holds no scan that can be read; the message tells the most frequent fault.
+        When it holds no scan that can be read; the message gives the most frequent read error.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class StreamLog:
         return Trajectory(stamps=self._stamps, poses=poses)
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the robot; that of the laser where the source does not tell its mount."""
+        """Return the wheel odometry of the robot; that of the laser where the source does not give its mount."""
         laser = self.odometry
         if laser is None:
             return None
@@ -154,7 +154,7 @@ class StreamLog:
 
 
 def refuse_topic(path: object, kind: str, topic: str | None) -> None:
-    """Raise InvalidArgumentError when a topic is asked for in a format that has none."""
+    """Raise InvalidArgumentError when a topic is given for a format that has none."""
     if topic is not None:
         raise InvalidArgumentError(
             f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out"

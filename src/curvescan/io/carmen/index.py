@@ -41,7 +41,7 @@ class Series:
     stamps : array of float
         One a sweep, seconds.
     poses : array of float
-        Three a sweep: x, y, theta of the laser, or of the robot where the lines do not tell them apart; NaN
+        Three a sweep: x, y, theta of the laser, or of the robot where the lines do not distinguish them; NaN
         where unknown.
     robot_poses : array of float
         Three a sweep, of the robot.
@@ -81,7 +81,7 @@ class Index:
         Range limit of the last PARAM line that gives one, metres.
     tag_counts : dict of str to int
         Lines by message name, sound or not, in order of appearance; ``"#"`` are comments.
-    faults : tuple of Fault
+    read_errors : tuple of ReadError
         Most frequent first.
     """
 

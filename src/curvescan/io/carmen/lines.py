@@ -147,7 +147,7 @@ SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
     b"FLASER": parse_flaser,
     b"RAWLASER1": parse_rawlaser1,
 }
-"""Parser of each message that carries a sweep of the front laser, the one that tells most first."""
+"""Parser of each message that carries a sweep of the front laser, the most complete one first."""
 
 
 def parse_odom(line: bytes) -> PoseRow:

@@ -1,7 +1,7 @@
 """CarmenLog: the sweeps of a CARMEN log, the text format of the classic 2D SLAM data sets.
 
 Which lines are read. The front laser's, as FLASER, ROBOTLASER1 or RAWLASER1. A logger may write the same sweep
-under two of these names; of a log that holds several, only the one that tells most is read: ROBOTLASER1 before
+under two of these names; of a log that holds several, only the most complete one is read: ROBOTLASER1 before
 FLASER before RAWLASER1. A rear or further laser (RLASER, ROBOTLASER2, ...) is counted and not read. ``notes``
 says what was left out.
 
@@ -47,8 +47,8 @@ _OTHER_LASERS = {
 class CarmenLog:
     """The sweeps of a CARMEN log's front laser, in file order; a Log.
 
-    The file is read through once on opening, to count sweeps and faults, and anew by each iteration, one sweep in
-    memory at a time. A line that breaks the format is skipped and counted in ``faults``; readings of any value
+    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
+    memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any value
     (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
 
     Parameters
@@ -56,7 +56,7 @@ class CarmenLog:
     path : Path
         The file, plain or gzip-compressed.
     range_max : float or None
-        Upper limit of a valid reading, metres, in place of what the log says; None to believe the log.
+        Upper limit of a valid reading, metres, in place of that of the log; None to use the log's.
     topic : None
         Only None: a CARMEN log has no topics.
 
@@ -65,7 +65,7 @@ class CarmenLog:
     LogFileError
         When the file cannot be read.
     LogFormatError
-        When it holds no sweep that can be read; the message tells the most frequent fault.
+        When it holds no sweep that can be read; the message gives the most frequent read error.
     InvalidArgumentError
         When a `topic` is given.
     """
@@ -106,7 +106,7 @@ class CarmenLog:
         return _trajectory(self._series.stamps, self._series.poses)
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the pose of the robot at each sweep, where the log tells it from the laser's; else ``odometry``."""
+        """Return the pose of the robot at each sweep, where the log distinguishes it from the laser's; else ``odometry``."""
         return _trajectory(self._series.stamps, self._series.robot_poses) or self.odometry
 
     def hangs_upside_down(self) -> bool:

@@ -80,7 +80,7 @@ class CheckedPath:
         return self._path.read_text(encoding)
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:
-        """Open the file for reading bytes, whatever mode is asked for."""
+        """Open the file for reading bytes, whatever mode is given."""
         return cast(BinaryIO, _CheckedFile(io.FileIO(self._path), self._look, self._rewrite))
 
 

@@ -1,8 +1,8 @@
 """Lines of a text file, plain or gzip-compressed, in bounded memory.
 
-Compression is told by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
+Compression is detected by the two magic bytes of gzip (RFC 1952), never by the name of the file. Compressed data
 that break off deliver what stands before the break; a line that never ends is dropped while it is read. Both
-are faults, neither is fatal.
+are read errors, neither is fatal.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
     ----------
     path : Path
         A regular file, opened anew by each call and closed when the iteration ends or is given up.
-    faults : ReadErrorCounter
+    read_errors : ReadErrorCounter
         Lines above MAX_LINE_BYTES, which are not yielded, and damage of the compression are added to it.
 
     Yields

@@ -167,7 +167,7 @@ def _move(source: Path, goal: Path) -> None:
 
 
 def _give_ordinary_rights(temporary: Path) -> None:
-    # it was made for its owner alone; what the process gives a new folder is told by making one
+    # it was made for its owner alone; the mode of a new folder is found by making one
     ordinary = temporary / ".rights"
     ordinary.mkdir()
     temporary.chmod(ordinary.stat().st_mode & 0o7777)

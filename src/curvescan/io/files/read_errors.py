@@ -6,9 +6,9 @@ from curvescan.io.log import ReadError
 
 
 class ReadErrorCounter:
-    """Counts faults by rule and remembers the place where each was met first.
+    """Counts read errors by rule and remembers the place where each was met first.
 
-    Its size grows with the number of rules, not with the number of faults.
+    Its size grows with the number of rules, not with their number.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def bag_in_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def mcap_in_file(path: Path) -> Iterator[Path]:
-    """Yield where to write an MCAP bag of which the one file is to lie at `path`, which tells all without metadata.yaml."""
+    """Yield where to write an MCAP bag of which the one file is to lie at `path`, which needs no metadata.yaml."""
     folder = Path(tempfile.mkdtemp(prefix=".curvescan-", dir=path.parent))
     try:
         yield folder / "scans"

@@ -45,7 +45,7 @@ def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
                 continue  # one of a hundred a second
             rows.extend((at, rate))
     except LogFormatError:
-        pass  # damage from here on: what stands before is used, and the scans' faults tell of it
+        pass  # damage from here on: what stands before is used, and the read errors of the scans report it
     times, rates = np.array(rows).reshape(-1, 2).T
     times, first_idx = np.unique(times[np.isfinite(rates)], return_index=True)
     if times.size < 2:

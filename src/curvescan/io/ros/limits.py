@@ -1,4 +1,4 @@
-"""Limits for rosbags' readers of ROS 1 bags and of MCAP, which believe what a file says of itself.
+"""Limits for rosbags' readers of ROS 1 bags and of MCAP, which trust the sizes that a file claims.
 
 What is checked: what chunks unpack to (see unpacking.py), how much index a ROS 1 bag has, how many chunks of an MCAP file have to be
 held at once, and the YAML that both kinds of ROS 2 bags carry, in which a few hundred bytes can stand for hours of work.

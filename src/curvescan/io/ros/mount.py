@@ -1,4 +1,4 @@
-"""Which way up a bag's laser is mounted, told from its first transforms: before the first scan is read."""
+"""Whether a bag's laser is mounted upside down, from its first transforms: before the first scan is read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TILTED = math.radians(5.0)
 
 
 def laser_tilt(bag: Bag, frame: str) -> float:
-    """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is not told.
+    """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is unknown.
 
     Parameters
     ----------

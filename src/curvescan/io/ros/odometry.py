@@ -35,7 +35,7 @@ _USUAL_BASES = ("base_link", "base_footprint")
 
 @dataclass(frozen=True, kw_only=True)
 class BagOdometry:
-    """What a bag tells of the robot's motion.
+    """The odometry in a bag.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class _Reader:
                 except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
                     self.n_broken += 1
         except LogFormatError:
-            pass  # damage from here on: what stands before is used, and the scans' faults tell of it
+            pass  # damage from here on: what stands before is used, and the read errors of the scans report it
 
     def _add_odometry(self, message: Message) -> None:
         decoded = self._bag.decode(message)

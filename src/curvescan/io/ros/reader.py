@@ -56,15 +56,15 @@ class _Survey:
 class RosbagLog:
     """The scans of one laser of a ROS bag, in the order they were received; a Log.
 
-    Opening reads the bag's table of contents and its first scans. The number of scans and the faults are known after
-    one reading of all scans: that of the first complete iteration, or one of its own where they are asked for before.
+    Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known after
+    one reading of all scans: that of the first complete iteration, or one of its own where they are needed earlier.
 
     Parameters
     ----------
     path : Path
         The file, plain or gzip-compressed, or the folder of a ROS 2 bag.
     range_max : float or None
-        Upper limit of a valid reading, metres, in place of what the messages say; None to believe them.
+        Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs.
     topic : str or None
         Topic of sensor_msgs/LaserScan messages; None for the only one.
 
@@ -110,7 +110,7 @@ class RosbagLog:
         """Wheel odometry at the stamps of the scans: the pose of the laser, by its mount, in the odometry's frame.
 
         From nav_msgs/Odometry, else from the transform odom -> base of /tf, interpolated in time; a row of NaN outside
-        the time they cover. ``notes`` tells the mount. None without any.
+        the time they cover. ``notes`` describes the mount. None without any.
         """
         return self._odometry.trajectory
 
@@ -200,7 +200,7 @@ class RosbagLog:
     def _look_at_first(self) -> bool:
         """Learn the scans' frame and whether they are stamped, and return whether one can be read.
 
-        Scans at 0 are not stamped; a single one is believed.
+        Scans at 0 are not stamped; a single one is taken as valid.
         """
         stamps, is_sound = [], False
         for message in islice(self._bag.messages([self._topic]), _N_FIRST):

@@ -1,4 +1,4 @@
-"""read_poses: a trajectory or a reference from whatever file holds one, told apart by content.
+"""read_poses: a trajectory or a reference from whatever file holds one, its format detected by content.
 
 TUM text; CSV as the odometry writes it; CSV with columns stamp (or timestamp), x, y, theta; a log, whose own poses
 count: wheel odometry, or what a SLAM system has corrected.
