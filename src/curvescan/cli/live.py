@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, Laser, Method, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.cli.options import Method
 
 if TYPE_CHECKING:
     from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer
@@ -215,6 +214,14 @@ def _tracker(mode: Mode, method: Method, saved_map: Path | None, viewer: Viewer 
     if viewer is not None:
         viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
     load_kernels(method)
+    if saved_map is not None:
+        from curvescan import Localizer, load_map
+
+        return Tracker(Localizer(load_map(saved_map)))
+    if mode == "SLAM":
+        from curvescan import Slam
+
+        return Tracker(Slam(method))
     return Tracker(Odometry(method))
 
 

@@ -73,7 +73,7 @@ class LiveMap:
         if self._revised is not None and time.monotonic() >= self._next_redraw:
             self.redraw()
         pose = tracked.pose
-        self._deskewer.tick(tracked.scan)
+        self._deskewer = self._deskewer.ticked(tracked.scan)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
         self._before = pose
         if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), _PATH_STEP_M, 1e9):
