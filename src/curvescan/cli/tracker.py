@@ -21,4 +21,4 @@ def make_odometry(
     given = chain_config.odometry
     config = given if uses_keys else OdometryConfig.scan_to_scan()
     config = replace(config, deskew=deskew and given.deskew)
-    return Odometry(method, matcher_config=configs.of(method), config=config)
+    return Odometry(method, config=config, matcher=configs.of(method))

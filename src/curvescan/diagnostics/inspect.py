@@ -10,8 +10,7 @@ from curvescan import se2
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
 from curvescan.diagnostics.rotation_direction import rotation_of_log
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io.log import Log
-from curvescan.io.sensor_setup import MountedLog
+from curvescan.io.log import Log, MountedLog
 from curvescan.types import Floats, Trajectory
 
 _MIN_CODE_SHARE = 0.001

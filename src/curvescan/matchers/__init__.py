@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, find_matcher
+from curvescan.matchers.registry import (
+    DEFAULT_METHOD,
+    MATCHERS,
+    Matcher,
+    MatcherConfig,
+    Method,
+    find_matcher,
+)
 from curvescan.matchers.result import Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -20,6 +27,8 @@ __all__ = [
     "Label",
     "MatchResult",
     "Matcher",
+    "MatcherConfig",
+    "Method",
     "Outcome",
     "PreparedScan",
     "find_matcher",
@@ -46,9 +55,16 @@ class PreparedScan:
     matcher: Matcher
     features: Any
 
+    def __repr__(self) -> str:
+        kind = type(self.matcher).__name__.removesuffix("Matcher")
+        return f"PreparedScan({self.scan!r} with the features of {kind})"
+
 
 def prepare(
-    scan: LaserScan, *, method: str = DEFAULT_METHOD, config: object | None = None
+    scan: LaserScan,
+    *,
+    method: Method | str = DEFAULT_METHOD,
+    config: MatcherConfig | None = None,
 ) -> PreparedScan:
     """Return a scan with its features computed, ready to be matched as reference and as current scan.
 
@@ -58,8 +74,9 @@ def prepare(
         Any scan, also one without valid readings.
     method : str
         Name of the matcher.
-    config : object or None
-        Its configuration; None for the defaults.
+    config : dataclass, mapping or None
+        The matcher's configuration, or a mapping of the fields that differ from the defaults, nested as its classes
+        are; None for the defaults.
 
     Raises
     ------
@@ -73,9 +90,9 @@ def match(
     reference: LaserScan | PreparedScan,
     current: LaserScan | PreparedScan,
     *,
-    method: str = DEFAULT_METHOD,
+    method: Method | str = DEFAULT_METHOD,
     guess: ArrayLike | None = None,
-    config: object | None = None,
+    config: MatcherConfig | None = None,
 ) -> MatchResult:
     """Return the pose of `current` seen from `reference`, with its covariance.
 
@@ -90,8 +107,9 @@ def match(
         Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
         faster with a good one and no worse with a wrong one, and follows it along a direction that the scans leave
         open; "cfsma" uses none.
-    config : object or None
-        The matcher's configuration; None for its defaults.
+    config : dataclass, mapping or None
+        The matcher's configuration (``cs.CurvescanConfig`` for "curvescan"), or a mapping of the fields that differ
+        from the defaults: ``{"refinement": {...}}``; None for its defaults.
 
     Returns
     -------

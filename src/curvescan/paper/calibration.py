@@ -1,4 +1,4 @@
-"""The paper's way of finding its parameters, from scans of plane surfaces and of corners (section 4).
+"""The paper's way of finding its parameters, from scans of plane surfaces and of corners (the paper's section 3.1).
 
 sigma_rho: how far readings lie from the plane they are on. U_k: the least tolerance at which no false peak shows on a
 plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: most corners are found, and

@@ -1,4 +1,4 @@
-"""The paper's five experiments in one go (section 5): seeded, so that a rerun gives the same numbers."""
+"""The paper's five experiments in one go (its sections 3.2 and 3.3): seeded, so that a rerun gives the same numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's experiments 2, 3 and 4: drives of a robot, every method on the same scans (section 5)."""
+"""The paper's experiments 2, 3 and 4: drives of a robot, every method on the same scans (the paper's sections 3.2 and 3.3)."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, Readings, valid_readings
 from curvescan.types import Bools, Floats, Ints, Points
 
-_SURFACES = SegmentationConfig(min_readings=3)
+_SURFACES = SegmentationConfig(range_sigma=0.01, min_readings=3)
 ARM = 0.15
 """Half length of the stretch of surface a tangent is fitted to, metres: 10 mm of noise then turn it by
 2 to 3 degrees at any range, as the readings on the stretch are many where they are near."""

@@ -1,6 +1,6 @@
 """The parameters of CF-SMA: the paper's seven, and the few it leaves unsaid.
 
-Each class configures one stage. The paper's symbol, its value and how it was found (section 4) stand
+Each class configures one stage. The paper's symbol, its value and how it was found (section 3.1) stand
 beside each field; a field marked *open* has no number in the paper.
 """
 
@@ -112,3 +112,14 @@ class CfSmaConfig:
     """Pairing of curvature functions."""
     landmarks: LandmarksConfig = field(default_factory=LandmarksConfig)
     """Characteristic points."""
+    consistency: bool = False
+    """Not in the paper: whether pairs that do not agree with the largest group of others are left out."""
+    consistency_distance: float = 0.05
+    """Root mean square distance up to which the readings around a pair agree with a pose, metres."""
+
+    def __post_init__(self) -> None:
+        require(
+            self.consistency_distance > 0.0,
+            "consistency_distance must be > 0 m",
+            self.consistency_distance,
+        )
