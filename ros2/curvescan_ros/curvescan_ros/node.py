@@ -113,25 +113,19 @@ class CurvescanNode(Node):
 
     def _new_tracker(self) -> Tracker:
         mode, method = self._p["mode"], self._p["method"]
-        matcher_config, config = self._configs(method)
         if mode == "localization":
             return Tracker(curvescan.Localizer(curvescan.load_map(self._p["map_file"])))
-        if mode == "slam" and hasattr(curvescan, "Slam"):
-            return Tracker(curvescan.Slam(method, matcher_config=matcher_config))
-        if mode not in ("slam", "odometry"):
+        if mode == "slam":
+            return Tracker(curvescan.Slam(method))
+        if mode != "odometry":
             raise curvescan.InvalidArgumentError(
                 f"mode must be odometry, slam or localization, got {mode!r}"
             )
-        return Tracker(curvescan.Odometry(method, matcher_config=matcher_config, config=config))
-
-    def _configs(self, method: str) -> tuple[object | None, OdometryConfig | None]:
-        """Return the parameters of the matcher and of the odometry in the file `config`."""
         if not self._p["config"]:
-            return None, None
-        matcher_config = find_matcher(method).config
-        defaults = {method: matcher_config, "odometry": OdometryConfig()}
+            return Tracker(curvescan.Odometry(method))
+        defaults = {method: find_matcher(method).config, "odometry": OdometryConfig()}
         read = read_config(self._p["config"], defaults)
-        return read[method], read["odometry"]
+        return Tracker(curvescan.Odometry(method, matcher=read[method], config=read["odometry"]))
 
     def _new_map_sink(self) -> MapPublisher:
         def publish(grid: object) -> None:

@@ -10,7 +10,7 @@ import threading
 import webbrowser
 from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
@@ -21,6 +21,7 @@ from curvescan.mapping.config import OccupancyConfig
 
 if TYPE_CHECKING:
     from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer
+    from curvescan.live.tracker import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
@@ -102,8 +103,9 @@ def live(
     occupancy
         How to make the occupancy map.
     """
+    from curvescan import load_map
     from curvescan.cli.console import ERR, OUT
-    from curvescan.live import ResultsSink, Viewer
+    from curvescan.live import ResultsSink, Tracker, Viewer
     from curvescan.live.server import PageServer
 
     if log is not None and driver is not None:
@@ -118,11 +120,18 @@ def live(
     signal.signal(
         signal.SIGTERM, signal.default_int_handler
     )  # a service manager stops us like Ctrl-C
+    saved = None if map is None else load_map(map)
     is_lossless = not source.is_live
     with ExitStack() as pages:
         viewer = None
         if not no_page:
-            viewer = Viewer(source.name, mode=mode, occupancy=occupancy, is_lossless=is_lossless)
+            viewer = Viewer(
+                source.name,
+                mode=mode,
+                occupancy=occupancy,
+                saved_map=saved,
+                is_lossless=is_lossless,
+            )
             server = PageServer(viewer, host=host, port=_free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
             _open_browser(server.url)
@@ -134,12 +143,16 @@ def live(
                 if out
                 else None
             )
-            tracker = _tracker(mode, method, map, viewer)
-            report = _track(source, tracker, viewer, results, record)
+            engine = _engine(mode, method, saved, viewer)
+            report = _track(source, Tracker(engine), viewer, results, record)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
                 files = results.write(
-                    folder, report, name=source.name, details=_details(mode, method)
+                    folder,
+                    report,
+                    name=source.name,
+                    slam=engine if mode == "SLAM" else None,
+                    details={"command": sys.argv, "mode": mode, "method": method},
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None:
@@ -205,24 +218,17 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
     )
 
 
-def _tracker(mode: Mode, method: Method, saved_map: Path | None, viewer: Viewer | None) -> Tracker:
-    """Return the tracker, its kernels compiled."""
-    from curvescan import Odometry
+def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None) -> Engine:
+    """Return the odometry, SLAM or localizer, its kernels compiled."""
+    import curvescan
     from curvescan.cli.console import load_kernels
-    from curvescan.live import Tracker
 
     if viewer is not None:
         viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
     load_kernels(method)
-    if saved_map is not None:
-        from curvescan import Localizer, load_map
-
-        return Tracker(Localizer(load_map(saved_map)))
-    if mode == "SLAM":
-        from curvescan import Slam
-
-        return Tracker(Slam(method))
-    return Tracker(Odometry(method))
+    if mode == "localization":
+        return curvescan.Localizer(saved, method=method)
+    return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
 
 
 def _track(
@@ -256,10 +262,6 @@ def _track(
         if sink.error is not None:
             raise sink.error
     return report
-
-
-def _details(mode: Mode, method: Method) -> dict[str, object]:
-    return {"command": sys.argv, "mode": mode, "method": method}
 
 
 def _free_port(host: str, port: int | None) -> int:

@@ -6,7 +6,7 @@ import struct
 import time
 import zlib
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +73,8 @@ class LiveMap:
         if self._revised is not None and time.monotonic() >= self._next_redraw:
             self.redraw()
         pose = tracked.pose
+        if np.isnan(pose).any():
+            return
         self._deskewer = self._deskewer.ticked(tracked.scan)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
         self._before = pose
@@ -90,6 +92,11 @@ class LiveMap:
             ):
                 self._kept.append((tracked.index, scan))
                 self._kept_at = pose
+
+    def begin_with(self, scans: Iterable[LaserScan], poses: Pose) -> None:
+        """Enter the keyframes of a saved map."""
+        for scan, pose in zip(scans, poses, strict=True):
+            self._enter(scan, pose)
 
     def path(self, start: int = 0) -> Floats:
         """Return the (n, 2) points of the path from number `start` on, metres."""
@@ -120,9 +127,10 @@ class LiveMap:
             self.why_no_grid = str(error)
         self.version += 1
 
-    def redraw(self) -> None:
-        """Draw map and path anew with the newest revised poses, if there are any that were not used yet."""
-        poses, started = self._revised, time.monotonic()
+    def redraw(self, poses: Pose | None = None) -> None:
+        """Draw map and path anew with revised poses, one a scan: those given, else the newest that were not used yet."""
+        started = time.monotonic()
+        poses = self._revised if poses is None else poses
         if poses is None or not len(poses):
             return
         self._revised = None

@@ -6,6 +6,7 @@ import json
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,6 @@ class ResultsSink(WorkerSink):
         self._map = LiveMap(occupancy, is_revisable=is_revisable)
         self._stamps, self._poses, self._covariances = array("d"), array("d"), array("d")
         self._outcomes: list[str] = []
-        self._revised: Trajectory | None = None
         super().__init__("results", capacity=10_000, is_lossless=is_lossless)
 
     def _take(self, tracked: TrackedScan) -> None:
@@ -72,7 +72,7 @@ class ResultsSink(WorkerSink):
         report: LiveReport,
         *,
         name: str,
-        revised: Trajectory | None = None,
+        slam: Any = None,
         details: Mapping[str, object] | None = None,
     ) -> tuple[str, ...]:
         """Write the results into an existing folder, after the sink was closed, and return the names of the files.
@@ -85,19 +85,21 @@ class ResultsSink(WorkerSink):
             How the run went.
         name : str
             Name of the source.
-        revised : Trajectory or None
-            The revised trajectory, with SLAM; what was told at the time is then written beside it.
+        slam : Slam or None
+            What was run: its revised trajectory and its map are written, and beside them what was told at the time.
         details : mapping or None
             Further entries of run.json.
         """
         told = self.trajectory()
-        trajectory = told if revised is None or len(revised) != len(told) else revised
+        trajectory = told if slam is None else slam.finish()
         write_tum(folder / "trajectory.tum", trajectory)
         write_csv(folder / "trajectory.csv", trajectory, self._outcomes)
         written = ["trajectory.tum", "trajectory.csv"]
-        if trajectory is not told:
+        if slam is not None:
             write_tum(folder / "trajectory_online.tum", told)
-            written.append("trajectory_online.tum")
+            slam.map.save(folder / "map.csmap")
+            written += ["trajectory_online.tum", "map.csmap"]
+            self._map.redraw(trajectory.poses)
         grid = self._map.grid()
         if grid.log_odds.size:
             write_map(folder, grid)

@@ -9,13 +9,11 @@ from enum import Enum
 from typing import Any, Protocol
 
 from curvescan.matchers import MatchResult
-from curvescan.odometry import StepOutcome
-from curvescan.odometry.step import MATCHES
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Pose, Trajectory
 
-LOST = (StepOutcome.PREDICTED, StepOutcome.HELD)
-"""Outcomes of scans that were not matched."""
+UNMATCHED = frozenset({"STARTED", "PREDICTED", "HELD", "SEARCHING"})
+"""Names of the outcomes, of any engine, that stand on no match."""
 
 
 class Engine(Protocol):
@@ -39,7 +37,8 @@ class TrackedScan:
     step : OdometryStep, SlamStep or another
         What the engine said of it.
     pose : (3,) float64
-        Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`.
+        Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`; NaN while it
+        is searched for in a saved map.
     pose_odom : (3,) float64
         Pose of the sensor by odometry alone, frame of the first scan.
     covariance : (3, 3) float64
@@ -128,7 +127,7 @@ class Tracker:
             pose_odom=getattr(step, "pose_odom", step.pose),
             covariance=step.covariance,
             outcome=step.outcome,
-            is_matched=step.outcome in MATCHES,
+            is_matched=step.outcome.name not in UNMATCHED,
             match=getattr(step, "match", None),
             closures=self._joined(getattr(step, "closures", ())),
             revised=self.engine.trajectory() if is_revised else None,  # type: ignore[attr-defined]

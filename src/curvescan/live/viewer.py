@@ -11,8 +11,8 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from curvescan.live.live_map import LiveMap, MapPicture, picture_of
 from curvescan.live.sinks import WorkerSink
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.types import Floats
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Pose
 
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
 """The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
@@ -37,6 +38,15 @@ _N_POINTS = 1500
 Event = tuple[str, dict[str, Any]]
 
 
+class SavedMap(Protocol):
+    """What is shown of a :class:`curvescan.SlamMap`."""
+
+    @property
+    def scans(self) -> Sequence[LaserScan]: ...  # noqa: D102
+    @property
+    def poses(self) -> Pose: ...  # noqa: D102
+
+
 class Viewer(WorkerSink):
     """What the page shows.
 
@@ -48,6 +58,8 @@ class Viewer(WorkerSink):
         "odometry", "SLAM" or "localization".
     occupancy : OccupancyConfig or None
         How to make the occupancy map.
+    saved_map : SlamMap or None
+        The map that is localized in, shown from the beginning.
     is_lossless : bool
         Whether the tracker waits for this sink, so that no scan is missing in the map.
     """
@@ -58,11 +70,14 @@ class Viewer(WorkerSink):
         *,
         mode: str = "odometry",
         occupancy: OccupancyConfig | None = None,
+        saved_map: SavedMap | None = None,
         is_lossless: bool = False,
     ) -> None:
         self._about = {"name": name, "mode": mode}
         self._status = {"kind": "loading", "text": "loading"}
         self._map = LiveMap(occupancy, is_revisable=mode == "SLAM")
+        if saved_map is not None:
+            self._map.begin_with(saved_map.scans, saved_map.poses)
         self._picture: MapPicture | None = None
         self._next_picture = 0.0
         self._closures: list[tuple[int, int]] = []
@@ -182,7 +197,8 @@ class Viewer(WorkerSink):
 
     def _frame_of(self, tracked: TrackedScan) -> dict[str, Any]:
         """Return what is sent of a scan."""
-        x, y, _ = tracked.pose.tolist()
+        is_known = bool(np.isfinite(tracked.pose).all())
+        x, y, _ = tracked.pose_odom.tolist()
         if self._last_pose is not None:
             self._length_m += math.dist(self._last_pose, (x, y))
         self._last_pose = (x, y)
@@ -194,11 +210,11 @@ class Viewer(WorkerSink):
         return {
             "index": tracked.index,
             "stamp": tracked.scan.stamp,
-            "pose": [round(v, 5) for v in tracked.pose.tolist()],
-            "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]],
+            "pose": [round(v, 5) for v in tracked.pose.tolist()] if is_known else None,
+            "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]] if is_known else None,
             "outcome": tracked.outcome.name,
             "sentence": tracked.outcome.value,
-            "is_matched": bool(tracked.is_matched or tracked.index == 0),
+            "is_matched": tracked.is_matched or (tracked.index == 0 and is_known),
             "score": None if match is None or not match.ok else round(float(match.score), 3),
             "degenerate": is_degenerate(match),
             "ms": round(1e3 * tracked.seconds, 3),

@@ -60,11 +60,15 @@ function toned(image) {
 }
 
 const metres = (v, sigma) => `${v.toFixed(3)} m ± ${(1e3 * sigma).toFixed(sigma < 0.01 ? 1 : 0)} mm`;
-function showFigures(s) {
+function showPose(s) {
+  if (!s.pose) { for (const name of ["x", "y", "theta"]) $(name).textContent = "–"; return; }
   const [x, y, theta] = s.pose, [xx, , yy, tt] = s.covariance, deg = 180 / Math.PI;
   $("x").textContent = metres(x, Math.sqrt(xx));
   $("y").textContent = metres(y, Math.sqrt(yy));
   $("theta").textContent = `${(theta * deg).toFixed(2)}° ± ${(Math.sqrt(tt) * deg).toFixed(2)}°`;
+}
+function showFigures(s) {
+  showPose(s);
   $("ms").textContent = `${s.ms_median.toFixed(1)} ms, worst ${s.ms_max.toFixed(0)}`;
   $("scans").textContent = (s.index + 1).toLocaleString("en");
   $("rate").textContent = s.rate === null ? "–" : `${s.rate.toFixed(1)} Hz`;
@@ -86,6 +90,7 @@ function spark() {
   state.times.forEach((t, i) => { const bar = Math.max(1, (h * t) / top); p.fillRect(i * step, h - bar, Math.max(step - 1, 1), bar); });
 }
 
+const isPlaced = () => state.scan !== null && state.scan.pose !== null;
 function redraw() { if (!isDrawn) { isDrawn = true; requestAnimationFrame(() => { isDrawn = false; draw(); }); } }
 
 function bounds() {
@@ -96,7 +101,7 @@ function bounds() {
     take(x, y); take(x + r * columns, y + r * rows);
   }
   for (let i = 0; i < state.path.length; i += 2) take(state.path[i], state.path[i + 1]);
-  if (!state.map && state.scan) for (const [x, y] of scanPoints()) take(x, y);
+  if (!state.map && isPlaced()) for (const [x, y] of scanPoints()) take(x, y);
   return b;
 }
 
@@ -127,10 +132,10 @@ function draw() {
   }
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   if (view.isFitted) fit();
-  else if (view.isFollowing && state.scan) { [view.x, view.y] = state.scan.pose; }
+  else if (view.isFollowing && isPlaced()) { [view.x, view.y] = state.scan.pose; }
   pen.fillStyle = colours.ground; pen.fillRect(0, 0, innerWidth, innerHeight);
   drawGrid(); drawMap(); drawPath(); drawClosures();
-  if (state.scan) { drawScan(); drawRobot(); }
+  if (isPlaced()) { drawScan(); drawRobot(); }
   drawScale();
 }
 
@@ -159,7 +164,7 @@ function drawPath() {
   if (p.length < 2) return;
   pen.beginPath();
   for (let i = 0; i < p.length; i += 2) { const [u, v] = toScreen(p[i], p[i + 1]); if (i) pen.lineTo(u, v); else pen.moveTo(u, v); }
-  if (state.scan) pen.lineTo(...toScreen(state.scan.pose[0], state.scan.pose[1]));
+  if (isPlaced()) pen.lineTo(...toScreen(state.scan.pose[0], state.scan.pose[1]));
   pen.strokeStyle = colours.path; pen.lineWidth = 2; pen.lineJoin = "round"; pen.stroke();
 }
 
