@@ -28,6 +28,7 @@ from curvescan.io.ros.laser_scan import scan_of
 from curvescan.io.ros.messages import BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree
 from curvescan.live import Tracker
+from curvescan.live.warm_up import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
 from curvescan.scan import mirrored
@@ -82,7 +83,7 @@ class CurvescanNode(Node):
         self._p = p
         started = time.monotonic()
         self._tracker = self._new_tracker()
-        warm_up(p["method"])
+        warm_up(lambda: self._new_tracker().engine)
         self.get_logger().info(f"kernels are ready after {time.monotonic() - started:.1f} s")
         self._tree, self._motion, self._is_mirrored = FrameTree(), None, False
         self._wheels: deque[tuple[float, np.ndarray]] = deque(maxlen=400)
@@ -264,21 +265,6 @@ class CurvescanNode(Node):
         else:
             answer.success, answer.message = True, f"wrote {path.with_suffix('.yaml').absolute()}"
         return answer
-
-
-def warm_up(method: str) -> None:
-    """Compile the kernels of the whole path, before a subscription exists."""
-    if hasattr(curvescan, "warm_up"):
-        curvescan.warm_up(method)
-        return
-    angles = np.arange(180) * (np.pi / 90.0)
-    ranges = 2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
-    odometry, builder = curvescan.Odometry(method), curvescan.OccupancyBuilder()
-    for k in range(3):
-        scan = curvescan.LaserScan(
-            ranges, angle_min=0.0, angle_increment=np.pi / 90.0, stamp=0.1 * k, time_increment=1e-4
-        )
-        builder.add(scan, odometry.add(scan).pose)
 
 
 def main() -> None:

@@ -98,8 +98,9 @@ class Bench:
         for node in (self.node, self.listener):
             executor = SingleThreadedExecutor()
             executor.add_node(node)
-            threading.Thread(target=executor.spin, daemon=True).start()
-            self._executors.append(executor)
+            thread = threading.Thread(target=executor.spin, daemon=True)
+            thread.start()
+            self._executors.append((executor, thread))
 
     def _on_odom(self, message):
         self.odom.append(message)
@@ -107,7 +108,7 @@ class Bench:
 
     def play(self, path, rate):
         subprocess.run(
-            [sys.executable, HERE / "player.py", path, str(rate)], check=True, timeout=120
+            [sys.executable, HERE / "player.py", path, str(rate)], check=True, timeout=300
         )
 
     def call(self, service):
@@ -120,8 +121,9 @@ class Bench:
         return future.result()
 
     def close(self):
-        for executor in self._executors:
+        for executor, thread in self._executors:
             executor.shutdown()
+            thread.join()
         self.node.close()
         self.node.destroy_node()
         self.listener.destroy_node()

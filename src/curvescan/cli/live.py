@@ -221,14 +221,23 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
 def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None) -> Engine:
     """Return the odometry, SLAM or localizer, its kernels compiled."""
     import curvescan
-    from curvescan.cli.console import load_kernels
+    from curvescan._jit import n_compiled
+    from curvescan.cli.console import ERR
+    from curvescan.live.warm_up import warm_up
 
+    def new() -> Engine:
+        if mode == "localization":
+            return curvescan.Localizer(saved, method=method)
+        return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
+
+    text = "loading kernels (they are compiled in the first run only)"
     if viewer is not None:
-        viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
-    load_kernels(method)
-    if mode == "localization":
-        return curvescan.Localizer(saved, method=method)
-    return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
+        viewer.set_status("loading", text)
+    with ERR.status(text):
+        seconds = warm_up(new)
+    if n_compiled():
+        ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+    return new()
 
 
 def _track(
