@@ -130,9 +130,6 @@ _HOMES = {
     "PlIcpConfig": "curvescan.matchers.baselines.config",
     "PoseEdge": "curvescan.types",
     "PreparedScan": "curvescan.matchers",
-<<<<<<< HEAD
-    "SourceError": "curvescan.errors",
-=======
     "ReadError": "curvescan.io.log",
     "RefinementConfig": "curvescan.matchers.curvescan.config",
     "RunResult": "curvescan.runs.run",
@@ -140,7 +137,7 @@ _HOMES = {
     "SegmentationConfig": "curvescan.matchers.cfsma.config",
     "SegmentsConfig": "curvescan.matchers.curvescan.config",
     "ShrinkConfig": "curvescan.matchers.baselines.config",
->>>>>>> main
+    "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
@@ -214,9 +211,6 @@ __all__ = [
     "PlIcpConfig",
     "PoseEdge",
     "PreparedScan",
-<<<<<<< HEAD
-    "SourceError",
-=======
     "ReadError",
     "RefinementConfig",
     "RunResult",
@@ -224,7 +218,7 @@ __all__ = [
     "SegmentationConfig",
     "SegmentsConfig",
     "ShrinkConfig",
->>>>>>> main
+    "SourceError",
     "StepOutcome",
     "Trajectory",
     "UnitWarning",
