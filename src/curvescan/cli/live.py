@@ -103,7 +103,6 @@ def live(
     occupancy
         How to make the occupancy map.
     """
-    from curvescan import load_map
     from curvescan.cli.console import ERR, OUT
     from curvescan.live import ResultsSink, Tracker, Viewer
     from curvescan.live.server import PageServer
@@ -120,7 +119,7 @@ def live(
     signal.signal(
         signal.SIGTERM, signal.default_int_handler
     )  # a service manager stops us like Ctrl-C
-    saved = None if map is None else load_map(map)
+    saved = None if map is None else _saved_map(map)
     is_lossless = not source.is_live
     with ExitStack() as pages:
         viewer = None
@@ -188,7 +187,15 @@ def _mode(saved_map: Path | None, odometry_only: bool) -> Mode:
         if odometry_only:
             raise InvalidArgumentError("--map and --odometry-only exclude each other: give one")
         return "localization"
-    return "odometry" if odometry_only else "SLAM"
+    import curvescan
+
+    return "odometry" if odometry_only or "Slam" not in curvescan.__all__ else "SLAM"
+
+
+def _saved_map(path: Path) -> Any:
+    from curvescan import load_map
+
+    return load_map(path)
 
 
 def _replay(

@@ -69,7 +69,7 @@ function showPose(s) {
 }
 function showFigures(s) {
   showPose(s);
-  $("ms").textContent = `${s.ms_median.toFixed(1)} ms, worst ${s.ms_max.toFixed(0)}`;
+  $("ms").textContent = `${s.ms_median.toFixed(1)} ms, max ${s.ms_max.toFixed(0)}`;
   $("scans").textContent = (s.index + 1).toLocaleString("en");
   $("rate").textContent = s.rate === null ? "–" : `${s.rate.toFixed(1)} Hz`;
   $("length").textContent = `${s.length.toFixed(1)} m`;
