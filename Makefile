@@ -10,7 +10,9 @@ INSTALLED := $(VENV)/.installed
 
 export MPLBACKEND := Agg
 
-.PHONY: demo test test-wheel dist lint coverage bench format clean
+ROS_VENV := .venv-ros
+
+.PHONY: demo test test-ros test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -18,6 +20,10 @@ demo: $(INSTALLED)
 test: lint
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+
+# the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
+test-ros:
+	bash ros2/test.sh $(ROS_VENV) $(PYTHON)
 
 # kernels are seen line by line only without the JIT; slow
 coverage: $(INSTALLED)

@@ -60,7 +60,7 @@ PARAMETERS = {
 """Parameters and their defaults."""
 
 SENSOR_DATA = QoSProfile(
-    depth=50, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
+    depth=200, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 """As rclpy's qos_profile_sensor_data, with room for a hiccup: a scan that is dropped is a motion twice as large."""
 

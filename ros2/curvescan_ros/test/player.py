@@ -6,7 +6,7 @@ import time
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 
 
@@ -15,7 +15,9 @@ def main() -> None:
     data = np.load(path)
     rclpy.init()
     node = rclpy.create_node("player")
-    publisher = node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
+    publisher = node.create_publisher(
+        LaserScan, "scan", QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
     deadline = time.monotonic() + 60.0
     while publisher.get_subscription_count() == 0 and time.monotonic() < deadline:
         rclpy.spin_once(node, timeout_sec=0.1)
