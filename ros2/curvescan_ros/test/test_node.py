@@ -108,9 +108,13 @@ class Bench:
         self.arrivals.append(time.time())
 
     def play(self, path, rate):
-        subprocess.run(
-            [sys.executable, HERE / "player.py", path, str(rate)], check=True, timeout=300
-        )
+        """Play scans, and wait until the node has answered what it holds: a busy machine must not fail the test."""
+        player = [sys.executable, HERE / "player.py", path, str(rate)]
+        subprocess.run(player, check=True, timeout=300)
+        n = -1
+        while n != len(self.odom):
+            n = len(self.odom)
+            time.sleep(3.0)
 
     def call(self, service):
         client = self.listener.create_client(Trigger, service)
