@@ -11,13 +11,9 @@ LOWEST := .venv-lowest
 
 export MPLBACKEND := Agg
 
-<<<<<<< HEAD
 ROS_VENV := .venv-ros
 
-.PHONY: demo test test-ros test-wheel dist lint coverage bench format clean
-=======
-.PHONY: demo test test-lowest test-wheel dist lint coverage bench format clean
->>>>>>> main
+.PHONY: demo test test-lowest test-ros test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -26,11 +22,10 @@ test: lint
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
 
-<<<<<<< HEAD
 # the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
 test-ros:
 	bash ros2/test.sh $(ROS_VENV) $(PYTHON)
-=======
+
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)
 	$(PYTHON) -m venv --clear $(LOWEST)
@@ -38,7 +33,6 @@ test-lowest: $(INSTALLED)
 	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check \
 		--constraint $(LOWEST)/constraints.txt '.[icp]' hypothesis pytest pyyaml
 	$(LOWEST)/bin/python -m pytest -q
->>>>>>> main
 
 # kernels are seen line by line only without the JIT; slow
 coverage: $(INSTALLED)
