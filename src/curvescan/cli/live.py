@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, Laser, Method, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -193,9 +193,10 @@ def _mode(saved_map: Path | None, odometry_only: bool) -> Mode:
 
 
 def _saved_map(path: Path) -> Any:
-    from curvescan import load_map
+    import curvescan
 
-    return load_map(path)
+    library: Any = curvescan
+    return library.load_map(path)
 
 
 def _replay(
@@ -232,10 +233,14 @@ def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None) -> En
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
 
+    library: Any = curvescan  # names that are loaded on first use
+
     def new() -> Engine:
         if mode == "localization":
-            return curvescan.Localizer(saved, method=method)
-        return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
+            engine: Engine = library.Localizer(saved, method=method)
+        else:
+            engine = library.Slam(method) if mode == "SLAM" else library.Odometry(method)
+        return engine
 
     text = "loading kernels (they are compiled in the first run only)"
     if viewer is not None:
