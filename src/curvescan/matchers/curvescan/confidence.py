@@ -49,6 +49,10 @@ _EXCESS_FLOOR = 0.1  # metres: noise of the excess length
 _AGREEING_FLOOR = 0.02  # share: noise of the agreeing share
 _LARGE_FLOOR = 0.2  # metres: noise of the contradicted length
 _LARGE = 0.5  # metres: extent of a surface that is no person's
+_N_TAKEN = (
+    48  # readings that stand for all, and of these the ones through which walls are looked for
+)
+_N_SEEDS = 16
 _NEAR_GUESS = 0.3  # metres, and radians: a pose within it is where the guess has it
 _CONTRADICTED = (
     0.15  # of what agrees at another pose: contradicted beyond that, it explains nothing
@@ -229,13 +233,13 @@ def support_lengths(
 def excess_length(surfels: Floats, codes: Codes) -> float:
     """Return the length of surface that agrees besides the wall that agrees most and the most of those across it, metres.
 
-    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through two dozen
-    readings. Of many readings only some hundred are taken.
+    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
+    readings, and of many only some are taken.
     """
     n = 0
     for i in range(codes.size):
         n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
-    stride = max(n // 96, 1)
+    stride = max(n // _N_TAKEN, 1)
     rows = np.empty(n // stride + 1, dtype=np.int64)
     count, seen, total = 0, 0, 0.0
     for i in range(codes.size):
@@ -250,7 +254,7 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
     wall, walls = -1, 0.0
     for turn in range(2):
         best, best_row = 0.0, -1
-        for seed in range(0, count, max(count // 24, 1)):
+        for seed in range(0, count, max(count // _N_SEEDS, 1)):
             i = rows[seed]
             nx, ny = surfels[i, NX], surfels[i, NY]
             if turn == 1 and (
