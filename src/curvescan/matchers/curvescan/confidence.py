@@ -32,15 +32,15 @@ GUESSED_REPETITION = 0.3
 """Share of the agreement that a pose must explain for a guess to prefer it to the best."""
 
 COEFFICIENTS = {
-    "constant": 3.69,
-    "log10_excess": 2.46,
-    "log10_agreeing": 5.89,
-    "log10_contradicted": -1.39,
-    "contradicted_small": -2.14,
-    "motion": -1.21,
-    "degenerate": -2.43,
+    "constant": 3.28,
+    "log10_excess": 2.61,
+    "log10_agreeing": 4.57,
+    "log10_contradicted": -2.31,
+    "contradicted_small": -1.92,
+    "motion": -1.31,
+    "degenerate": -3.14,
     "guessed": 3.0,
-    "repetition": -3.97,
+    "repetition": -7.37,
 }
 """Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
@@ -58,6 +58,7 @@ _CONTRADICTED = (
     0.15  # of what agrees at another pose: contradicted beyond that, it explains nothing
 )
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
+_MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 _NEARER = 0.7  # metres and radians by which the best pose may be nearer to the guess before others count less
 
 
@@ -178,7 +179,8 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     """Return how much of what agrees at the best pose another one explains as well, as a share.
 
     The geometric mean of the shares of what agrees and of the excess length, less what is contradicted there and not at
-    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected.
+    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected,
+    any other where that is much farther.
     """
     ref, cur = problem.reference, problem.current
     agreeing, contradicted, excess, agreeing_best, excess_best = compare_explanations(
@@ -194,9 +196,10 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     share = agreeing / max(agreeing_best, _EXCESS_FLOOR)
     share = math.sqrt(share * min(1.0, (excess + _LARGE) / (excess_best + _LARGE)))
     share *= max(0.0, 1.0 - contradicted / (_CONTRADICTED * max(agreeing, _EXCESS_FLOOR)))
+    farther = motion_of(problem, other) - motion_of(problem, best)
     if excess < _TWO_WALLS:
-        farther = motion_of(problem, other) - motion_of(problem, best) - _NEARER
-        share *= min(1.0, max(0.0, 1.0 - 0.5 * farther))
+        share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
+    share *= min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER)))
     return float(share)
 
 
