@@ -54,7 +54,8 @@ def without_movable(
     )
     rules = config.information
     left = replace(assessment, information=information, spurious=spurious, axes=axes, units=units)
-    is_left_open = information[0] < rules.max_sigma**-2 or left.is_weakly_observable(rules)
+    # bare walls leave nothing but what their tilt seems to say; walls with a door or two leave enough
+    is_left_open = information[0] < max(rules.max_sigma**-2, 2.0 * spurious[0])
     return left if is_left_open else assessment
 
 
