@@ -23,6 +23,7 @@ from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
 from curvescan.cli.tracker import make_odometry
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
 from tests.scenes import room_scan
