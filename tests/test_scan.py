@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan import InvalidArgumentError, LaserScan
+from curvescan import InvalidArgumentError, LaserScan, UnitWarning
 from curvescan.scan import valid_readings
 
 
@@ -161,7 +161,7 @@ def test_directions_are_given_once(options, message):
 def test_directions_go_one_way_and_round_once():
     with pytest.raises(InvalidArgumentError, match="all rise or all fall"):
         told([0.0, 0.1, 0.05])
-    with pytest.raises(InvalidArgumentError, match=r"more than once, got 720.0 deg"):
+    with pytest.raises(InvalidArgumentError, match=r"more than once, got 12.57 rad"):
         told(np.linspace(0.0, 4.0 * math.pi, 100))
 
 
@@ -186,3 +186,32 @@ def test_broken_rules_are_named_with_the_value(change, message):
     options = {"ranges": [1.0, 2.0]} | change
     with pytest.raises(InvalidArgumentError, match=message):
         make(options.pop("ranges"), **options)
+
+
+def test_masked_readings_are_no_readings():
+    masked = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
+    scan = LaserScan(masked, angle_min=0.0, angle_increment=0.1)
+    np.testing.assert_array_equal(scan.valid, [True, False, True])
+    whole = LaserScan(np.ma.array([1, 2, 3], mask=[0, 0, 1]), angle_min=0.0, angle_increment=0.1)
+    np.testing.assert_array_equal(whole.valid, [True, True, False])
+
+
+@pytest.mark.parametrize(("angle_min", "increment"), [(-90.0, 0.5), (-90.0, 0.0087), (0.0, 1.0)])
+def test_angles_in_degrees_are_refused_with_the_remedy(angle_min, increment):
+    with pytest.raises(InvalidArgumentError, match=r"must be radians.*numpy\.radians"):
+        LaserScan(np.ones(361), angle_min=angle_min, angle_increment=increment)
+    with pytest.raises(InvalidArgumentError, match=r"numpy\.radians"):
+        LaserScan(np.ones(361), angles=np.arange(-90.0, 90.5, 0.5))
+
+
+@pytest.mark.parametrize("range_max", [8.0, np.inf])
+def test_ranges_in_millimetres_are_named(range_max):
+    ranges = np.random.default_rng(1).uniform(400.0, 7500.0, 361)
+    with pytest.warns(UnitWarning, match="divide them by 1000"):
+        LaserScan(ranges, angle_min=-1.5, angle_increment=0.0087, range_max=range_max)
+
+
+def test_codes_for_no_reading_are_not_taken_for_millimetres():
+    for code in (81.91, 65.533, 3.4e38, np.inf, 16383.0):
+        scan = LaserScan(np.full(361, code), angle_min=-1.5, angle_increment=0.0087, range_max=8.0)
+        assert not scan.valid.any()

@@ -18,6 +18,10 @@ _LONE_STEP = math.radians(1.0)
 """Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
 
 
+_MOST_TURNS = 2.0
+"""A sweep of more turns is one in degrees: drivers overlap the ends of a turn by a few beams, no more."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beams:
     """Where the beams of a sweep point.
@@ -65,6 +69,12 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
             "angle_increment must not be 0: give the angle from a beam to the next, "
             "negative for a clockwise sensor"
         )
+    span = abs(angle_increment) * max(n - 1, 0)
+    if max(span, abs(angle_min)) > _MOST_TURNS * 2.0 * math.pi and math.isfinite(span):
+        raise InvalidArgumentError(
+            f"angles must be radians: {n} beams from angle_min={angle_min:g} in steps of {angle_increment:g} go round "
+            f"{span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
+        )
     if not math.isfinite(angle_min + angle_increment * n):
         raise InvalidArgumentError(
             f"the angles of {n} beams must be finite, got angle_increment={angle_increment}"
@@ -102,8 +112,8 @@ def beams_at(angles: Floats) -> Beams:
     median, span = float(np.median(steps)), float(angles[-1] - angles[0])
     if abs(span) > 2.0 * math.pi + 2.5 * abs(median):
         raise InvalidArgumentError(
-            f"angles must not go round more than once, got {math.degrees(abs(span)):.1f} deg: "
-            "give a LaserScan for each turn"
+            f"angles must not go round more than once, got {abs(span):.4g} rad: give a LaserScan for each turn, and "
+            "convert degrees with numpy.radians"
         )
     mean = span / steps.size
     strays = angles - (angles[0] + mean * np.arange(angles.size))

@@ -36,6 +36,10 @@ class MissingPackageError(CurvescanError, ImportError):
     """An optional package is missing; the message gives the pip command."""
 
 
+class UnitWarning(UserWarning):
+    """Numbers that are allowed but look like another unit: ranges in millimetres, say."""
+
+
 def require(holds: bool, rule: str, value: object) -> None:
     """Raise InvalidArgumentError with the rule and the value that breaks it, unless `holds`."""
     if not holds:

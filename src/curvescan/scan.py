@@ -8,6 +8,7 @@ infinity, 0, a negative value, a driver's code such as 81.91 or 1e9) is *no read
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.beams import Beams, beams_at, even_beams
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, UnitWarning
 from curvescan.types import Bools, Floats, Ints, Points
 
 
@@ -29,7 +30,7 @@ class LaserScan:
     Parameters
     ----------
     ranges : (n,) array_like
-        Metres, one a beam, in the order the sensor swept them. Copied as read-only float64. NaN, infinite,
+        Metres, one a beam, in the order the sensor swept them. Copied as read-only float64. NaN, infinite, masked,
         non-positive and out-of-range values mean *no reading*. n may be 0.
     angle_min : float
         Direction of beam 0 in the sensor frame, radians, counter-clockwise from the x axis.
@@ -54,8 +55,14 @@ class LaserScan:
     Raises
     ------
     InvalidArgumentError
-        When a shape or a scalar breaks the rules above, and when directions are given twice or not at all. Bad
-        *readings* never raise.
+        When a shape or a scalar breaks the rules above, when directions are given twice or not at all, and when they are
+        plainly degrees. Bad *readings* never raise.
+
+    Warns
+    -----
+    UnitWarning
+        When no reading is below ten times `range_max` (or below 250 m without a limit) and all would be plausible as
+        millimetres.
     """
 
     ranges: Floats
@@ -99,6 +106,25 @@ class LaserScan:
                     f"got {intensities.size}"
                 )
             object.__setattr__(self, "intensities", intensities)
+        self._warn_of_millimetres()
+
+    def _warn_of_millimetres(self) -> None:
+        """Warn where ranges look like millimetres: a scan without a valid reading says only that nothing was seen."""
+        limit = _FAR if math.isinf(self.range_max) else 10.0 * self.range_max
+        if ((self.ranges > 0.0) & (self.ranges <= limit)).any():
+            return
+        far = self.ranges[(self.ranges > limit) & (self.ranges < 1000.0 * limit)]
+        is_code = np.unique(far).size < max(
+            far.size // 10, 10
+        )  # one number for all that saw nothing
+        if far.size > len(self) // 2 and not is_code:
+            median = float(np.median(far))
+            warnings.warn(
+                f"ranges must be metres, got a median of {median:.0f} with range_max {self.range_max:g}: if they are "
+                "millimetres, divide them by 1000",
+                UnitWarning,
+                stacklevel=4,
+            )
 
     def _beams_given(self) -> Beams:
         n = len(self)
@@ -201,7 +227,7 @@ def mirrored(scan: LaserScan) -> LaserScan:
     LaserScan
         Each direction negated; all else unchanged.
     """
-    return replace(scan, **_told(scan, -1.0, 1))
+    return replace(scan, **_directions(scan, -1.0, 1))
 
 
 def swept_backwards(scan: LaserScan) -> LaserScan:
@@ -224,11 +250,11 @@ def swept_backwards(scan: LaserScan) -> LaserScan:
         scan,
         ranges=scan.ranges[::-1],
         intensities=None if scan.intensities is None else scan.intensities[::-1],
-        **_told(scan, 1.0, -1),
+        **_directions(scan, 1.0, -1),
     )
 
 
-def _told(scan: LaserScan, sign: float, way: int) -> dict[str, Any]:
+def _directions(scan: LaserScan, sign: float, way: int) -> dict[str, Any]:
     """Return the directions of a scan times a sign, in their order or the reverse, as arguments of LaserScan."""
     grid = even_beams(len(scan), scan.angle_min, scan.angle_increment)
     if not np.array_equal(grid.angles, scan.angles):
@@ -303,6 +329,9 @@ def valid_readings(scan: LaserScan) -> Readings:
     )
 
 
+_FAR = 250.0
+"""Metres: no 2D laser without a stated limit measures all of its surroundings farther than this."""
+
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4
 """No robot's laser sees 10 km: what drivers say beyond is a code for no return (FLT_MAX, 1e9), and squares of such
@@ -312,6 +341,8 @@ numbers leave no digits for the other readings."""
 def _read_only_row(values: ArrayLike, name: str) -> Floats:
     try:
         with np.errstate(invalid="ignore"):  # a signalling NaN of float32 is a NaN
+            if isinstance(values, np.ma.MaskedArray):
+                values = np.ma.filled(values.astype(np.float64), np.nan)
             row = np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"{name} must be numbers, one a beam: {error}") from error

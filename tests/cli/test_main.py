@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -22,6 +23,7 @@ from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
 from curvescan.cli.tracker import make_odometry
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
 from tests.scenes import room_scan
@@ -55,8 +57,26 @@ def test_odometry_writes_all_files(log, tmp_path, capsys):
     lines = (out / "trajectory.tum").read_text().splitlines()
     assert [line.split()[0] for line in lines[:2]] == ["100.0", "100.2"]
     assert all(len(line.split()) == 8 for line in lines)
-    assert json.loads((out / "run.json").read_text())["input"]["scans"] == 8
+    record = json.loads((out / "run.json").read_text())
+    assert record["input"]["scans"] == 8
+    assert record["verdict"] == {"is_trusted": True, "reasons": []}
+    assert printed.splitlines()[-1].startswith("trusted")
     assert (out / "map.png").stat().st_size > 1000
+
+
+def test_a_wreck_ends_with_the_reason_and_a_status_of_its_own(tmp_path, capsys):
+    path, out = tmp_path / "wreck.clf", tmp_path / "out"
+    scans = [room_scan((0.02 * k, 0.0, 0.0), sigma=0.003, seed=k) for k in range(8)]
+    lines = [flaser(scan, k) for k, scan in enumerate(scans)]
+    for k in (3, 4, 5):
+        lines[k] = flaser(replace(scans[k], ranges=np.zeros(len(scans[k]))), k)
+    path.write_text("".join(lines))
+    assert run(["odometry", str(path), "--out", str(out)]) == 3
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("not to be trusted: 3 of 7 scans are not matched")
+    verdict = json.loads((out / "run.json").read_text())["verdict"]
+    assert not verdict["is_trusted"]
+    assert last.endswith("; ".join(verdict["reasons"]))
 
 
 def test_odometry_takes_gzip_and_parameters(log, tmp_path):
@@ -86,14 +106,14 @@ def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
 def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "curvescan.diagnostics.beam_order.lists_beams_reversed",
-        lambda log: asked.append(log) or True,
+        "curvescan.diagnostics.sensor.beam_order_of_log",
+        lambda log: asked.append(log) or BeamOrder(n_pairs=9, gain=-1.0, standard_error=0.1),
     )
     for flags, n_asked in (([], 1), (["--odometry.no-deskew"], 0)):
         asked.clear()
         assert run(["odometry", str(log), "--out", str(tmp_path / "o"), *flags]) == 0
         assert len(asked) == n_asked
-        remark = "seem to be listed against the order they were swept in"
+        remark = "sweeps are not deskewed: their beams are listed in reverse"
         assert (remark in " ".join(capsys.readouterr().err.split())) == bool(n_asked)
         record = json.loads((tmp_path / "o" / "run.json").read_text())
         assert record["config"]["odometry"]["deskew"] is False
@@ -334,7 +354,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("curvescan.runs.odometry.save_run", interrupted)
+    monkeypatch.setattr("curvescan.runs.run.save_run", interrupted)
     assert run(["odometry", str(log), "--out", str(tmp_path / "out")]) == 130
     assert "interrupted, nothing written" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

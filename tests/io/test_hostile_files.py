@@ -389,15 +389,15 @@ def test_array_whose_header_is_deeply_nested(tmp_path: Path) -> None:
 
 def test_rules_of_a_configuration_name_the_file(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
-    path.write_text("[curvescan.surfaces]\narm = -1.0\n")
-    with pytest.raises(InvalidArgumentError, match=r"a\.toml: \[curvescan\.surfaces\]: .*-1\.0"):
+    path.write_text("[curvescan.segments]\narm = -1.0\n")
+    with pytest.raises(InvalidArgumentError, match=r"a\.toml: \[curvescan\.segments\]: .*-1\.0"):
         read_config(path, {"curvescan": CurvescanConfig()})
 
 
 def test_list_of_another_length_in_a_configuration(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
-    path.write_text("[curvescan.verification]\nslid = [0.1]\n")
-    with pytest.raises(InvalidArgumentError, match=r"slid must be a list of 2, got 1"):
+    path.write_text("[curvescan.scoring]\nmoved_along = [0.1]\n")
+    with pytest.raises(InvalidArgumentError, match=r"moved_along must be a list of 2, got 1"):
         read_config(path, {"curvescan": CurvescanConfig()})
 
 

@@ -19,6 +19,7 @@ from curvescan.cli.convert import convert
 from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
+from curvescan.cli.flags import with_flags
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
@@ -40,11 +41,14 @@ COMMANDS: dict[str, Callable[..., int]] = {
 CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
-DONE, BAD_INPUT, BAD_COMMAND_LINE, INTERRUPTED = 0, 1, 2, 130
+DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def main() -> None:
-    """Run the command line and exit with its status: 0 done, 1 bad input, 2 bad command line."""
+    """Run the command line and exit with its status.
+
+    0 done, 1 bad input, 2 bad command line, 3 done but the trajectory is not to be trusted (the last line says why).
+    """
     sys.exit(run(sys.argv[1:]))
 
 
@@ -56,7 +60,7 @@ def run(arguments: list[str]) -> int:
     try:
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
-        print(f"curvescan: {error}", file=sys.stderr)
+        print(f"curvescan: {with_flags(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("curvescan: interrupted, nothing written", file=sys.stderr)

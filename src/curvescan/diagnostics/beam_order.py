@@ -12,12 +12,10 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
 from curvescan.deskew import deskew, sweep_shift
-from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
@@ -59,20 +57,6 @@ class BeamOrder:
         return self.gain > _CERTAIN * self.standard_error
 
 
-def lists_beams_reversed(log: Log, n_scans: int = 300) -> bool:
-    """Return whether the first scans of a log show that its beams are listed against the order they were swept in.
-
-    Parameters
-    ----------
-    log : Log
-        Its first scans are read once more; False where they give no times of their beams.
-    n_scans : int
-        How many scans are used.
-    """
-    first = next(iter(log))
-    return first.time_increment > 0.0 and judge_beam_order(islice(log, n_scans)).is_reversed_order
-
-
 def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     """Return in which order the beams of a log's scans were swept, as far as its motion determines it.
 
@@ -86,7 +70,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
     before = None
     for scan in scans:
-        deskewer.tick(scan)
+        deskewer = deskewer.ticked(scan)
         current = prepare(scan)
         velocity = np.full(3, math.nan)
         if before is not None:

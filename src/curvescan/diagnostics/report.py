@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.io.log import ReadError
 
@@ -132,6 +133,9 @@ class LogReport:
         Values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most.
     suspect : ReadingCode or None
         A valid value that repeats so often at the top of the range that it looks like a code for *no reading*.
+    code_band : (float, float, float) or None
+        Lower and upper end, metres, and share of all readings of a band at the top of the range that looks like several
+        codes for *no reading*.
     odometry : OdometrySummary or None
         None when the log has none.
     mount : tuple of 3 float, or None
@@ -140,6 +144,8 @@ class LogReport:
         Whether the log says that the laser hangs upside down.
     sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
+    beam_order : BeamOrder or None
+        In which order the beams of a sweep were swept; None where the scans have no beam times.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
     read_errors : tuple of ReadError
@@ -169,10 +175,12 @@ class LogReport:
     largest_reading: float
     codes: tuple[ReadingCode, ...]
     suspect: ReadingCode | None
+    code_band: tuple[float, float, float] | None
     odometry: OdometrySummary | None
     mount: tuple[float, float, float] | None
     is_upside_down: bool
     sense: RotationDirection | None
+    beam_order: BeamOrder | None
     tag_counts: Mapping[str, int]
     read_errors: tuple[ReadError, ...]
     notes: tuple[str, ...]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from curvescan.diagnostics.beam_statistics import BeamStatistics
+from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -56,6 +57,8 @@ class LogStatistics:
         Values that are no reading; after the first thousand different ones, further ones are not counted.
     top : dict of float to int
         How often each of the 16 largest valid values occurs, exactly, among the fresh readings.
+    top_of_range : TopOfRange
+        Counts of the fresh readings by distance.
     """
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
@@ -72,6 +75,7 @@ class LogStatistics:
     n_repeats: int = 0
     codes: Counter[float] = field(default_factory=Counter)
     top: dict[float, int] = field(default_factory=dict)
+    top_of_range: TopOfRange = field(default_factory=TopOfRange)
     _previous: Floats | None = None
 
     @property
@@ -101,6 +105,7 @@ class LogStatistics:
         self.n_fresh_readings += len(scan)
         if n_valid:
             self._add_top(scan.ranges[valid])
+            self.top_of_range.add(scan)
 
     def _repeats_previous(self, ranges: Floats) -> bool:
         previous, self._previous = self._previous, ranges

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,22 +15,33 @@ from curvescan.types import Floats, Pose, Trajectory
 _N_STAMPS = 12
 
 
+@dataclass(frozen=True, kw_only=True)
 class Deskewer:
-    """The clock of a stream of scans, and the velocity that a motion between two of them means."""
+    """The clock of a stream of scans, and the velocity that a motion between two of them means.
 
-    def __init__(self) -> None:
-        self._stamps: deque[float] = deque(maxlen=_N_STAMPS)
-        self._seconds = 0.0
+    Immutable: each scan makes a new one.
 
-    def tick(self, scan: LaserScan) -> None:
-        """Take the time of the next scan; once for each."""
-        self._stamps.append(scan.stamp)
-        if scan.time_increment != 0.0:
-            self._seconds = step_seconds(tuple(self._stamps), scan.scan_time)
+    Attributes
+    ----------
+    stamps : tuple of float
+        The last few stamps, seconds.
+    seconds : float
+        Time between two scans; 0 where no scan tells the times of its beams.
+    """
+
+    stamps: tuple[float, ...] = ()
+    seconds: float = 0.0
+
+    def ticked(self, scan: LaserScan) -> Deskewer:
+        """Return the deskewer at the time of the next scan."""
+        stamps = (*self.stamps, scan.stamp)[-_N_STAMPS:]
+        is_timed = scan.time_increment != 0.0
+        seconds = step_seconds(stamps, scan.scan_time) if is_timed else self.seconds
+        return Deskewer(stamps=stamps, seconds=seconds)
 
     def velocity(self, motion: Pose) -> Floats:
         """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""
-        return predicted_velocity(motion, self._seconds)
+        return predicted_velocity(motion, self.seconds)
 
     def deskewed(self, scan: LaserScan, motion: Pose) -> LaserScan:
         """Return the scan, deskewed as if the sensor made a motion since the last."""
@@ -54,6 +65,6 @@ def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterat
     """
     deskewer, before = Deskewer(), None
     for scan, pose in zip(scans, trajectory.poses, strict=False):
-        deskewer.tick(scan)
+        deskewer = deskewer.ticked(scan)
         yield deskewer.deskewed(scan, np.zeros(3) if before is None else se2.between(before, pose))
         before = pose

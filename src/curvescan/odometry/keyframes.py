@@ -30,12 +30,12 @@ class Keyframe:
         Number of the keyframe; it was placed by one of a lower number.
     pose_map_keyframe : UncertainPose
         Its sensor in the frame of the first scan.
-    parent : Key or None
+    parent : Keyframe or None
         The keyframe it was placed by; None for the first and for those whose parents are all forgotten.
     used : int
         Number of the last scan that was matched with it.
-    is_guess : bool
-        Whether no match placed it.
+    is_predicted : bool
+        Whether no match placed it, but the expected motion.
     """
 
     scan: PreparedScan
@@ -44,21 +44,21 @@ class Keyframe:
     pose_map_keyframe: UncertainPose
     parent: Keyframe | None
     used: int
-    is_guess: bool = False
+    is_predicted: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Localization:
-    """Where a scan is, told from a keyframe.
+    """Where a scan is, relative to a keyframe.
 
     Attributes
     ----------
-    keyframe : Key
+    keyframe : Keyframe
         The keyframe.
     pose_keyframe_scan : UncertainPose
         The scan seen from it.
     is_measured : bool
-        Whether a match told all of it, with no direction left to what was expected.
+        Whether a match measured all of it, with no direction left to what was expected.
     """
 
     keyframe: Keyframe
@@ -77,7 +77,7 @@ class Localization:
         )
 
     def relative_to(self, keyframe: Keyframe) -> UncertainPose:
-        """Return the same place seen from another keyframe, as well as the tree of keyframes tells."""
+        """Return the same place seen from another keyframe, through the tree of keyframes."""
         if keyframe is self.keyframe:
             return self.pose_keyframe_scan
         origin = _common_ancestor(keyframe, self.keyframe)
@@ -97,7 +97,7 @@ class KeyframeGraph:
     ----------
     max_keyframes : int
         At least 1.
-    kept : float
+    variance_retained : float
         Share of the variance of a match that stays when the scan becomes a keyframe, in (0, 1]. Its noise moved it one
         way in that match and moves what is matched with it the other way: along the chain much of it cancels.
     """
@@ -121,9 +121,22 @@ class KeyframeGraph:
         index: int,
         localization: Localization | None,
         *,
-        is_guess: bool = False,
+        is_predicted: bool = False,
     ) -> Keyframe:
-        """Return a new keyframe at a place told from an earlier one; None for the first, at the origin.
+        """Return a new keyframe, held from now on; the arguments are those of :meth:`make`."""
+        keyframe = self.make(scan, index, localization, is_predicted=is_predicted)
+        self.insert(keyframe)
+        return keyframe
+
+    def make(
+        self,
+        scan: PreparedScan,
+        index: int,
+        localization: Localization | None,
+        *,
+        is_predicted: bool = False,
+    ) -> Keyframe:
+        """Return a keyframe placed by an earlier one, or at the origin, without taking it in.
 
         Parameters
         ----------
@@ -131,27 +144,30 @@ class KeyframeGraph:
             The scan.
         index : int
             Its number in the stream.
-        fix : Fix or None
-            Where it is.
-        is_guess : bool
-            Whether no match says so.
+        localization : Localization or None
+            Where it is; None for the origin.
+        is_predicted : bool
+            Whether no match placed it.
         """
-        keyframe = Keyframe(
+        parent = None if localization is None else localization.keyframe
+        return Keyframe(
             scan=scan,
             index=index,
-            number=self._n_made,
+            number=self._n_made if parent is None else max(self._n_made, parent.number + 1),
             pose_map_keyframe=identity() if localization is None else self._place(localization),
-            parent=None if localization is None else localization.keyframe,
+            parent=parent,
             used=index,
-            is_guess=is_guess,
+            is_predicted=is_predicted,
         )
-        self._n_made += 1
+
+    def insert(self, keyframe: Keyframe) -> None:
+        """Take in a keyframe; beyond the limit the one not used for longest is forgotten."""
+        self._n_made = keyframe.number + 1
         self._keyframes.append(keyframe)
         if len(self._keyframes) > self._max_keyframes:
             self.forget(min(self._keyframes[:-1], key=lambda k: k.used))
         else:
             self._poses = np.concatenate((self._poses, keyframe.pose_map_keyframe.pose[np.newaxis]))
-        return keyframe
 
     def nearest(self, pose: Pose, reach: float, turn: float) -> list[Keyframe]:
         """Return the keyframes around a pose, nearest first.
@@ -170,15 +186,15 @@ class KeyframeGraph:
         order = np.argsort(distance[near] + angle[near], kind="stable")
         return [self._keyframes[k] for k in near[order].tolist()]
 
-    def forget(self, recovery_covariance: Keyframe) -> None:
+    def forget(self, keyframe: Keyframe) -> None:
         """Drop a keyframe; those it placed count as placed by its parent, their covariances stay."""
-        self._keyframes.remove(recovery_covariance)
-        for keyframe in self._keyframes:
-            if keyframe.parent is recovery_covariance:
-                keyframe.parent = recovery_covariance.parent
-        self._poses = np.array(
-            [keyframe.pose_map_keyframe.pose for keyframe in self._keyframes]
-        ).reshape(-1, 3)
+        self._keyframes.remove(keyframe)
+        for other in self._keyframes:
+            if other.parent is keyframe:
+                other.parent = keyframe.parent
+        self._poses = np.array([other.pose_map_keyframe.pose for other in self._keyframes]).reshape(
+            -1, 3
+        )
 
     def _place(self, localization: Localization) -> UncertainPose:
         variance_retained = self._variance_retained if localization.is_measured else 1.0

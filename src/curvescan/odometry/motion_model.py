@@ -8,8 +8,8 @@ Probabilistic Robotics, 2005, section 5.4).
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from curvescan import se2
 from curvescan.odometry.config import MotionConfig
@@ -24,27 +24,94 @@ _N_UNUSUAL = 10
 """So many steps of the clock are averaged before one is called long."""
 
 
+class Clock(NamedTuple):
+    """The stamps of a stream: the last one, the usual time between two, seconds, and how many steps it was taken from."""
+
+    stamp: float = math.nan
+    period: float = 0.0
+    n_steps: int = 0
+
+    def ticked(self, stamp: float, memory: float) -> tuple[Clock, float]:
+        """Return the clock after the next stamp, and how many times longer than usual that took, at least 1."""
+        elapsed = stamp - self.stamp
+        if not elapsed > 0.0:  # the first one, a clock that stands or goes back
+            return self._replace(stamp=stamp), 1.0
+        n_steps, usual = self.n_steps + 1, self.period
+        if n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
+            return Clock(stamp, usual + (elapsed - usual) / n_steps, n_steps), 1.0
+        period = usual + (min(elapsed, 3.0 * usual) - usual) / memory
+        return Clock(stamp, period, n_steps), min(max(elapsed / usual, 1.0), _MAX_STRETCH)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prediction:
+    """What is expected of a scan before it is matched.
+
+    Attributes
+    ----------
+    motion : UncertainPose
+        The sensor seen from where it was at the last scan.
+    is_measured : bool
+        Whether the translation is that of another odometry, and not that of the last motion.
+    clock : Clock
+        The clock of the stream at this scan.
+    odometry_pose : (3,) float64 or None
+        Pose of the sensor at this scan by another odometry.
+    """
+
+    motion: UncertainPose
+    is_measured: bool
+    clock: Clock
+    odometry_pose: Pose | None
+
+    def inflated(self, config: MotionConfig) -> UncertainPose:
+        """Return the motion as it is known after a failed match: what was measured still is."""
+        if self.is_measured:
+            return self.motion
+        return UncertainPose(self.motion.pose, config.recovery_covariance)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MotionModel:
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
 
-    Parameters
+    Immutable: each scan makes a new one.
+
+    Attributes
     ----------
     config : MotionConfig
-        How far each is believed.
+        How well each is known.
+    last : UncertainPose
+        The last motion.
+    variance_translation, variance_turn : float
+        Of the change from a motion to the next, m^2 an axis and rad^2.
+    odometry_pose : (3,) float64 or None
+        Pose at the last scan by another odometry.
+    clock : Clock
+        The clock of the stream.
+    n_failures : int
+        Scans without a match in a row.
     """
 
-    def __init__(self, config: MotionConfig) -> None:
-        self._config = config
-        self._last = identity()
-        self._change = (config.sigma_m**2, config.sigma_rad**2)  # variance of translation and turn
-        self._wheels: Pose | None = None
-        self._stamp = math.nan
-        self._period = 0.0  # usual time between scans, seconds
-        self._n_steps = 0  # of the clock, forwards
-        self._n_failures = 0
-        self._is_measured = False  # whether the expected place comes from the wheels
+    config: MotionConfig
+    last: UncertainPose
+    variance_translation: float
+    variance_turn: float
+    odometry_pose: Pose | None = None
+    clock: Clock = field(default_factory=Clock)
+    n_failures: int = 0
 
-    def predict(self, stamp: float, odometry_pose: Pose | None) -> UncertainPose:
+    @classmethod
+    def at_start(cls, config: MotionConfig) -> MotionModel:
+        """Return the model before the first scan."""
+        return cls(
+            config=config,
+            last=identity(),
+            variance_translation=config.sigma_m**2,
+            variance_turn=config.sigma_rad**2,
+        )
+
+    def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one.
 
         Parameters
@@ -56,37 +123,37 @@ class MotionModel:
             Pose of the sensor by its wheels or a gyro, in a frame of their own; NaN where they do not tell, as a gyro
             tells no place.
         """
-        config, before = self._config, self._wheels
-        self._wheels = odometry_pose
-        pose, cov = self._last.pose.copy(), self._last.cov.copy()
-        stretch = self._stretch(stamp) ** 2
-        cov[0, 0] += stretch * self._change[0]
-        cov[1, 1] += stretch * self._change[0]
-        cov[2, 2] += stretch * self._change[1]
-        self._is_measured = False
-        if odometry_pose is None or before is None:
-            return UncertainPose(pose, cov)
-        by_wheels = se2.between(before, odometry_pose)
-        turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
-        path = math.hypot(by_wheels[0], by_wheels[1])
-        if math.isfinite(path):
-            pose[:2] = by_wheels[:2]
-            self._is_measured = True
-            cov[:2, :] = cov[:, :2] = 0.0
-            cov[0, 0] = cov[1, 1] = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
-        if math.isfinite(turn):
-            pose[2] = turn
-            drift = config.wheel_drift * path if math.isfinite(path) else 0.0
-            share = config.wheel_turn_share * turn
-            cov[2, :] = cov[:, 2] = 0.0
-            cov[2, 2] = config.wheel_floor_rad**2 + share**2 + drift**2
-        return UncertainPose(pose, cov)
+        clock, stretch = self.clock.ticked(stamp, self.config.memory)
+        pose, cov = self.last.pose.copy(), self.last.cov.copy()
+        cov[0, 0] += stretch**2 * self.variance_translation
+        cov[1, 1] += stretch**2 * self.variance_translation
+        cov[2, 2] += stretch**2 * self.variance_turn
+        is_measured = self._measure(pose, cov, odometry_pose)
+        return Prediction(
+            motion=UncertainPose(pose, cov),
+            is_measured=is_measured,
+            clock=clock,
+            odometry_pose=odometry_pose,
+        )
 
-    def update(self, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool) -> None:
-        """Tell what the motion turned out to be.
+    def advanced(self, prediction: Prediction) -> MotionModel:
+        """Return the model after a scan that says nothing of the motion, the first."""
+        return replace(self, odometry_pose=prediction.odometry_pose, clock=prediction.clock)
+
+    def updated(
+        self,
+        prediction: Prediction,
+        motion: UncertainPose,
+        *,
+        is_plausible: bool,
+        is_fully_observed: bool,
+    ) -> MotionModel:
+        """Return the model after a scan whose motion was measured.
 
         Parameters
         ----------
+        prediction : Prediction
+            What was expected of the scan.
         motion : UncertainPose
             Of the sensor, in its last frame.
         is_plausible : bool
@@ -94,59 +161,78 @@ class MotionModel:
         is_fully_observed : bool
             Whether the match left no direction open, so that the change from the last motion has been seen.
         """
-        self._n_failures = 0
-        if is_fully_observed:
-            self._update_change(motion.pose - self._last.pose)
-        else:
-            self._inflate_change()
-        self._last = motion if is_plausible else identity()
+        variances = (
+            self._averaged_variances(motion.pose - self.last.pose)
+            if is_fully_observed
+            else self._inflated_variances()
+        )
+        last = motion if is_plausible else identity()
+        return self._changed(prediction, last, variances, n_failures=0)
 
-    def predict_without_match(self, expected: UncertainPose) -> tuple[UncertainPose, bool]:
-        """Return the motion to take where no match shows it, and whether it is none at all."""
-        self._n_failures += 1
-        self._inflate_change()
-        is_held = self._n_failures > self._config.max_repeats and not self._is_measured
-        if is_held:
-            expected = UncertainPose(np.zeros(3), expected.cov)
-        self._last = expected
-        return expected, is_held
+    def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
+        """Return the model after a scan that nothing matches, and for which `motion` was taken."""
+        n_failures = self.n_failures + 1
+        return self._changed(prediction, motion, self._inflated_variances(), n_failures=n_failures)
 
-    def inflated(self, expected: UncertainPose) -> UncertainPose:
-        """Return an expected motion as it is believed after a failed match: what was measured still is."""
-        if self._is_measured:
-            return expected
-        return UncertainPose(expected.pose, self._config.recovery_covariance)
+    def is_exhausted(self, prediction: Prediction) -> bool:
+        """Return whether the last motion has been repeated so often that one more failure ends it."""
+        return self.n_failures >= self.config.max_repeats and not prediction.is_measured
 
-    def _stretch(self, stamp: float) -> float:
-        """Return how many times longer than usual the time since the last scan is, at least 1."""
-        elapsed, self._stamp = stamp - self._stamp, stamp
-        if not elapsed > 0.0:  # the first one, a clock that stands or goes back
-            return 1.0
-        self._n_steps += 1
-        if self._n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
-            self._period += (elapsed - self._period) / self._n_steps
-            return 1.0
-        usual = self._period
-        self._period += (min(elapsed, 3.0 * usual) - usual) / self._config.memory
-        return min(max(elapsed / usual, 1.0), _MAX_STRETCH)
+    def _measure(self, pose: Pose, cov: Pose, odometry_pose: Pose | None) -> bool:
+        """Write into an expected motion what another odometry measured of it; return whether the translation was."""
+        config, before = self.config, self.odometry_pose
+        if odometry_pose is None or before is None:
+            return False
+        by_wheels = se2.between(before, odometry_pose)
+        turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
+        path = math.hypot(by_wheels[0], by_wheels[1])
+        is_measured = math.isfinite(path)
+        if is_measured:
+            pose[:2] = by_wheels[:2]
+            cov[:2, :] = cov[:, :2] = 0.0
+            cov[0, 0] = cov[1, 1] = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
+        if math.isfinite(turn):
+            pose[2] = turn
+            drift = config.wheel_drift * path if is_measured else 0.0
+            share = config.wheel_turn_share * turn
+            cov[2, :] = cov[:, 2] = 0.0
+            cov[2, 2] = config.wheel_floor_rad**2 + share**2 + drift**2
+        return is_measured
 
-    def _update_change(self, change: Pose) -> None:
-        config = self._config
-        x, y, theta = change.tolist()
-        theta = wrap_angle(theta)
-        self._change = (
-            self._averaged(self._change[0], 0.5 * (x * x + y * y), config.least_sigma_m),
-            self._averaged(self._change[1], theta * theta, config.least_sigma_rad),
+    def _changed(
+        self,
+        prediction: Prediction,
+        last: UncertainPose,
+        variances: tuple[float, float],
+        *,
+        n_failures: int,
+    ) -> MotionModel:
+        return replace(
+            self.advanced(prediction),
+            last=last,
+            variance_translation=variances[0],
+            variance_turn=variances[1],
+            n_failures=n_failures,
         )
 
-    def _inflate_change(self) -> None:
-        """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
-        place, turn = self._change
-        wide = max(self._config.sigma_rad**2, turn)
-        self._change = (place, turn + (wide - turn) / self._config.memory)
+    def _averaged_variances(self, change: Pose) -> tuple[float, float]:
+        config = self.config
+        x, y, theta = change.tolist()
+        theta = wrap_angle(theta)
+        square = 0.5 * (x * x + y * y)
+        return (
+            self._averaged(self.variance_translation, square, config.least_sigma_m),
+            self._averaged(self.variance_turn, theta * theta, config.least_sigma_rad),
+        )
 
-    def _averaged(self, variance: float, pose_keyframe_scan: float, least: float) -> float:
-        pose_keyframe_scan = min(
-            pose_keyframe_scan, self._config.motion_gate_chi2 * variance
-        )  # one leap is not a habit
-        return max(variance + (pose_keyframe_scan - variance) / self._config.memory, least**2)
+    def _inflated_variances(self) -> tuple[float, float]:
+        """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
+        wide = max(self.config.sigma_rad**2, self.variance_turn)
+        return (
+            self.variance_translation,
+            self.variance_turn + (wide - self.variance_turn) / self.config.memory,
+        )
+
+    def _averaged(self, variance: float, square: float, least: float) -> float:
+        square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit
+        return max(variance + (square - variance) / self.config.memory, least**2)

@@ -1,4 +1,4 @@
-"""Known places: whether a scan is where an earlier keyframe was taken.
+"""Loop closure and relocalization: whether a scan is where an earlier keyframe was taken.
 
 A match alone does not say so, for rooms resemble each other: it must also lie where the chain of matches allows. Where
 the chain has become too vague to tell, two earlier keyframes must agree.
@@ -31,9 +31,9 @@ def find_loop_closure(
     ----------
     current : PreparedScan
         The scan.
-    fix : Fix
+    localization : Localization
         Where it is by the keyframe in use.
-    keyframes : Keys
+    keyframes : KeyframeGraph
         All keyframes.
     config : KeyframesConfig
         The odometry's.

@@ -32,8 +32,13 @@ class OdometryRun:
         How each pose came about.
     failures : dict of Outcome to int
         Failed matches by reason, most frequent first.
+    n_rejected : int
+        Scans without a match though the matcher gave a pose: too far from what was expected, and sharing too little with
+        its reference. With `failures` they add up to the scans that are not matched.
     n_matched : (n,) int64
         Matched pairs of readings behind each pose; 0 where there was no match.
+    is_degenerate : (n,) bool
+        Whether the match of each scan leaves a direction unobservable, as along a corridor.
     seconds : (n,) float64
         Time that ``Odometry.add`` took for each scan.
     is_partial : bool
@@ -46,10 +51,18 @@ class OdometryRun:
     trajectory: Trajectory
     outcomes: tuple[StepOutcome, ...]
     failures: dict[Outcome, int]
+    n_rejected: int
     n_matched: Ints
+    is_degenerate: Bools
     seconds: Floats
     is_partial: bool
     has_prior: bool = False
+
+    def __repr__(self) -> str:
+        n = len(self.outcomes)
+        n_failed = int(np.count_nonzero(self.is_failed))
+        partial = ", interrupted" if self.is_partial else ""
+        return f"OdometryRun({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
 
     @property
     def is_matched(self) -> Bools:
@@ -110,7 +123,8 @@ def run_odometry(
     odometry = odometry or Odometry()
     stamps, poses, covariances, seconds = (array("d") for _ in range(4))
     outcomes: list[StepOutcome] = []
-    n_matched = array("q")
+    n_matched, is_degenerate = array("q"), array("b")
+    n_rejected = 0
     failures: Counter[Outcome] = Counter()
     is_partial = False
     try:
@@ -122,8 +136,14 @@ def run_odometry(
             poses.extend(step.pose)
             covariances.extend(step.covariance.ravel())
             n_matched.append(step.match.n_matched if step.match else 0)
-            if step.match and not step.match.ok:
-                failures[step.match.outcome] += 1
+            is_degenerate.append(
+                step.match is not None and step.match.degenerate_direction is not None
+            )
+            if step.match and step.outcome not in MATCHES:
+                if step.match.ok:
+                    n_rejected += 1
+                else:
+                    failures[step.match.outcome] += 1
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
@@ -139,7 +159,9 @@ def run_odometry(
         ),
         outcomes=tuple(outcomes),
         failures=dict(failures.most_common()),
+        n_rejected=n_rejected,
         n_matched=np.array(n_matched[:n], dtype=np.int64),
+        is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
         seconds=np.array(seconds[:n]),
         is_partial=is_partial,
         has_prior=odometry_poses is not None,

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import __version__
+from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.log import Log
 from curvescan.io.ros.bag_files import storage_files
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
@@ -39,6 +40,7 @@ def save_run(
     source: Path | None = None,
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
+    verdict: Verdict | None = None,
 ) -> tuple[str, ...]:
     """Write the trajectory, the maps and the record of a run into an existing folder.
 
@@ -63,6 +65,8 @@ def save_run(
         True poses, drawn with the map.
     occupancy : OccupancyConfig or None
         How to make the occupancy map; None for the defaults.
+    verdict : Verdict or None
+        Whether the run can be trusted, for run.json; None to judge the run alone, without its log.
 
     Returns
     -------
@@ -82,7 +86,7 @@ def save_run(
         draw_occupancy(folder / "occupancy.png", place.grid, run.trajectory.poses, title=title)
     else:
         left_out = (f"no occupancy map: {place.why_no_grid}",)
-    record = describe_run(run, log, odometry, command, source)
+    record = describe_run(run, log, odometry, command, source, verdict)
     record["occupancy"] = as_plain(occupancy)
     record["left_out"] = list(left_out)
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
@@ -95,9 +99,11 @@ def describe_run(
     odometry: Odometry,
     command: Sequence[str] = (),
     source: Path | None = None,
+    verdict: Verdict | None = None,
 ) -> dict[str, object]:
-    """Return what run.json holds: version, command, input, configuration, outcomes, times."""
+    """Return what run.json holds: version, command, input, configuration, verdict, outcomes, times."""
     outcomes = Counter(run.outcomes)
+    verdict = verdict or judge_run(run)
     median, p99, worst = np.percentile(1e3 * run.seconds, [50.0, 99.0, 100.0])
     return {
         "curvescan": __version__,
@@ -113,12 +119,14 @@ def describe_run(
         },
         "odometry_prior": run.has_prior,
         "is_partial": run.is_partial,
+        "verdict": {"is_trusted": verdict.is_trusted, "reasons": list(verdict.reasons)},
         "scans": len(run.outcomes),
         "outcomes": {kind.name.lower(): outcomes[kind] for kind in StepOutcome},
         "failures": {
             outcome.name.lower(): {"count": count, "meaning": outcome.value}
             for outcome, count in run.failures.items()
         },
+        "rejected_matches": run.n_rejected,
         "milliseconds_per_scan": {
             "median": round(float(median), 4),
             "p99": round(float(p99), 4),

@@ -172,7 +172,7 @@ def test_the_configuration_is_used():
     blind = CurvescanConfig(hypotheses=HypothesesConfig(max_tried=1, n_rotations=1))
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
     assert cs.match(ref, cur, config=blind).trace.candidates.n_tried < 5
-    with pytest.raises(cs.InvalidArgumentError, match="takes a CurvescanConfig"):
+    with pytest.raises(cs.InvalidArgumentError, match="must be a CurvescanConfig"):
         cs.match(ref, cur, config=HypothesesConfig())
 
 

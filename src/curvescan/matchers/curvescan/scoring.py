@@ -205,6 +205,7 @@ def best_beside(
 ) -> float:
     """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
     best = -1.0
+    n_samples = max(ref.samples.shape[0], cur.samples.shape[0])  # a constant would be compiled for
     moved = np.empty(3)
     for offset in offsets:
         for sign in (-1.0, 1.0):
@@ -218,7 +219,7 @@ def best_beside(
                     cur,
                     tolerance,
                     slope,
-                    4096,
+                    n_samples,
                     -1.0,
                 ),
             )

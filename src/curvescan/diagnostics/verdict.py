@@ -1,0 +1,137 @@
+"""A verdict: whether the trajectory of a run can be trusted, and why not."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.diagnostics.issues import Issue
+from curvescan.odometry.run import OdometryRun
+from curvescan.types import Bools
+
+MAX_UNMATCHED_SHARE = 0.02
+"""A trajectory of which a greater share of the scans is not matched has gaps where a turn is easily lost."""
+
+MAX_UNMATCHED = 2
+"""So many scans without a match are bridged on any path, however short."""
+
+MAX_SIGMA = 0.5
+"""Greatest standard deviation of a position on a short path that can still be called known, metres."""
+
+MAX_SIGMA_SHARE = 0.02
+"""The same on a long path, as a share of it: what odometry may drift by."""
+
+_SPOILING = ("stale_beams", "turns_against", "undeclared_code", "no_valid_reading")
+"""Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether a run can be trusted.
+
+    Attributes
+    ----------
+    is_trusted : bool
+        Whether nothing speaks against the trajectory.
+    reasons : tuple of str
+        What does, a clause each with its figures; empty when trusted.
+    """
+
+    is_trusted: bool
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The last line of a run."""
+        if self.is_trusted:
+            return "trusted: nothing in the run speaks against its trajectory"
+        return f"not to be trusted: {'; '.join(self.reasons)}"
+
+
+def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
+    """Return whether the trajectory of a run can be trusted, and why not.
+
+    Parameters
+    ----------
+    run : OdometryRun
+        The run, whole or partial.
+    issues : sequence of Issue
+        What :func:`curvescan.diagnostics.issues.find_issues` found in the log that was run.
+
+    Returns
+    -------
+    Verdict
+        With every reason, the gravest first.
+    """
+    reasons = [
+        *_on_matches(run),
+        *_on_uncertainty(run),
+        *(issue.what for issue in issues if issue.kind in _SPOILING),
+    ]
+    return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
+
+
+def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
+    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The command line that ran, the program's name first.
+    issues : sequence of Issue
+        Of the log, with the options of that command line applied.
+    """
+    options = [issue for issue in issues if issue.option]
+    if not options:
+        return ()
+    added = [
+        word for option in dict.fromkeys(i.option for i in options) for word in shlex.split(option)
+    ]
+    what = "; ".join(issue.what for issue in options)
+    return (f"{what}; try: {shlex.join([*command, *added])}",)
+
+
+def _on_matches(run: OdometryRun) -> list[str]:
+    n_steps = len(run.outcomes) - 1
+    if n_steps < 1:
+        return [
+            f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"
+        ]
+    n_failed = int(np.count_nonzero(run.is_failed))
+    if n_failed <= max(MAX_UNMATCHED, MAX_UNMATCHED_SHARE * n_steps):
+        return []
+    return [
+        f"{n_failed:,} of {n_steps:,} scans are not matched ({n_failed / n_steps:.0%}), up to "
+        f"{_longest(run.is_failed):,} in a row"
+    ]
+
+
+def _on_uncertainty(run: OdometryRun) -> list[str]:
+    covariances = run.trajectory.covariances
+    if covariances is None or len(covariances) < 2:
+        return []
+    variance = covariances[:, 0, 0] + covariances[:, 1, 1]
+    sigma = math.sqrt(0.5 * float(np.max(variance)))
+    steps = np.diff(run.trajectory.poses[:, :2], axis=0)
+    path = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
+    if sigma <= max(MAX_SIGMA, MAX_SIGMA_SHARE * path):
+        return []
+    n_open = int(np.count_nonzero(run.is_degenerate))
+    cause = (
+        f"; in {n_open:,} scans, up to {_longest(run.is_degenerate):,} in a row, motion along one direction is "
+        "unobservable" + ("" if run.has_prior else ", which wheel odometry could decide")
+    )
+    return [
+        f"the position is uncertain by up to {sigma:.1f} m (standard deviation)"
+        + cause * (n_open > 0)
+    ]
+
+
+def _longest(mask: Bools) -> int:
+    """Return the greatest number of True in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))

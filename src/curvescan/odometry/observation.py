@@ -1,0 +1,235 @@
+"""The records that pass through one ``Odometry.add``: state, observation, placement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from curvescan.matchers import MatchResult, PreparedScan, prepare
+from curvescan.matchers.registry import Matcher, MatcherConfig
+from curvescan.odometry.config import OdometryConfig
+from curvescan.odometry.deskewing import Deskewer
+from curvescan.odometry.gating import GatedMatch, gate
+from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
+from curvescan.odometry.motion_model import MotionModel, Prediction
+from curvescan.odometry.step import StepOutcome
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, identity
+from curvescan.types import Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Matching:
+    """A matcher with its configuration, as the odometry uses it.
+
+    Attributes
+    ----------
+    method : str
+        Name of the matcher.
+    matcher_config : dataclass, mapping or None
+        The matcher's configuration as it was given; None for its defaults.
+    matcher : Matcher
+        The matcher.
+    config : OdometryConfig
+        The odometry's configuration.
+    """
+
+    method: str
+    matcher_config: MatcherConfig | None
+    matcher: Matcher
+    config: OdometryConfig
+
+    def prepare(self, scan: LaserScan) -> PreparedScan:
+        """Return a scan ready to be matched."""
+        return prepare(scan, method=self.method, config=self.matcher_config)
+
+    def match(
+        self, reference: PreparedScan, current: PreparedScan, expected: UncertainPose
+    ) -> GatedMatch:
+        """Return a match held against what is expected of it."""
+        result = self.matcher.match(reference.features, current.features, expected.pose)
+        return gate(result, expected, self.config.motion)
+
+    def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
+        """Return a scan that others can be matched with, else None."""
+        return scan if self.matcher.can_be_reference(scan.features) else None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class State:
+    """All that an odometry remembers from scan to scan, beside its keyframes.
+
+    Attributes
+    ----------
+    motion : MotionModel
+        What is expected of the next scan.
+    n_scans : int
+        Scans so far.
+    localization : Localization or None
+        Where the last scan is; None before the first.
+    previous : PreparedScan or None
+        The last scan, if it can be a reference.
+    deskewer : Deskewer
+        The clock of the sweeps.
+    first : LaserScan or None
+        The first scan, until the second shows the velocity with which its sweep is deskewed.
+    n_searches : int
+        Scans for which earlier keyframes are still tried at once, after a failure.
+    """
+
+    motion: MotionModel
+    n_scans: int = 0
+    localization: Localization | None = None
+    previous: PreparedScan | None = None
+    deskewer: Deskewer = field(default_factory=Deskewer)
+    first: LaserScan | None = None
+    n_searches: int = 0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attempt:
+    """The better of the matches with the keyframe in use and with the previous scan.
+
+    Attributes
+    ----------
+    last : Localization
+        Where the previous scan is.
+    gated : GatedMatch
+        The match.
+    outcome : StepOutcome
+        MATCHED with the keyframe, CHAINED with the previous scan.
+    reference : PreparedScan
+        The one it was matched with.
+    origin : UncertainPose
+        The last scan seen from it.
+    """
+
+    last: Localization
+    gated: GatedMatch
+    outcome: StepOutcome
+    reference: PreparedScan
+    origin: UncertainPose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observation:
+    """A scan with all that is known before it is placed.
+
+    Attributes
+    ----------
+    scan : LaserScan
+        As it came.
+    prediction : Prediction
+        What is expected of it.
+    deskewer : Deskewer
+        At the time of the scan.
+    state : State
+        After the last scan.
+    keyframes : KeyframeGraph
+        After the last scan.
+    matching : Matching
+        The matcher.
+    """
+
+    scan: LaserScan
+    prediction: Prediction
+    deskewer: Deskewer
+    state: State
+    keyframes: KeyframeGraph
+    matching: Matching
+
+    @property
+    def config(self) -> OdometryConfig:
+        """The odometry's configuration."""
+        return self.matching.config
+
+    @property
+    def index(self) -> int:
+        """Number of the scan in the stream."""
+        return self.state.n_scans
+
+    @cached_property
+    def current(self) -> PreparedScan:
+        """The scan deskewed with the expected motion, and ready to be matched."""
+        return self.prepared(self.expected.pose)
+
+    def prepared(self, motion: Pose) -> PreparedScan:
+        """Return the scan ready to be matched, deskewed with a motion since the last one."""
+        is_deskewed = self.config.deskew
+        return self.matching.prepare(
+            self.deskewer.deskewed(self.scan, motion) if is_deskewed else self.scan
+        )
+
+    @property
+    def expected(self) -> UncertainPose:
+        """The expected motion since the last scan."""
+        return self.prediction.motion
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """Where a scan is, how that was found, and what is to be remembered of it.
+
+    Attributes
+    ----------
+    outcome : StepOutcome
+        How it was found.
+    localization : Localization
+        Where it is.
+    current : PreparedScan
+        The scan as it was matched last.
+    motion : MotionModel
+        The motion model after it.
+    n_searches : int
+        Scans for which earlier keyframes are still to be tried at once.
+    match : MatchResult or None
+        The match behind it.
+    reference : int or None
+        Number of the scan it was matched with.
+    used : tuple of Keyframe
+        The keyframes it was matched with.
+    new_keyframes : tuple of Keyframe
+        Keyframes to be taken in, in this order.
+    obsolete : Keyframe or None
+        A keyframe to be forgotten before.
+    first_keyframe_scan : PreparedScan or None
+        The first scan, deskewed now that its velocity is known.
+    """
+
+    outcome: StepOutcome
+    localization: Localization
+    current: PreparedScan
+    motion: MotionModel
+    n_searches: int
+    match: MatchResult | None = None
+    reference: int | None = None
+    used: tuple[Keyframe, ...] = ()
+    new_keyframes: tuple[Keyframe, ...] = ()
+    obsolete: Keyframe | None = None
+    first_keyframe_scan: PreparedScan | None = None
+
+
+def try_references(observation: Observation, last: Localization) -> Attempt:
+    """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan."""
+    matching, previous = observation.matching, observation.state.previous
+    current, motion = observation.current, observation.expected
+    min_score = matching.config.keyframes.min_score
+    attempt = Attempt(
+        last=last,
+        gated=matching.match(last.keyframe.scan, current, compose(last.pose_keyframe_scan, motion)),
+        outcome=StepOutcome.MATCHED,
+        reference=last.keyframe.scan,
+        origin=last.pose_keyframe_scan,
+    )
+    if previous is None or previous is attempt.reference or attempt.gated.is_confident(min_score):
+        return attempt
+    second = matching.match(previous, current, motion)
+    if not second.is_better_than(attempt.gated, min_score):
+        return attempt
+    return Attempt(
+        last=last,
+        gated=second,
+        outcome=StepOutcome.CHAINED,
+        reference=previous,
+        origin=identity(),
+    )
