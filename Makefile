@@ -7,10 +7,11 @@ VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
 INSTALLED := $(VENV)/.installed
+LOWEST := .venv-lowest
 
 export MPLBACKEND := Agg
 
-.PHONY: demo test test-wheel dist lint coverage bench format clean
+.PHONY: demo test test-lowest test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -18,6 +19,14 @@ demo: $(INSTALLED)
 test: lint
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+
+# every dependency at the lowest version that pyproject.toml allows
+test-lowest: $(INSTALLED)
+	$(PYTHON) -m venv --clear $(LOWEST)
+	$(BIN)/python tests/lowest.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint $(LOWEST)/constraints.txt '.[icp]' hypothesis pytest pyyaml
+	$(LOWEST)/bin/python -m pytest -q
 
 # kernels are seen line by line only without the JIT; slow
 coverage: $(INSTALLED)
@@ -59,4 +68,4 @@ $(INSTALLED): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .cache demo src/curvescan/__pycache__
+	rm -rf $(VENV) $(LOWEST) .cache demo src/curvescan/__pycache__

@@ -20,11 +20,13 @@ from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
 from curvescan.cli.flags import with_flags
+from curvescan.cli.help import overview, short_help
 from curvescan.cli.info import info
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
 from curvescan.cli.options import ChainConfigs, MethodConfigs
 from curvescan.errors import CurvescanError
+from curvescan.mapping.config import OccupancyConfig
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,
@@ -40,6 +42,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
 
 CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
+
+HELP_ALL = "--help-all"
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -57,6 +61,11 @@ def run(arguments: list[str]) -> int:
     if arguments in (["--version"], ["-V"]):
         print(f"curvescan {__version__}")
         return DONE
+    if (text := _help(arguments)) is not None:
+        print(text)
+        return DONE
+    if HELP_ALL in arguments:
+        arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
     try:
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
@@ -69,6 +78,15 @@ def run(arguments: list[str]) -> int:
         # the reader of our output (head, less) has gone: nobody is left to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+
+
+def _help(arguments: list[str]) -> str | None:
+    """Return the help on one screen that is asked for; None where none is, or --help-all."""
+    if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
+        return None
+    if arguments[0] in COMMANDS:
+        return short_help(arguments[0], COMMANDS[arguments[0]])
+    return overview(COMMANDS)
 
 
 def _parse_and_call(arguments: list[str]) -> Any:
@@ -97,11 +115,12 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
         for group in CONFIG_ARGUMENTS.values()
         for field in fields(group)
     }
-    read = read_config(path, defaults)
-    configs = {
+    read = read_config(path, {**defaults, "map": OccupancyConfig()})
+    configs: dict[str, object] = {
         argument: group(**{field.name: read[field.name] for field in fields(group)})
         for argument, group in CONFIG_ARGUMENTS.items()
     }
+    configs["occupancy"] = read["map"]
     return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
 
 

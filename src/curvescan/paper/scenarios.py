@@ -20,6 +20,7 @@ from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_
 from curvescan.mapping.dynamic import dynamic_along
 from curvescan.matchers import MatchResult
 from curvescan.matchers.baselines.iteration import IterationTrace
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.matchers.result import Label
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
 from curvescan.paper.lu_milios import lu_milios_covariance
@@ -265,7 +266,7 @@ def run_scenario(
     log: Simulation,
     methods: Sequence[str],
     *,
-    configs: Mapping[str, object] = MappingProxyType({}),
+    configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
     on_step: Callable[[OdometryStep], None] | None = None,
 ) -> dict[str, ScenarioResult]:
     """Return what each method makes of the same scans, scan to scan.
@@ -287,7 +288,7 @@ def run_scenario(
 def _run_one(
     log: Simulation,
     method: str,
-    config: object | None,
+    config: MatcherConfig | None,
     on_step: Callable[[OdometryStep], None] | None,
 ) -> ScenarioResult:
     variances: list[Floats] = []
