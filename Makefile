@@ -11,7 +11,9 @@ LOWEST := .venv-lowest
 
 export MPLBACKEND := Agg
 
-.PHONY: demo test test-lowest test-wheel dist lint coverage bench format clean
+ROS_VENV := .venv-ros
+
+.PHONY: demo test test-lowest test-ros test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -19,6 +21,10 @@ demo: $(INSTALLED)
 test: lint
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+
+# the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
+test-ros:
+	bash ros2/test.sh $(ROS_VENV) $(PYTHON)
 
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)

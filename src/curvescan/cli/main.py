@@ -22,9 +22,12 @@ from curvescan.cli.experiments import experiments
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.info import info
+from curvescan.cli.live import live
+from curvescan.cli.localize import localize
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
-from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.cli.slam import slam
 from curvescan.errors import CurvescanError
 from curvescan.mapping.config import OccupancyConfig
 
@@ -33,6 +36,9 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "convert": convert,
     "odometry": odometry,
+    "slam": slam,
+    "localize": localize,
+    "live": live,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,
@@ -40,10 +46,23 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "bench": bench,
 }
 
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {
+    "configs": MethodConfigs,
+    "chain_config": ChainConfigs,
+    "slam_config": SlamConfigs,
+}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 HELP_ALL = "--help-all"
+FIRST_STEPS = """\
+curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three commands to try:
+
+  curvescan live                    a simulated robot drives round a building; watch it on a page in the browser
+  curvescan demo                    the same as files: trajectory, map and a table of errors, in ./demo
+  curvescan odometry LOG --out DIR  a log of yours (ROS bag, CARMEN, CSV, NPZ): trajectory and map
+
+All commands: curvescan -h"""
+"""What is printed without arguments."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -66,6 +85,9 @@ def run(arguments: list[str]) -> int:
         return DONE
     if HELP_ALL in arguments:
         arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
+    if not arguments:
+        print(FIRST_STEPS)
+        return DONE
     try:
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
