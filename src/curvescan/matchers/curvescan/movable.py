@@ -67,8 +67,12 @@ def free_standing(surfels: Floats, bounds: Ints, codes: Codes) -> tuple[Bools, i
     n_things = 0
     for k in range(bounds.size - 1):
         first, last = bounds[k], bounds[k + 1] - 1
-        dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
-        if dx * dx + dy * dy > _MAX_EXTENT * _MAX_EXTENT:
+        # from the first reading to the farthest: a room seen all around ends where it begins
+        extent2 = 0.0
+        for i in range(first, last + 1):
+            dx, dy = surfels[i, X] - surfels[first, X], surfels[i, Y] - surfels[first, Y]
+            extent2 = max(extent2, dx * dx + dy * dy)
+        if extent2 > _MAX_EXTENT * _MAX_EXTENT:
             continue
         before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
         behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < m else _OPEN
