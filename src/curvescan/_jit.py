@@ -23,7 +23,7 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 # a C wrapper of each kernel, which nobody calls, would take a fourteenth of the time
-_njit: Any = functools.partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True)
+_njit: Any = functools.partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True, nogil=True)
 _numba_config: Any = numba.config
 
 _kernels: list[Any] = []

@@ -23,9 +23,11 @@ from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.info import info
 from curvescan.cli.live import live
+from curvescan.cli.localize import localize
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
-from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.cli.slam import slam
 from curvescan.errors import CurvescanError
 from curvescan.mapping.config import OccupancyConfig
 
@@ -34,6 +36,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "info": info,
     "convert": convert,
     "odometry": odometry,
+    "slam": slam,
+    "localize": localize,
     "live": live,
     "match": match,
     "evaluate": evaluate,
@@ -42,7 +46,11 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "bench": bench,
 }
 
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {
+    "configs": MethodConfigs,
+    "chain_config": ChainConfigs,
+    "slam_config": SlamConfigs,
+}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 HELP_ALL = "--help-all"
