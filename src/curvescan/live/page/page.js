@@ -134,7 +134,7 @@ function draw() {
   if (view.isFitted) fit();
   else if (view.isFollowing && isPlaced()) { [view.x, view.y] = state.scan.pose; }
   pen.fillStyle = colours.ground; pen.fillRect(0, 0, innerWidth, innerHeight);
-  drawGrid(); drawMap(); drawPath(); drawClosures();
+  drawGrid(); drawMap(); drawClosures(); drawPath();
   if (isPlaced()) { drawScan(); drawRobot(); }
   drawScale();
 }
