@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 
 _MAX_WIDTH = 100
 _MAX_LINES = 29
-_MAX_FLAG = 34
+_MAX_FLAG = 38
 """Columns for a flag and its values; more values stand in its text."""
 _CUT = " ..."
 

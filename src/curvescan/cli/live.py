@@ -188,16 +188,13 @@ def _mode(saved_map: Path | None, odometry_only: bool) -> Mode:
         if odometry_only:
             raise InvalidArgumentError("--map and --odometry-only exclude each other: give one")
         return "localization"
-    import curvescan
-
-    return "odometry" if odometry_only or "Slam" not in curvescan.__all__ else "SLAM"
+    return "odometry" if odometry_only else "SLAM"
 
 
 def _saved_map(path: Path) -> Any:
-    import curvescan
+    from curvescan import load_map
 
-    library: Any = curvescan
-    return library.load_map(path)
+    return load_map(path)
 
 
 def _replay(
@@ -234,14 +231,10 @@ def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None) -> En
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
 
-    library: Any = curvescan  # names that are loaded on first use
-
     def new() -> Engine:
         if mode == "localization":
-            engine: Engine = library.Localizer(saved, method=method)
-        else:
-            engine = library.Slam(method) if mode == "SLAM" else library.Odometry(method)
-        return engine
+            return curvescan.Localizer(saved, method=method)
+        return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
 
     text = "loading kernels (they are compiled in the first run only)"
     if viewer is not None:

@@ -134,7 +134,7 @@ function draw() {
   if (view.isFitted) fit();
   else if (view.isFollowing && isPlaced()) { [view.x, view.y] = state.scan.pose; }
   pen.fillStyle = colours.ground; pen.fillRect(0, 0, innerWidth, innerHeight);
-  drawGrid(); drawMap(); drawPath(); drawClosures();
+  drawGrid(); drawMap(); drawClosures(); drawPath();
   if (isPlaced()) { drawScan(); drawRobot(); }
   drawScale();
 }
@@ -170,12 +170,13 @@ function drawPath() {
 
 function drawClosures() {
   const c = state.closures;
-  pen.strokeStyle = pen.fillStyle = colours.closure; pen.lineWidth = 2;
+  pen.strokeStyle = pen.fillStyle = colours.closure; pen.lineWidth = 1; pen.globalAlpha = 0.45;
   for (let i = 0; i + 3 < c.length; i += 4) {
     const [a, b] = toScreen(c[i], c[i + 1]), [d, e] = toScreen(c[i + 2], c[i + 3]);
     pen.beginPath(); pen.moveTo(a, b); pen.lineTo(d, e); pen.stroke();
-    pen.beginPath(); pen.arc(a, b, 3, 0, 7); pen.arc(d, e, 3, 0, 7); pen.fill();
+    pen.fillRect(a - 1.5, b - 1.5, 3, 3); pen.fillRect(d - 1.5, e - 1.5, 3, 3);
   }
+  pen.globalAlpha = 1;
 }
 
 function drawScan() {
