@@ -77,6 +77,13 @@ class MatchResult:
     score, runner_up : float
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not tell.
+    confidence : float
+        Probability, 0 to 1, that the pose is right within what its covariance says: calibrated on several generators of
+        places and on real logs, also on scans that share nothing. Of the matches with 0.99 about 99 in 100 are
+        right. 0 without a pose; NaN for matchers that do not tell. Two matches of one pair of places err
+        together: do not multiply their confidences.
+    is_guess_decisive : bool
+        Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.
     """
 
     method: str
@@ -90,6 +97,8 @@ class MatchResult:
     degenerate_direction: Floats | None = None
     score: float = math.nan
     runner_up: float = math.nan
+    confidence: float = math.nan
+    is_guess_decisive: bool = False
 
     @property
     def ok(self) -> bool:
