@@ -32,7 +32,10 @@ class Clock(NamedTuple):
     n_steps: int = 0
 
     def ticked(self, stamp: float, memory: float) -> tuple[Clock, float]:
-        """Return the clock after the next stamp, and how many times longer than usual that took, at least 1."""
+        """Return the clock after the next stamp, and how many usual periods that took, a whole number of at least 1.
+
+        A whole number, so that stamps that jitter change nothing at all.
+        """
         elapsed = stamp - self.stamp
         if not elapsed > 0.0:  # the first one, a clock that stands or goes back
             return self._replace(stamp=stamp), 1.0
@@ -40,7 +43,7 @@ class Clock(NamedTuple):
         if n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
             return Clock(stamp, usual + (elapsed - usual) / n_steps, n_steps), 1.0
         period = usual + (min(elapsed, 3.0 * usual) - usual) / memory
-        return Clock(stamp, period, n_steps), min(max(elapsed / usual, 1.0), _MAX_STRETCH)
+        return Clock(stamp, period, n_steps), min(max(round(elapsed / usual), 1.0), _MAX_STRETCH)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -56,6 +56,22 @@ class Matching:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Gap:
+    """Scans since the last one that was placed by a match with what was known before.
+
+    Attributes
+    ----------
+    before : tuple of Keyframe
+        The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
+    n_scans : int
+        Scans in the gap that have readings enough to be matched.
+    """
+
+    before: tuple[Keyframe, ...]
+    n_scans: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """All that an odometry remembers from scan to scan, beside its keyframes.
 
@@ -75,6 +91,8 @@ class State:
         The first scan, until the second shows the velocity with which its sweep is deskewed.
     n_searches : int
         Scans for which earlier keyframes are still tried at once, after a failure.
+    gap : Gap or None
+        A failure that no match has bridged yet.
     """
 
     motion: MotionModel
@@ -84,6 +102,7 @@ class State:
     deskewer: Deskewer = field(default_factory=Deskewer)
     first: LaserScan | None = None
     n_searches: int = 0
+    gap: Gap | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -182,6 +201,10 @@ class Placement:
         The motion model after it.
     n_searches : int
         Scans for which earlier keyframes are still to be tried at once.
+    step_motion : UncertainPose
+        The scan seen from the previous one, without any leap.
+    gap : Gap or None
+        A failure that is not bridged yet.
     match : MatchResult or None
         The match behind it.
     reference : int or None
@@ -201,6 +224,8 @@ class Placement:
     current: PreparedScan
     motion: MotionModel
     n_searches: int
+    step_motion: UncertainPose
+    gap: Gap | None = None
     match: MatchResult | None = None
     reference: int | None = None
     used: tuple[Keyframe, ...] = ()

@@ -12,13 +12,13 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.cfsma.alignment import align
+from curvescan.matchers.cfsma.config import LandmarksConfig
 from curvescan.matchers.cfsma.landmarks import (
     LandmarkPairs,
     Landmarks,
     Verdict,
     matched_readings,
 )
-from curvescan.matchers.cfsma.config import LandmarksConfig
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 MOST_PROPOSALS = 100
