@@ -17,8 +17,8 @@ from curvescan.odometry.observation import Gap, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
 
-MIN_CONFIDENCE = 0.9
-"""Least confidence of a match that bridges a gap."""
+MIN_CONFIDENCE = 0.8
+"""Least confidence of a match that bridges a gap: it also lies where it is expected."""
 
 LOST_COVARIANCE = np.diag([1e3**2, 1e3**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
@@ -54,7 +54,9 @@ def close_gap(o: Observation, placement: Placement) -> Placement | None:
         if not _joins(gated, config.keyframes.least_score):
             continue
         localization = Localization(
-            keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=True
+            keyframe=keyframe,
+            pose_keyframe_scan=gated.pose_keyframe_scan,
+            is_measured=gated.is_fully_observed,
         )
         is_tracked = placement.match is not None
         joined = replace(
@@ -108,7 +110,7 @@ def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = 
 
 def _joins(gated: GatedMatch, least_score: float) -> bool:
     """Return whether a match with a reference from before a gap bridges it."""
-    if not (gated.is_fully_observed and gated.is_plausible):
+    if not (gated.result.ok and gated.is_plausible):
         return False
     confidence = gated.result.confidence
     if math.isnan(confidence):

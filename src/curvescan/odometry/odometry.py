@@ -180,6 +180,7 @@ def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
         outcome=placement.outcome,
         match=placement.match,
         reference=placement.reference,
+        is_prior_rejected=placement.is_prior_rejected,
     )
 
 

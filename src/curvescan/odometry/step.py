@@ -57,6 +57,8 @@ class OdometryStep:
         The match behind it, also where it failed; None at the first scan.
     reference : int or None
         Number of the scan that `match` was tried with; None at the first scan.
+    is_prior_rejected : bool
+        Whether `odometry_pose` was left out of this step because a match, which the last motion supports, contradicts it.
     """
 
     index: int
@@ -68,6 +70,7 @@ class OdometryStep:
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
+    is_prior_rejected: bool = False
 
     def __repr__(self) -> str:
         x, y, theta = self.pose

@@ -67,7 +67,8 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         new_keyframes = (keyframe,)
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
-    motion = fuse(o.expected, compose(inverse(attempt.origin), as_measurement(result)))[0]
+    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
+    motion = fuse(expected, compose(inverse(attempt.origin), as_measurement(result)))[0]
     localization = Localization(
         keyframe=keyframe,
         pose_keyframe_scan=gated.pose_keyframe_scan,
@@ -87,6 +88,7 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         step_motion=_step_motion(o, attempt, gated),
         gap=o.state.gap,
         match=result,
+        is_prior_rejected=gated.is_prior_rejected,
         reference=keyframe.index,
         used=(keyframe,),
         new_keyframes=new_keyframes,
@@ -203,7 +205,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     better, reference, first = o.prepared(found), keyframe.scan, None
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
-    again = o.matching.match(reference, better, compose(attempt.origin, o.expected))
+    again = o.matching.match(reference, better, attempt.origin, o.prediction)
     if again.is_as_good_as(gated):
         return _Sweep(again, better, first)
     return _Sweep(gated, o.current, first)
@@ -220,7 +222,7 @@ def _is_leaving(
 
 def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
     """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
-    expected = o.expected
+    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
     if not gated.is_plausible:
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
     measured = compose(inverse(attempt.origin), as_measurement(gated.result))
