@@ -220,8 +220,8 @@ class OccupancyBuilder:
             width, height = n_cells * self.config.resolution
             raise MapTooLargeError(
                 f"an occupancy map may take {MAX_BYTES >> 30} GiB, and {width:,.0f} m by {height:,.0f} m in cells of "
-                f"{self.config.resolution:g} m take more: choose larger cells (--map.resolution) or a smaller "
-                "--range-max; if the place is not that large, the trajectory has gone astray"
+                f"{self.config.resolution:g} m take more: choose larger cells (the resolution of OccupancyConfig) or a "
+                "smaller range_max; if the place is not that large, the trajectory has gone astray"
             )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.registry import (
     DEFAULT_METHOD,
@@ -123,11 +124,10 @@ def match(
         When an argument is not of the kinds above.
     """
     matcher = find_matcher(method, config)
-    return matcher.match(
-        _prepared(reference, matcher, "reference").features,
-        _prepared(current, matcher, "current").features,
-        None if guess is None else _as_guess(guess),
-    )
+    ref, cur = _prepared(reference, matcher, "reference"), _prepared(current, matcher, "current")
+    result = matcher.match(ref.features, cur.features, None if guess is None else _as_guess(guess))
+    watch.report()
+    return replace(result, reference=ref.scan, current=cur.scan)
 
 
 def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:

@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
+from curvescan.scan import LaserScan
 from curvescan.types import Codes, Cov, Floats, Pose
 
 
@@ -84,6 +85,8 @@ class MatchResult:
         together: do not multiply their confidences.
     is_guess_decisive : bool
         Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.
+    reference, current : LaserScan or None
+        The scans, for figures; None in the results within an odometry, which are kept by the thousand.
     """
 
     method: str
@@ -99,6 +102,8 @@ class MatchResult:
     runner_up: float = math.nan
     confidence: float = math.nan
     is_guess_decisive: bool = False
+    reference: LaserScan | None = None
+    current: LaserScan | None = None
 
     @property
     def ok(self) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
@@ -133,6 +134,7 @@ class Odometry:
         )
         placement = _place(observation)
         self._commit(observation, placement)
+        watch.report()
         return _as_step(observation, placement)
 
     def _commit(self, observation: Observation, placement: Placement) -> None:

@@ -156,6 +156,10 @@ class RandomTransformRuns:
         return float(_mean_or_nan(self.n_matched[self.n_matched > 0, np.newaxis])[0])
 
 
+TransformResult: TypeAlias = tuple[RandomTransformRuns, RandomTransformRuns]
+"""Experiment 1 under one condition: by cfsma as printed, and with its consistency test."""
+
+
 def _mean_or_nan(rows: Floats | Ints) -> Floats:
     mean: Floats = rows.mean(axis=0) if len(rows) else np.full(rows.shape[1], np.nan)
     return mean

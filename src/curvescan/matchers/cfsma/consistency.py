@@ -53,7 +53,8 @@ def consistent_pairs(
     if rows.size < 2:
         return pairs
     readings = [
-        matched_readings(landmarks_cur, landmarks_ref, _only(pairs, row), config) for row in rows
+        matched_readings(landmarks_cur, landmarks_ref, _only(pairs, int(row)), config)
+        for row in rows
     ]
     sizes = np.array([cur_idx.size for cur_idx, _ in readings])
     cur_idx, ref_idx = (np.concatenate(one) for one in zip(*readings, strict=True))

@@ -32,15 +32,15 @@ GUESSED_REPETITION = 0.3
 """Share of the agreement that a pose must explain for a guess to prefer it to the best."""
 
 COEFFICIENTS = {
-    "constant": 4.28,
-    "log10_excess": 1.85,
-    "log10_agreeing": 6.65,
-    "log10_contradicted": -1.31,
-    "contradicted_small": -2.31,
-    "motion": -1.27,
-    "degenerate": -2.86,
+    "constant": 3.69,
+    "log10_excess": 2.46,
+    "log10_agreeing": 5.89,
+    "log10_contradicted": -1.39,
+    "contradicted_small": -2.14,
+    "motion": -1.21,
+    "degenerate": -2.43,
     "guessed": 3.0,
-    "repetition": -5.77,
+    "repetition": -3.97,
 }
 """Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 

@@ -25,6 +25,15 @@ class SegmentsConfig:
     """A run of at most this many missing readings does not end a surface by itself."""
     arm: float = 0.12
     """Readings within this distance decide the line through a reading, metres; two a side at least."""
+    jump: float = 0.03
+    """Besides what the incidence explains, neighbouring readings of one surface may lie apart by this, metres."""
+    noisy: float = 0.02
+    """Range noise, metres, from which on segments and lines are found anew with it."""
+    jump_growth: float = 8.0
+    """Growth of `jump` for each metre of range noise above `noisy`."""
+    arm_growth: float = 0.9
+    """Power of the range noise over `noisy` with which `arm` grows: from two thirds on the directions of lines are known
+    as well as with less noise."""
     range_sigma_min: float = 0.003
     """Least range noise that a scan is taken to have, metres."""
 
@@ -36,6 +45,10 @@ class SegmentsConfig:
         )
         require(self.max_gap >= 0, "max_gap must be >= 0 readings", self.max_gap)
         require(self.arm > 0.0, "arm must be > 0 m", self.arm)
+        require(self.jump > 0.0, "jump must be > 0 m", self.jump)
+        require(self.noisy > 0.0, "noisy must be > 0 m", self.noisy)
+        require(self.jump_growth >= 0.0, "jump_growth must be >= 0", self.jump_growth)
+        require(self.arm_growth >= 0.0, "arm_growth must be >= 0", self.arm_growth)
         require(self.range_sigma_min > 0.0, "range_sigma_min must be > 0 m", self.range_sigma_min)
 
 

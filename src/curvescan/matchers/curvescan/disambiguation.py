@@ -18,8 +18,9 @@ from curvescan.matchers.curvescan.candidates import (
     wide_range_images,
 )
 from curvescan.matchers.curvescan.confidence import Support, support_of
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.movable import without_movable
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.scoring import select
@@ -32,6 +33,9 @@ _ARMS = np.array([1.0, 1.0, 2.0])
 
 _OTHER = 0.25
 """Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
+
+_DIRECTION_SIGMA = 0.003
+"""Standard deviation of a degenerate direction, radians."""
 
 _SHARE = 0.7
 """Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
@@ -107,7 +111,10 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         return AssessedPose(
             poses=poses, scores=scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
         )
+    fixed = assessment
+    assessment = without_movable(ref, cur, poses[0], assessment, config)
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
+    is_degenerate[0] |= assessment is not fixed
     ties = along_degenerate_direction(poses, scores, assessment, config)
     is_degenerate[0] |= assessment.is_weakly_observable(config.information) and len(ties) > 0
     others = [
@@ -171,7 +178,11 @@ def place(
         assessment = assess_pose(ref, cur, pose, config)
     if is_degenerate[0] and guess is not None:
         pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
+    if is_degenerate[0]:
+        assessment = without_movable(ref, cur, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
+    if is_degenerate[0]:
+        cov = cov + covariance_of_direction(assessment.weakest, config.information)
     if has_ties:
         cov += covariance_of_ties(pose, poses[[0, *ties]])
     return pose, assessment, cov
@@ -197,6 +208,17 @@ def nearest_of_ties(
     ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
     nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
     return nearest
+
+
+def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
+    """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
+
+    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many millimetres.
+    """
+    dx, dy, _ = weakest.tolist()
+    across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
+    cov: Cov = np.outer(across, across)
+    return cov
 
 
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
