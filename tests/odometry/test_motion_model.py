@@ -126,10 +126,10 @@ def test_the_noise_of_wheels_is_learnt_from_what_the_matches_measure():
     for slip, is_worse in ((0.05, True), (0.0, False)):
         model, pose = steady(), np.zeros(3)
         for k in range(60):
-            pose = pose + [SEEN.pose[0] + slip, 0.0, 0.0]
+            pose = pose + np.array([SEEN.pose[0] + slip, 0.0, 0.0])
             straight = UncertainPose(np.array([SEEN.pose[0], 0.0, 0.0]), SEEN.cov)
             model = updated(model, 0.1 * k, straight, odometry_pose=pose)
-        cov = model.predict(6.0, pose + [0.1, 0.0, 0.0]).motion.cov
+        cov = model.predict(6.0, pose + np.array([0.1, 0.0, 0.0])).motion.cov
         usual = 0.003**2 + (0.1 * 0.1) ** 2
         assert bool(cov[0, 0] > 4.0 * usual) is is_worse
         assert bool(cov[0, 0] < 0.2 * usual) is not is_worse
