@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MapTooLargeError,
         MissingPackageError,
         OutputError,
+        SourceError,
         UnitWarning,
     )
     from curvescan.io import (
@@ -85,6 +86,15 @@ if TYPE_CHECKING:
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
+    from curvescan.slam import (
+        Localizer,
+        LocalizerStep,
+        Slam,
+        SlamConfig,
+        SlamMap,
+        SlamStep,
+        load_map,
+    )
     from curvescan.types import PoseEdge, Trajectory
     from curvescan.warmup import warm_up
 
@@ -108,6 +118,8 @@ _HOMES = {
     "LandmarksConfig": "curvescan.matchers.cfsma.config",
     "LaserScan": "curvescan.scan",
     "LinesConfig": "curvescan.matchers.baselines.config",
+    "Localizer": "curvescan.slam",
+    "LocalizerStep": "curvescan.slam",
     "Log": "curvescan.io.log",
     "LogFileError": "curvescan.errors",
     "LogFormatError": "curvescan.errors",
@@ -136,11 +148,17 @@ _HOMES = {
     "SegmentationConfig": "curvescan.matchers.cfsma.config",
     "SegmentsConfig": "curvescan.matchers.curvescan.config",
     "ShrinkConfig": "curvescan.matchers.baselines.config",
+    "Slam": "curvescan.slam",
+    "SlamConfig": "curvescan.slam",
+    "SlamMap": "curvescan.slam",
+    "SlamStep": "curvescan.slam",
+    "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
     "find_issues": "curvescan.diagnostics.issues",
     "inspect_log": "curvescan.diagnostics.inspect",
+    "load_map": "curvescan.slam",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "odometry_for": "curvescan.diagnostics.sensor",
@@ -189,6 +207,8 @@ __all__ = [
     "LandmarksConfig",
     "LaserScan",
     "LinesConfig",
+    "Localizer",
+    "LocalizerStep",
     "Log",
     "LogFileError",
     "LogFormatError",
@@ -216,12 +236,18 @@ __all__ = [
     "SegmentationConfig",
     "SegmentsConfig",
     "ShrinkConfig",
+    "Slam",
+    "SlamConfig",
+    "SlamMap",
+    "SlamStep",
+    "SourceError",
     "StepOutcome",
     "Trajectory",
     "UnitWarning",
     "__version__",
     "find_issues",
     "inspect_log",
+    "load_map",
     "log_from_arrays",
     "match",
     "odometry_for",

@@ -22,6 +22,7 @@ from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.registry import MatcherConfig, Method
 from curvescan.odometry.config import OdometryConfig
+from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
     from curvescan.io import Log
@@ -67,6 +68,14 @@ class ChainConfigs:
     """Key scans, what is expected of the next scan, and how far each is believed."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class SlamConfigs:
+    """Parameters of SLAM."""
+
+    slam: SlamConfig = field(default_factory=SlamConfig)
+    """Keyframes, loop closures, the optimizer, and the odometry in front."""
+
+
 Chain: TypeAlias = Literal["auto", "keys", "last"]
 """What a scan is matched with: key scans, the last scan, or what suits the method."""
 
@@ -78,6 +87,9 @@ Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 
 ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 """Parameters of the odometry, as flags --odometry.PARAMETER."""
+
+SlamFlags: TypeAlias = Annotated[SlamConfigs, tyro.conf.arg(name="")]
+"""Parameters of SLAM, as flags --slam.PARAMETER."""
 
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""
