@@ -230,11 +230,19 @@ def on_odometry(report: LogReport) -> Iterator[Problem]:
             "the log has no odometry",
             "motion is estimated from the scans alone",
         )
-    elif report.odometry.n_missing:
+        return
+    if report.odometry.n_missing:
         yield Problem(
             "odometry_gaps",
             f"{_of(report.odometry.n_missing, report.n_scans, 'scan')} have no odometry pose",
             "odometry cannot help to match them",
+        )
+    if report.odometry.lag:
+        late = "late" if report.odometry.lag > 0.0 else "early"
+        yield Problem(
+            "odometry_lag",
+            f"the odometry turns {abs(report.odometry.lag):.2g} s too {late} against the scans",
+            "it has another clock; --odometry-prior takes the lag out",
         )
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from curvescan import se2
+from curvescan.diagnostics.odometry_lag import odometry_lag
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
@@ -81,7 +82,9 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
-        odometry=None if odometry is None else _summarise_odometry(odometry),
+        odometry=None
+        if odometry is None
+        else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
         sense=sensor.rotation,
@@ -151,13 +154,14 @@ def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] 
     return x, y, theta
 
 
-def _summarise_odometry(odometry: Trajectory) -> OdometrySummary:
+def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:
     poses = odometry.poses[np.all(np.isfinite(odometry.poses), axis=1)]
     moves = np.diff(poses, axis=0)
     return OdometrySummary(
         path_length=float(np.sum(np.hypot(moves[:, 0], moves[:, 1]))),
         turned_deg=math.degrees(float(np.sum(np.abs(se2.wrap(moves[:, 2]))))),
         n_missing=len(odometry) - len(poses),
+        lag=lag,
     )
 
 

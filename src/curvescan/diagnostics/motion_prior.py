@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from curvescan.diagnostics.odometry_lag import odometry_lag, without_lag
 from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
@@ -45,7 +46,9 @@ def motion_prior(log: Log, sense: RotationDirection | None = None) -> Pose:
             f"{sense.n_turns} sharp turns: give clockwise=True if the sensor does, or leave odometry_prior=True out"
         )
     if log.odometry is not None:
-        return log.odometry.poses
+        poses = log.odometry.poses
+        lag = odometry_lag(log, poses[:, 2])
+        return without_lag(log.odometry.stamps, poses, lag) if lag else poses
     assert turned is not None
     if (sense is not None and sense.is_in_degrees) or _is_too_fast(turned, log):
         turned = np.radians(turned)

@@ -84,11 +84,14 @@ class OdometrySummary:
         Sum of the turns, either way, degrees.
     n_missing : int
         Scans without a pose.
+    lag : float
+        Seconds by which its headings are late against the scans; 0 where no lag is found.
     """
 
     path_length: float
     turned_deg: float
     n_missing: int
+    lag: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -156,6 +156,7 @@ class Odometry:
             deskewer=observation.deskewer,
             first=observation.scan if index == 0 else None,
             n_searches=placement.n_searches,
+            gap=placement.gap,
         )
 
 
@@ -176,9 +177,12 @@ def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.cov,
+        motion=placement.step_motion.pose,
+        motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,
         match=placement.match,
         reference=placement.reference,
+        is_prior_rejected=placement.is_prior_rejected,
     )
 
 

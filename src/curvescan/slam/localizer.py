@@ -30,7 +30,7 @@ from curvescan.slam.overlap import foretold_overlap, range_profile
 from curvescan.slam.relative import between_steps
 from curvescan.types import Cov, Pose
 
-_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD)
+_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
 
 class LocalizerOutcome(Enum):

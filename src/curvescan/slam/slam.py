@@ -31,7 +31,7 @@ from curvescan.slam.relative import between_steps, wheel_motion
 from curvescan.slam.step import SlamStep
 from curvescan.types import Pose, Trajectory
 
-_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD)
+_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
 
 class Slam:

@@ -128,7 +128,7 @@ def bearing(x: float, y: float) -> float:
 def place_of(x: float, y: float, image: RangeImage) -> float:
     """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
-    return (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
+    return float((bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5)
 
 
 @kernel
