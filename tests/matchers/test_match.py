@@ -191,7 +191,10 @@ def test_wrong_arguments_are_named():
         cs.match(scan, scan, method="cfsam")
     with pytest.raises(cs.InvalidArgumentError, match=r"current must be a LaserScan.*got ndarray"):
         cs.match(scan, scan.ranges)
-    with pytest.raises(cs.InvalidArgumentError, match="takes a CfSmaConfig, got CurvatureConfig"):
+    with pytest.raises(
+        cs.InvalidArgumentError,
+        match="must be a CfSmaConfig, a mapping of its fields or None, got CurvatureConfig",
+    ):
         cs.match(scan, scan, method="cfsma", config=CurvatureConfig())
     for guess in ((1, 2), (1, 2, math.nan), "far"):
         with pytest.raises(cs.InvalidArgumentError, match="guess must be three"):

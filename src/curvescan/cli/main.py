@@ -19,6 +19,7 @@ from curvescan.cli.convert import convert
 from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
+from curvescan.cli.flags import with_flags
 from curvescan.cli.info import info
 from curvescan.cli.localize import localize
 from curvescan.cli.match import match
@@ -63,7 +64,7 @@ def run(arguments: list[str]) -> int:
     try:
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
-        print(f"curvescan: {error}", file=sys.stderr)
+        print(f"curvescan: {with_flags(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("curvescan: interrupted, nothing written", file=sys.stderr)

@@ -20,6 +20,7 @@ from curvescan.matchers.baselines.config import (
 )
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.registry import MatcherConfig, Method
 from curvescan.odometry.config import OdometryConfig
 from curvescan.slam.config import SlamConfig
 
@@ -32,9 +33,6 @@ LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar
 
 ScanNumber: TypeAlias = tyro.conf.Positional[int]
 """Number of a scan in its log."""
-
-Method: TypeAlias = Literal["curvescan", "cfsma", "idc", "cox", "histogram", "icp", "plicp"]
-"""Names of the table of matchers, written out so that --help loads none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +54,10 @@ class MethodConfigs:
     plicp: PlIcpConfig = field(default_factory=PlIcpConfig)
     """Point to line ICP (Censi 2008)."""
 
-    def of(self, method: Method) -> object:
+    def of(self, method: Method) -> MatcherConfig:
         """Return the parameters of one method."""
-        return getattr(self, method)
+        config: MatcherConfig = getattr(self, method)
+        return config
 
 
 @dataclass(frozen=True, kw_only=True)

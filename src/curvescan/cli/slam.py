@@ -9,14 +9,12 @@ from typing import Annotated
 
 import tyro
 
-from curvescan.cli.odometry import lists_beams_backwards
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
     Laser,
     LogPath,
     MapConfig,
-    Method,
     MethodConfigs,
     SensorFlags,
     SlamConfigs,
@@ -25,6 +23,7 @@ from curvescan.cli.options import (
     open_log,
 )
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import Method
 
 
 def slam(
@@ -82,6 +81,7 @@ def slam(
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.motion_prior import motion_prior
+    from curvescan.diagnostics.sensor import judge_sensor
     from curvescan.diagnostics.verdict import judge_run, propose_commands
     from curvescan.io import output_folder
     from curvescan.runs.slam import save_slam_run
@@ -93,9 +93,9 @@ def slam(
     with output_folder(out) as folder:
         load_kernels(method)
         given = slam_config.slam
-        deskew = given.odometry.deskew and not lists_beams_backwards(source)
+        deskew = given.odometry.deskew and judge_sensor(source).can_deskew
         rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
-        tracker = Slam(method, matcher_config=configs.of(method), config=rules, map=begin)
+        tracker = Slam(method, matcher=configs.of(method), config=rules, map=begin)
         with progress_bar("SLAM", len(source)) as advance:
             run = run_slam(
                 source, tracker, odometry_poses=odometry_poses, on_step=lambda _: advance()

@@ -8,10 +8,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
-from curvescan.diagnostics.rotation_direction import rotation_of_log
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io.log import Log
-from curvescan.io.sensor_setup import MountedLog
+from curvescan.io.log import Log, MountedLog
 from curvescan.types import Floats, Trajectory
 
 _MIN_CODE_SHARE = 0.001
@@ -28,7 +27,7 @@ _MISSING = 1.6
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
-def inspect_log(log: Log) -> LogReport:
+def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
     Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns; memory grows by 8 bytes a
@@ -38,6 +37,8 @@ def inspect_log(log: Log) -> LogReport:
     ----------
     log : Log
         Any source of scans, a simulated one too; it may be empty.
+    sensor : SensorJudgement or None
+        What its scans say of the sensor, where that was judged before.
 
     Returns
     -------
@@ -54,6 +55,7 @@ def inspect_log(log: Log) -> LogReport:
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
     odometry = log.odometry
+    sensor = sensor or judge_sensor(log)
     return LogReport(
         name=log.name,
         format=log.format,
@@ -82,7 +84,8 @@ def inspect_log(log: Log) -> LogReport:
         odometry=None if odometry is None else _summarise_odometry(odometry),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
-        sense=rotation_of_log(log),
+        sense=sensor.rotation,
+        beam_order=sensor.beam_order,
         tag_counts=dict(log.tag_counts),
         read_errors=log.read_errors,
         notes=log.notes,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from curvescan.matchers import MatchResult, PreparedScan, prepare
-from curvescan.matchers.registry import Matcher
+from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.gating import GatedMatch, gate
@@ -26,8 +26,8 @@ class Matching:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
-        The matcher's configuration; None for its defaults.
+    matcher_config : dataclass, mapping or None
+        The matcher's configuration as it was given; None for its defaults.
     matcher : Matcher
         The matcher.
     config : OdometryConfig
@@ -35,7 +35,7 @@ class Matching:
     """
 
     method: str
-    matcher_config: object | None
+    matcher_config: MatcherConfig | None
     matcher: Matcher
     config: OdometryConfig
 

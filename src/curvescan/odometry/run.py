@@ -58,6 +58,12 @@ class OdometryRun:
     is_partial: bool
     has_prior: bool = False
 
+    def __repr__(self) -> str:
+        n = len(self.outcomes)
+        n_failed = int(np.count_nonzero(self.is_failed))
+        partial = ", interrupted" if self.is_partial else ""
+        return f"OdometryRun({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
+
     @property
     def is_matched(self) -> Bools:
         """(n,) whether each pose comes from a match; False at the first, which has none."""

@@ -62,3 +62,10 @@ class OdometryStep:
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
+
+    def __repr__(self) -> str:
+        x, y, theta = self.pose
+        return (
+            f"OdometryStep({self.index}: {self.outcome.name}, x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad, "
+            f"stamp={self.stamp!r})"
+        )

@@ -123,13 +123,27 @@ class ClosuresConfig:
     doubt: float = 9.0
     """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
     shows it."""
+    likely: float = 6.25
+    """Squared Mahalanobis distance beyond which a match is unlikely (chi-square, 90 %): twice as many must agree, and the place
+    must be distinctive."""
+    distinctive: float = 0.9
+    """A place is distinctive when no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "margin"):
+        for name in (
+            "reach",
+            "sigmas",
+            "certain_m",
+            "certain_rad",
+            "gate",
+            "margin",
+            "likely",
+            "distinctive",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))

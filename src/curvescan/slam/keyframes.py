@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matchers import MatchResult, PreparedScan, prepare
+from curvescan.matchers import MatcherConfig, MatchResult, PreparedScan, prepare
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.scan import LaserScan
 from curvescan.slam.overlap import N_SECTORS, range_profile
@@ -41,7 +41,7 @@ class Keyframes:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
+    matcher_config : configuration of the matcher, dict or None
         Its configuration.
     n_prepared : int
         Features held.
@@ -52,7 +52,7 @@ class Keyframes:
         Which of them look like a scan.
     """
 
-    def __init__(self, method: str, matcher_config: object | None, n_prepared: int) -> None:
+    def __init__(self, method: str, matcher_config: MatcherConfig | None, n_prepared: int) -> None:
         self._method = method
         self._matcher_config = matcher_config
         self._n_prepared = n_prepared

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.matchers import DEFAULT_METHOD, PreparedScan
+from curvescan.matchers import DEFAULT_METHOD, MatcherConfig, PreparedScan
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
@@ -92,7 +92,7 @@ class Localizer:
         The map; it is not changed.
     method : str
         Name of the matcher.
-    matcher_config : object or None
+    matcher : configuration of the matcher, dict or None
         Its configuration.
     config : SlamConfig or None
         None for the defaults.
@@ -107,18 +107,18 @@ class Localizer:
         slam_map: SlamMap,
         *,
         method: str = DEFAULT_METHOD,
-        matcher_config: object | None = None,
+        matcher: MatcherConfig | None = None,
         config: SlamConfig | None = None,
         n_tried: int = 12,
         sure_score: float = 0.35,
     ) -> None:
         self.map = slam_map
         self.config = config or SlamConfig()
-        self.odometry = Odometry(method, matcher_config=matcher_config, config=self.config.odometry)
+        self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
         self._n_tried = n_tried
         self._sure_score = sure_score
         self._keyframes = Keyframes(
-            method, matcher_config, max(self.config.keyframes.n_prepared, len(slam_map))
+            method, matcher, max(self.config.keyframes.n_prepared, len(slam_map))
         )
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))

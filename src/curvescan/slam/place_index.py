@@ -32,7 +32,8 @@ def signature(keypoints: Floats) -> Signature:
     """Return the signature of a scan from its keypoints, (k, >= 4) float64: x, y, direction, turn."""
     found = np.sqrt(_histogram(np.ascontiguousarray(keypoints)))
     norm = float(np.linalg.norm(found))
-    return (found / norm if norm > 0.0 else found).astype(np.float32)
+    unit: Signature = (found / norm if norm > 0.0 else found).astype(np.float32)
+    return unit
 
 
 class PlaceIndex:

@@ -12,6 +12,7 @@ import numpy as np
 
 from curvescan.matchers import Outcome
 from curvescan.odometry import OdometryRun, StepOutcome
+from curvescan.odometry.step import MATCHES
 from curvescan.scan import LaserScan
 from curvescan.slam.slam import Slam
 from curvescan.slam.step import SlamStep
@@ -67,7 +68,8 @@ def run_slam(
     """
     slam = slam or Slam()
     stamps, poses, odom, covariances, seconds = (array("d") for _ in range(5))
-    n_matched = array("q")
+    n_matched, is_degenerate = array("q"), array("b")
+    n_rejected = 0
     outcomes: list[StepOutcome] = []
     failures: Counter[Outcome] = Counter()
     is_partial = False
@@ -81,8 +83,14 @@ def run_slam(
             odom.extend(step.pose_odom)
             covariances.extend(step.covariance.ravel())
             n_matched.append(step.match.n_matched if step.match else 0)
-            if step.match and not step.match.ok:
-                failures[step.match.outcome] += 1
+            is_degenerate.append(
+                step.match is not None and step.match.degenerate_direction is not None
+            )
+            if step.match and step.outcome not in MATCHES:
+                if step.match.ok:
+                    n_rejected += 1
+                else:
+                    failures[step.match.outcome] += 1
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
@@ -105,6 +113,8 @@ def run_slam(
             outcomes=tuple(outcomes),
             failures=dict(failures.most_common()),
             n_matched=np.array(n_matched[:n], dtype=np.int64),
+            n_rejected=n_rejected,
+            is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
             seconds=np.array(seconds[:n]),
             is_partial=is_partial,
             has_prior=odometry_poses is not None,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.matchers import DEFAULT_METHOD
+from curvescan.matchers import DEFAULT_METHOD, MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
@@ -37,7 +37,7 @@ class Slam:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
+    matcher : configuration of the matcher, dict or None
         The matcher's configuration; None for its defaults.
     config : SlamConfig or None
         None for the defaults.
@@ -49,14 +49,14 @@ class Slam:
         self,
         method: str = DEFAULT_METHOD,
         *,
-        matcher_config: object | None = None,
+        matcher: MatcherConfig | None = None,
         config: SlamConfig | None = None,
         map: SlamMap | None = None,  # noqa: A002 - what it is
     ) -> None:
         self.config = config or SlamConfig()
         self.method = method
-        self.odometry = Odometry(method, matcher_config=matcher_config, config=self.config.odometry)
-        keyframes = Keyframes(method, matcher_config, self.config.keyframes.n_prepared)
+        self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
+        keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
         self.backend = Backend(keyframes, self.config)
         self._session = 0
         if map is not None:

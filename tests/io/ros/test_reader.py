@@ -200,7 +200,7 @@ def two_lasers(path: Path, kind: str) -> Path:
 
 def test_several_topics_are_listed_with_counts(tmp_path: Path, kind: str) -> None:
     path = two_lasers(tmp_path / "bag", kind)
-    sentence = r"2 topics: /front/scan \(3 scans\), /rear/scan \(2 scans\); choose one with --topic"
+    sentence = r"2 topics: /front/scan \(3 scans\), /rear/scan \(2 scans\); choose one with topic='/front/scan'"
     with pytest.raises(InvalidArgumentError, match=sentence):
         read_log(path)
 

@@ -17,6 +17,7 @@ from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.information import covariance, pose_information
 from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER, compare_readings, static_segments
 from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.scoring import best_beside
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
@@ -189,3 +190,19 @@ def degenerate_directions(
         beside = best_beside(pose, assessment.weakest, np.array(rules.offsets), *images, *fine)
         is_degenerate[0] = beside > rules.flat_score * here
     return is_degenerate
+
+
+def without_dynamic(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    poses: Floats,
+    assessment: Assessment,
+    config: CurvescanConfig,
+) -> tuple[Floats, Assessment]:
+    """Return the poses, the first refined without the surfaces that moved, and the evidence for it."""
+    if not assessment.n_dynamic:
+        return poses, assessment
+    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
+    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
+    pose = refine(poses[:1], static_ref, static_cur, config.refinement.full_schedule)
+    return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)

@@ -16,13 +16,14 @@ class RangeImage(NamedTuple):
 
     Attributes
     ----------
-    probes : (p, 10) float64
+    samples : (p, 11) float64
         Surfels that are compared with the other scan: a few that stand for all, or all.
-    surfels : (m, 10) float64
+    surfels : (m, 11) float64
         Surfels that the other scan is compared with: all.
-    fan : (3,) float64
-        Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
-    lookup : (n_slots,) int64
+    azimuth : (4,) float64
+        Direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
+        neighbouring beams.
+    table : (n_slots,) int64
         Reading in each direction, see :func:`azimuth_table`.
     """
 
@@ -124,14 +125,32 @@ def bearing(x: float, y: float) -> float:
 
 
 @kernel
-def reading_at(x: float, y: float, image: RangeImage) -> int:
-    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup."""
+def _slot(place: float, image: RangeImage) -> int:
+    """Return the slot of a place in the azimuth table, counted in slots and at most one turn off; -1 for NaN."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
     turn = 2.0 * math.pi * image.azimuth[1]
-    place = (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
     if place < 0.0:
         place += turn
     elif place >= turn:
         place -= turn
-    slot = min(math.floor(place), image.table.size - 1)
-    return int(image.table[slot])
+    return int(min(place, image.table.size - 1.0)) if place >= 0.0 else -1
+
+
+@kernel
+def reading_at(x: float, y: float, image: RangeImage) -> int:
+    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
+    slot = _slot((bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5, image)
+    # a point too far away for the numbers to hold has no direction
+    return int(image.table[slot]) if slot >= 0 else -2
+
+
+@kernel
+def reading_beside(x: float, y: float, image: RangeImage, nearest: int) -> int:
+    """Return the reading of the two beams between which (x, y) lies that is not the nearest, or a negative number."""
+    place = (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
+    half = 0.5 * image.azimuth[3]
+    for side in (-half, half):
+        slot = _slot(place + side, image)
+        if slot >= 0 and image.table[slot] != nearest:
+            return int(image.table[slot])
+    return -2

@@ -1,0 +1,138 @@
+"""Warm-up: what a robot needs is compiled before it moves, and nothing after."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+import curvescan as cs
+from curvescan import _compilation
+
+# a process of its own: what other tests have loaded would hide what the warm-up leaves out
+BEGIN = """
+from dataclasses import replace
+import curvescan as cs
+from curvescan import _jit
+from curvescan.simulation import SENSORS, simulate
+
+def variants():
+    return {
+        (k.py_func.__module__ + "." + k.py_func.__name__, str(signature))
+        for k in _jit._kernels
+        for signature in k.signatures
+    }
+"""
+DRIVE = """
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.run_maps import build_maps
+from curvescan.odometry import run_odometry
+
+sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
+# a loop, a leap to where it has not been, and back: failures, recovery and loop closures
+sim = simulate("office", sensor=sensor, n_scans=220, n_people=2, seed=1)
+rows = [*range(60), *range(190, 220), *range(30, 90)]
+scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
+cs.warm_up()
+before = variants()
+run = run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
+assert {"RELOCALIZED", "LOOP_CLOSED", "CHAINED", "PREDICTED"} <= {o.name for o in run.outcomes}
+build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
+sick = simulate("corridor", n_scans=30, n_people=2)
+run_odometry(sick, cs.Odometry())
+for i in range(0, 25, 5):
+    cs.match(sick[i], sick[i + 4])
+    cs.match(sick[i], sick[i + 4], guess=(0.3, 0.0, 0.0))
+    cs.match(sick[i], scans[i])
+print(*sorted(variants() - before))
+"""
+BACKWARDS = """
+from curvescan.warmup import compile_backwards
+compile_backwards()
+before = variants()
+cs.warm_up()
+kernels = {name for name, _ in before}
+print(*sorted(v for v in variants() - before if v[0] in kernels))
+assert len(kernels) > 8
+"""
+
+
+def run(code):
+    done = subprocess.run(
+        [sys.executable, "-c", BEGIN + code], capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.slow
+def test_a_drive_after_the_warm_up_compiles_and_loads_nothing():
+    assert run(DRIVE) == ""
+
+
+@pytest.mark.slow
+def test_what_is_compiled_backwards_is_what_a_match_uses():
+    assert run(BACKWARDS) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["cfsma", "idc"])
+def test_after_the_warm_up_of_a_method_its_matches_load_nothing(method):
+    code = f"""
+sim = simulate("office", n_scans=6)
+cs.warm_up({method!r})
+before = variants()
+cs.match(sim[0], sim[5], method={method!r})
+print(*sorted(variants() - before))
+"""
+    assert run(code) == ""
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(cs.InvalidArgumentError, match="unknown"):
+        cs.warm_up("slam")
+
+
+@pytest.mark.slow
+def test_the_seconds_are_returned():
+    assert 0.0 < cs.warm_up() < 600.0
+
+
+def test_what_takes_long_is_told_once_with_its_time(caplog, monkeypatch):
+    clock = iter([0.0, 0.4, 1.4, 10.0, 10.5])
+    monkeypatch.setattr(_compilation, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    watch = _compilation.CompilationWatch()
+    with caplog.at_level(logging.WARNING, logger="curvescan"):
+        watch.start()
+        watch.start()
+        watch.end()
+        assert caplog.messages == []
+        watch.end()
+        assert caplog.messages == ["curvescan compiles its kernels, in the first run only ..."]
+        watch.report()
+        assert caplog.messages[1:] == ["curvescan compiled its kernels in 1.4 s"]
+        watch.start()
+        watch.end()
+        watch.report()
+    assert len(caplog.messages) == 2
+
+
+def test_the_garbage_collector_halts_for_the_outermost_compilation_alone():
+    watch = _compilation.CompilationWatch()
+    watch.start()
+    watch.start()
+    watch.end()
+    assert not gc.isenabled()
+    watch.end()
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        watch.start()
+        watch.end()
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
