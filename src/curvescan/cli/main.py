@@ -42,7 +42,11 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "bench": bench,
 }
 
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs, "slam_config": SlamConfigs}
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {
+    "configs": MethodConfigs,
+    "chain_config": ChainConfigs,
+    "slam_config": SlamConfigs,
+}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
