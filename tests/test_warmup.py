@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -51,8 +52,9 @@ for i in range(0, 25, 5):
 print(*sorted(variants() - before))
 """
 BACKWARDS = """
-from curvescan.warmup import compile_backwards
-compile_backwards()
+from curvescan import warmup
+for part in warmup.BACKWARDS:
+    part(warmup._no_features(), warmup.CurvescanConfig())
 before = variants()
 cs.warm_up()
 kernels = {name for name, _ in before}
@@ -136,3 +138,45 @@ def test_the_garbage_collector_halts_for_the_outermost_compilation_alone():
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+@pytest.mark.slow
+def test_helpers_compile_what_the_first_match_needs(tmp_path):
+    """One process helps, the other has its cores taken away: it finds all it needs for a match."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "CURVESCAN_COMPILE_HELPERS": "0"}
+    code = "from curvescan.warmup import help_compile; help_compile(0)"
+    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
+    code = (
+        "import curvescan as cs; from curvescan import _jit\n"
+        "a = cs.simulate('office', n_scans=2)\n"
+        "before = _jit.n_compiled()\n"
+        "assert cs.match(a[0], a[1]).ok\n"
+        "assert _jit.n_compiled() == before"
+    )
+    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
+
+
+def test_helpers_are_started_once_and_only_where_there_are_cores(tmp_path, monkeypatch):
+    started = []
+    monkeypatch.setattr(_compilation.subprocess, "Popen", lambda *a, **k: started.append(a[0]))
+    monkeypatch.setattr(_compilation.atexit, "register", lambda *a: None)
+    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 0)
+    _compilation.start_helpers(tmp_path)
+    assert not started
+    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 2)
+    _compilation.start_helpers(None)
+    assert not started
+    for _ in range(2):
+        _compilation.start_helpers(tmp_path)
+    assert [code[-1].rpartition("; ")[2] for code in started] == [
+        "help_compile(0)",
+        "help_compile(1)",
+    ]
+
+
+def test_no_helper_where_it_is_not_wanted_or_python_has_another_name(monkeypatch):
+    monkeypatch.setenv("CURVESCAN_COMPILE_HELPERS", "0")
+    assert _compilation._n_helpers() == 0
+    monkeypatch.delenv("CURVESCAN_COMPILE_HELPERS")
+    monkeypatch.setattr(sys, "executable", "/usr/bin/blender")
+    assert _compilation._n_helpers() == 0

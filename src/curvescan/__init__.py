@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MapTooLargeError,
         MissingPackageError,
         OutputError,
+        SourceError,
         UnitWarning,
     )
     from curvescan.io import (
@@ -151,6 +152,7 @@ _HOMES = {
     "SlamConfig": "curvescan.slam",
     "SlamMap": "curvescan.slam",
     "SlamStep": "curvescan.slam",
+    "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
@@ -238,6 +240,7 @@ __all__ = [
     "SlamConfig",
     "SlamMap",
     "SlamStep",
+    "SourceError",
     "StepOutcome",
     "Trajectory",
     "UnitWarning",

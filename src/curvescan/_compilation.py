@@ -19,19 +19,17 @@ _LOGGER = logging.getLogger(__package__)
 _NOTICED_S = 1.0
 
 _WARM_UP = Path(__file__).parent / "warmup.py"
-_HELPER = (
-    f"import sys; sys.path[:] = {{}}; from {__package__}.warmup import help_compile; help_compile()"
-)
-_HELPER_VARIABLE = "CURVESCAN_COMPILE_HELPER"
-_HELPER_CORES = 2
-_HELPER_BYTES = 2_000_000_000  # of the computer: each of two compilers takes 0.3 GB
+_HELPER = f"import sys; sys.path[:] = {{}}; from {__package__}.warmup import help_compile; help_compile({{}})"
+_HELPERS_VARIABLE = "CURVESCAN_COMPILE_HELPERS"
+_MAX_HELPERS = 3
+_COMPILER_BYTES = 1_000_000_000  # of memory for each process that compiles: it takes 0.3 GB
 
 
 class CompilationWatch:
     """Measures how long kernels take to compile, and halts the garbage collector meanwhile.
 
     A compiler makes millions of objects that live until it is done: looking through them again and again takes a
-    fifth of its time.
+    tenth of its time.
     """
 
     def __init__(self) -> None:
@@ -72,34 +70,36 @@ watch = CompilationWatch()
 atexit.register(watch.report)
 
 
-def start_helper(folder: Path | None) -> None:
-    """Let a second process compile from the other end, once for each cache folder, where there is a core for it.
+def start_helpers(folder: Path | None) -> None:
+    """Let other processes compile from the other end, once for each cache folder, where there are cores for them.
 
-    Threads would be of no use: one lock guards Numba's compiler. What the helper has compiled is found in the cache; if
-    it does not come to be, or is ended with this process, that costs time alone. CURVESCAN_COMPILE_HELPER=0 does
-    without it.
+    Threads would be of no use: one lock guards Numba's compiler. What a helper has compiled is found in the cache; if
+    it does not come to be, or is ended with this process, that costs time alone. CURVESCAN_COMPILE_HELPERS=0 does
+    without them.
     """
-    if folder is None or not (_WARM_UP.exists() and _is_helper_worthwhile()):
+    n_helpers = _n_helpers()
+    if folder is None or not _WARM_UP.exists() or not n_helpers:
         return
-    code = _HELPER.format([str(Path(entry).absolute()) for entry in sys.path])
+    paths = [str(Path(entry).absolute()) for entry in sys.path]
     try:
-        (folder / "helper-started").touch(exist_ok=False)
-        helper = subprocess.Popen(
-            [sys.executable, "-c", code],
-            env=os.environ | {_HELPER_VARIABLE: "0"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        (folder / "helpers-started").touch(exist_ok=False)
+        for k in range(n_helpers):
+            helper = subprocess.Popen(
+                [sys.executable, "-c", _HELPER.format(paths, k)],
+                env=os.environ | {_HELPERS_VARIABLE: "0"},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            atexit.register(_end, helper, os.getpid())
     except OSError:
         return
-    atexit.register(_end, helper, os.getpid())
 
 
-def _is_helper_worthwhile() -> bool:
+def _n_helpers() -> int:
     # the interpreter of a program that embeds Python, or was packed into one file, is not named so
-    if os.environ.get(_HELPER_VARIABLE) == "0" or "python" not in Path(sys.executable or "").name:
-        return False
+    if os.environ.get(_HELPERS_VARIABLE) == "0" or "python" not in Path(sys.executable or "").name:
+        return 0
     if hasattr(os, "sched_getaffinity"):
         n_cores = len(os.sched_getaffinity(0))
     else:
@@ -107,8 +107,8 @@ def _is_helper_worthwhile() -> bool:
     if hasattr(os, "sysconf"):
         n_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     else:
-        n_bytes = _HELPER_BYTES
-    return n_cores >= _HELPER_CORES and n_bytes >= _HELPER_BYTES
+        n_bytes = 2 * _COMPILER_BYTES
+    return max(min(_MAX_HELPERS, n_cores - 1, n_bytes // _COMPILER_BYTES - 1), 0)
 
 
 def _end(helper: subprocess.Popen[bytes], parent: int) -> None:

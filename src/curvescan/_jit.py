@@ -16,14 +16,14 @@ import numba
 from numba.core import event
 from numba.core.registry import CPUDispatcher
 
-from curvescan._compilation import start_helper, watch
+from curvescan._compilation import start_helpers, watch
 from curvescan._kernel_cache import ForgivingCache, cache_folder, numba_caches_in
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 # a C wrapper of each kernel, which nobody calls, would take a fourteenth of the time
-_njit: Any = functools.partial(numba.njit, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+_njit: Any = functools.partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True, nogil=True)
 _numba_config: Any = numba.config
 
 _kernels: list[Any] = []
@@ -73,7 +73,7 @@ class _Listener(event.Listener):
     def on_start(self, event: Any) -> None:
         if _is_kernel(event.data["dispatcher"]):
             if n_compiled() <= 1:
-                start_helper(cache_folder())
+                start_helpers(cache_folder())
             watch.start()
 
     def on_end(self, event: Any) -> None:

@@ -85,46 +85,40 @@ def _warm_up_drive(method: str) -> None:
     build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
 
 
-def help_compile() -> None:
-    """Compile in the order opposite to that of use, for a process that compiles in the order of use; see `_compilation`."""
+def help_compile(k: int) -> None:
+    """Compile what the process that is helped comes to last, each helper k something else first; see `_compilation`."""
     find_matcher(DEFAULT_METHOD, None)
-    compile_backwards()
+    for part in BACKWARDS[k:] + BACKWARDS[:k]:
+        part(_no_features(), CurvescanConfig())
     warm_up()
 
 
-def compile_backwards() -> None:
-    """Compile most kernels of the default matcher, those used last first."""
-    nothing, config = _no_features(), CurvescanConfig()
-    image, segments, keypoints = nothing.image, config.segments, config.keypoints
-    sums = np.zeros((1, 5))
+def _assess(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
     assess_pose(nothing, nothing, np.zeros(3), config)
+
+
+def _search(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
     search(nothing, nothing, None, config)
-    direction_histogram(image.surfels)
-    choose_samples(image.surfels, config.scoring.n_samples)
-    with_ends(
-        nothing.keypoints,
-        image.surfels,
-        sums,
-        nothing.bounds,
-        keypoints.end_arm,
-        False,
-        keypoints.max_keypoints,
-    )
-    find_corners(
-        image.surfels,
-        sums,
-        nothing.bounds,
-        keypoints.arm_lengths,
-        segments.range_sigma_min,
-        keypoints.min_turn,
-        keypoints.max_keypoints,
-    )
+
+
+def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    surfels, rules = nothing.image.surfels, config.keypoints
+    sums, most = np.zeros((1, 5)), rules.max_keypoints
+    direction_histogram(surfels)
+    choose_samples(surfels, config.scoring.n_samples)
+    with_ends(nothing.keypoints, surfels, sums, nothing.bounds, rules.end_arm, False, most)
+    sigma = config.segments.range_sigma_min
+    find_corners(surfels, sums, nothing.bounds, rules.arm_lengths, sigma, rules.min_turn, most)
+
+
+BACKWARDS = (_assess, _search, _find_keypoints)
+"""Stages of the default matcher, those used last first; each runs without a scan, so that no other has to be compiled."""
 
 
 def _no_features() -> CurvescanFeatures:
     """Return the features of a scan without readings: kernels take them, and nothing of a scan has to be compiled."""
     surfels = np.empty((0, N_COLUMNS))
-    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01]), np.full(1, -2))
+    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01, 1.0]), np.full(1, -2))
     return CurvescanFeatures(
         n_beams=0,
         beam_idx=np.empty(0, dtype=np.int64),

@@ -294,7 +294,7 @@ def test_parameters_out_of_range_are_told(log, tmp_path, capsys):
     assert not (tmp_path / "o").exists()
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["odometry"], ["info", "a", "--no-such"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["odometry"], ["info", "a", "--no-such"]])
 def test_a_wrong_command_line_is_status_2(arguments):
     with pytest.raises(SystemExit) as exit_info:
         run(arguments)

@@ -88,20 +88,21 @@ def slam(
     from curvescan.slam import Slam, load_map, run_slam
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    odometry_poses = motion_prior(source) if odometry_prior else None
     begin = None if map is None else load_map(map)
     with output_folder(out) as folder:
         load_kernels(method)
         given = slam_config.slam
-        deskew = given.odometry.deskew and judge_sensor(source).can_deskew
+        with ERR.status("looking for what is wrong with the log"):
+            sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)
+            issues = find_issues(inspect_log(source, sensor))
+        odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
+        deskew = given.odometry.deskew and sensor.can_deskew
         rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
         tracker = Slam(method, matcher=configs.of(method), config=rules, map=begin)
         with progress_bar("SLAM", len(source)) as advance:
             run = run_slam(
                 source, tracker, odometry_poses=odometry_poses, on_step=lambda _: advance()
             )
-        with ERR.status("looking for what is wrong with the log"):
-            issues = find_issues(inspect_log(source))
         verdict = judge_run(run.revised, issues)
         with ERR.status("drawing the maps"):
             left_out = save_slam_run(

@@ -31,7 +31,7 @@ from curvescan.paper.scenarios import (
 )
 from curvescan.simulation import Simulation
 
-N_SEEDS: dict[Condition, int] = {"paper": 3, "hard": 2}
+N_SEEDS: dict[Condition, int] = {"paper": 3, "hard": 1}
 """Buildings, and runs of the robot in them, for each of experiments 2 to 4."""
 
 N_RUNS = (1000, 250)

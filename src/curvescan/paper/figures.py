@@ -146,8 +146,8 @@ def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
     with drawing(path, 9.0, 8.0) as figure:
         axes = figure.subplots()
         for cells, colour, label in (
-            (unmatched, LIGHT, f"left unmatched by {method}"),
-            (people, GREY, f"left unmatched by {method}: people"),
+            (unmatched, GREY, f"left unmatched by {method}"),
+            (people, LIGHT, f"left unmatched by {method}: people"),
             (matched, DARK, f"matched by {method}"),
         ):
             axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0.0)

@@ -224,7 +224,7 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
         draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
         yield (
             f"figure_9a_{name}.png",
-            "As figure 9a: map by cfsma; what it left unmatched is light, people among it grey.",
+            "As figure 9a: map by cfsma; what it left unmatched is grey, people among it orange.",
         )
 
 

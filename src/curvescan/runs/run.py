@@ -145,10 +145,10 @@ def run(
     OutputError
         When the results cannot be written.
     """
-    if isinstance(log, Log):
-        opened = log
-    else:
+    if isinstance(log, str | os.PathLike):
         opened, source = read_log(log), log
+    else:
+        opened = log
     hint = "the configuration of the matcher is given as matcher="
     config = as_config(config, OdometryConfig.of_method(method), hint=hint)
     map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matchers import MatcherConfig, MatchResult, PreparedScan, prepare
+from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
 from curvescan.slam.overlap import N_SECTORS, range_profile
 from curvescan.slam.place_index import PlaceIndex, Signature, signature
@@ -41,7 +42,7 @@ class Keyframes:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : configuration of the matcher, dict or None
+    matcher_config : dataclass, mapping or None
         Its configuration.
     n_prepared : int
         Features held.

@@ -7,14 +7,18 @@ several of them that should be seen do not match any more, the sensor has been c
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.matchers import DEFAULT_METHOD, MatcherConfig, PreparedScan
+from curvescan.configs import as_config
+from curvescan.matchers import DEFAULT_METHOD, PreparedScan
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
@@ -92,7 +96,7 @@ class Localizer:
         The map; it is not changed.
     method : str
         Name of the matcher.
-    matcher : configuration of the matcher, dict or None
+    matcher : dataclass, mapping or None
         Its configuration.
     config : SlamConfig or None
         None for the defaults.
@@ -108,12 +112,13 @@ class Localizer:
         *,
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
-        config: SlamConfig | None = None,
+        config: SlamConfig | Mapping[str, Any] | None = None,
         n_tried: int = 12,
         sure_score: float = 0.35,
     ) -> None:
         self.map = slam_map
-        self.config = config or SlamConfig()
+        hint = "the configuration of the matcher is given as matcher="
+        self.config = as_config(config, SlamConfig(), hint=hint)
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
         self._n_tried = n_tried
         self._sure_score = sure_score

@@ -68,10 +68,11 @@ def run_slam(
     """
     slam = slam or Slam()
     stamps, poses, odom, covariances, seconds = (array("d") for _ in range(5))
-    n_matched, is_degenerate = array("q"), array("b")
-    n_rejected = 0
+    n_matched = array("q")
     outcomes: list[StepOutcome] = []
     failures: Counter[Outcome] = Counter()
+    is_degenerate = array("b")
+    n_rejected = 0
     is_partial = False
     try:
         for k, scan in enumerate(scans):
@@ -86,11 +87,10 @@ def run_slam(
             is_degenerate.append(
                 step.match is not None and step.match.degenerate_direction is not None
             )
-            if step.match and step.outcome not in MATCHES:
-                if step.match.ok:
-                    n_rejected += 1
-                else:
-                    failures[step.match.outcome] += 1
+            if step.match and not step.match.ok:
+                failures[step.match.outcome] += 1
+            elif step.match and step.outcome not in MATCHES:
+                n_rejected += 1
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
@@ -112,8 +112,8 @@ def run_slam(
             ),
             outcomes=tuple(outcomes),
             failures=dict(failures.most_common()),
-            n_matched=np.array(n_matched[:n], dtype=np.int64),
             n_rejected=n_rejected,
+            n_matched=np.array(n_matched[:n], dtype=np.int64),
             is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
             seconds=np.array(seconds[:n]),
             is_partial=is_partial,

@@ -6,12 +6,16 @@ The odometry follows the sensor; every half metre its scan becomes a keyframe of
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.matchers import DEFAULT_METHOD, MatcherConfig
+from curvescan.configs import as_config
+from curvescan.matchers import DEFAULT_METHOD
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
@@ -37,9 +41,9 @@ class Slam:
     ----------
     method : str
         Name of the matcher.
-    matcher : configuration of the matcher, dict or None
+    matcher : dataclass, mapping or None
         The matcher's configuration; None for its defaults.
-    config : SlamConfig or None
+    config : SlamConfig, mapping or None
         None for the defaults.
     map : SlamMap or None
         A map to continue, from anywhere in it; None to begin one.
@@ -50,10 +54,11 @@ class Slam:
         method: str = DEFAULT_METHOD,
         *,
         matcher: MatcherConfig | None = None,
-        config: SlamConfig | None = None,
+        config: SlamConfig | Mapping[str, Any] | None = None,
         map: SlamMap | None = None,  # noqa: A002 - what it is
     ) -> None:
-        self.config = config or SlamConfig()
+        hint = "the configuration of the matcher is given as matcher="
+        self.config = as_config(config, SlamConfig(), hint=hint)
         self.method = method
         self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
         keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)

@@ -12,11 +12,16 @@ from rosbags.typesys import Stores, get_typestore
 
 from curvescan import se2
 from curvescan.cli.main import run
-from curvescan.cli.odometry import FurtherName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.ros.odometry_export import write_odometry_mcap
-from curvescan.io.trajectories.exports import EXPORTS, RunData, takes_edges, write_exports
+from curvescan.io.trajectories.exports import (
+    EXPORTS,
+    ExportName,
+    RunData,
+    takes_edges,
+    write_exports,
+)
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
 from curvescan.odometry import Odometry, run_odometry
@@ -229,7 +234,7 @@ def test_scans_that_no_message_can_say_are_left_out(tmp_path: Path) -> None:
 
 
 def test_tables_name_the_same_files() -> None:
-    assert tuple(EXPORTS) == get_args(FurtherName)
+    assert tuple(EXPORTS) == get_args(ExportName)
 
 
 @pytest.mark.parametrize("name", EXPORTS)
