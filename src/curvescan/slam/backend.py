@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inve
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
 from curvescan.slam.candidates import choose_candidates
-from curvescan.slam.closures import Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
 from curvescan.slam.components import components
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
@@ -237,7 +237,8 @@ class Backend:
         if guess is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
         is_waiting = closure.outcome is ClosureOutcome.WAITING
-        if is_waiting and closure.is_doubtful and not self._is_distinctive(i, j):
+        is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
+        if is_waiting and is_unknown and not self._is_distinctive(i, j):
             self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
             return []
         if is_waiting:

@@ -33,7 +33,7 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_SCORE = "The match explains too little of the scans."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
-    NOT_DISTINCTIVE = "Other places look as much alike, and the graph does not expect it there."
+    NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
 
 
@@ -132,5 +132,5 @@ def judged(
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
         score=result.score, distance=distance, outcome=outcome,
-        is_doubtful=is_unknown or distance > config.closures.likely,
+        is_doubtful=is_unknown or distance > config.closures.gate,
     )  # fmt: skip

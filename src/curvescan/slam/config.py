@@ -123,11 +123,8 @@ class ClosuresConfig:
     doubt: float = 9.0
     """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
     shows it."""
-    likely: float = 6.25
-    """Squared Mahalanobis distance beyond which a match is unlikely (chi-square, 90 %): twice as many must agree, and the place
-    must be distinctive."""
     distinctive: float = 0.9
-    """A place is distinctive when no keyframe elsewhere is more alike than this share of how alike those there are."""
+    """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
     n_waiting: int = 200
@@ -141,7 +138,6 @@ class ClosuresConfig:
             "certain_rad",
             "gate",
             "margin",
-            "likely",
             "distinctive",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
