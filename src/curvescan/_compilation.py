@@ -7,12 +7,14 @@ Compiling takes seconds, once a version. Whoever waits longer than a second is t
 from __future__ import annotations
 
 import atexit
+import contextlib
 import gc
 import logging
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 _LOGGER = logging.getLogger(__package__)
@@ -38,6 +40,7 @@ class CompilationWatch:
         self._seconds = 0.0
         self._is_told = False
         self._collects = True
+        self._is_held = False
 
     def start(self) -> None:
         """Take the time; compilations of kernels that a kernel calls lie within its own."""
@@ -59,8 +62,19 @@ class CompilationWatch:
             self._is_told = True
             _LOGGER.warning("%s compiles its kernels, in the first run only ...", __package__)
 
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Leave the reports of what is called inside to whoever calls."""
+        self._is_held = True
+        try:
+            yield
+        finally:
+            self._is_held = False
+
     def report(self) -> None:
         """Tell how long what was compiled since the last call took, if it was told that it began."""
+        if self._is_held:
+            return
         if self._is_told:
             _LOGGER.warning("%s compiled its kernels in %.1f s", __package__, self._seconds)
         self._seconds, self._is_told = 0.0, False

@@ -30,7 +30,7 @@ _ROOT = Path(__file__).parent
 _LOGGER = logging.getLogger(__package__)
 
 ROOMS_WITHOUT_KERNELS = frozenset(
-    {"benchmarks", "cli", "diagnostics", "evaluation", "io", "paper", "plots", "runs"}
+    {"benchmarks", "cli", "diagnostics", "evaluation", "paper", "plots", "runs"}
 )
 """Rooms whose code no kernel calls or reads: an edit there compiles nothing anew."""
 

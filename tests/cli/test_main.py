@@ -305,7 +305,7 @@ def test_a_wrong_command_line_is_status_2(arguments):
 def test_help_explains_itself_and_loads_nothing_heavy(command):
     code = (
         "import sys; from curvescan.cli.main import run\n"
-        "try: run(sys.argv[1:])\n"
+        "try: status = run(sys.argv[1:])\n"
         "except SystemExit as end: status = end.code\n"
         "assert not {'numba', 'matplotlib'} & set(sys.modules), 'heavy'\n"
         "sys.exit(status)"

@@ -25,7 +25,8 @@ def calibrate(
     above the correlation that the functions of planes, which are noise, still have. U_p is the least at which planes show
     no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that rejects no
     right pair of their corners; walls, corners and pairs are always simulated, with the noise that the planes show.
-    Writes cfsma.toml, which --config takes, calibration.png and calibration.md; with --sweep also sweep.md.
+    Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of
+    what the equations mean; with --sweep also sweep.md.
 
     Parameters
     ----------
@@ -59,6 +60,7 @@ def calibrate(
         similarity_table,
         wall_table,
     )
+    from curvescan.paper.drawings import draw_curvature, draw_geometry
     from curvescan.paper.sweep import SEED, sweep_table
     from curvescan.paper.sweep import sweep as sweep_parameters
     from curvescan.simulation.sensors import choose_sensor
@@ -74,6 +76,8 @@ def calibrate(
         found = find_parameters(planes, source, seed=seed)
         write_config(folder / "cfsma.toml", {"cfsma": found.config})
         draw_calibration(folder / "calibration.png", found)
+        draw_geometry(folder / "geometry.png")
+        draw_curvature(folder / "curvature.png")
         tables = tuple(
             table(found)
             for table in (

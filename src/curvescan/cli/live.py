@@ -18,6 +18,7 @@ from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer

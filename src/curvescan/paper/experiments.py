@@ -14,6 +14,7 @@ from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import MATCHERS, find_matcher
 from curvescan.matchers.baselines.config import CoxConfig
 from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.paper.random_transform import (
     CONDITIONS,
     N_BATCHES,
@@ -40,7 +41,9 @@ N_RUNS = (1000, 250)
 CONSISTENT = "cfsma, consistency"
 """Name of cfsma with its consistency test among the methods of a table."""
 
-PAPER_CONFIGS = {"cox": CoxConfig(median_readings=3, has_projection_filter=True)}
+PAPER_CONFIGS: dict[str, MatcherConfig] = {
+    "cox": CoxConfig(median_readings=3, has_projection_filter=True)
+}
 """Parameters of the methods where the paper uses them otherwise than our defaults: Cox after the filters of IDC."""
 
 Progress = Callable[[str, int], Callable[..., None]]
@@ -204,7 +207,7 @@ def _run_all(
     """Return what each method makes of the scans, and cfsma with its consistency test as CONSISTENT."""
     results = run_scenario(log, methods, configs=PAPER_CONFIGS, on_step=on_step)
     if "cfsma" in methods:
-        configs = {"cfsma": CfSmaConfig(consistency=True)}
+        configs: dict[str, MatcherConfig] = {"cfsma": CfSmaConfig(consistency=True)}
         results[CONSISTENT] = run_scenario(log, ["cfsma"], configs=configs, on_step=on_step)[
             "cfsma"
         ]

@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import ScoringConfig
-from curvescan.matchers.curvescan.range_image import reading_at, reading_beside
+from curvescan.matchers.curvescan.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.scoring import best_beside, score_pose, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow
@@ -34,7 +34,7 @@ def slow_score(one, other, pose):
     image = other.image
 
     def beside(point):
-        return reading_beside(*point, image, reading_at(*point, image))
+        return reading_beside(place_of(*point, image), image, reading_at(*point, image))
 
     return slow.score_samples(
         one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01

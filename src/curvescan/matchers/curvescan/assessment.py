@@ -30,6 +30,8 @@ class Assessment:
     ----------
     codes_ref, codes_cur : (m,), (k,) uint8
         What each reading is to the other scan; codes of labels.py.
+    partner_ref, partner_cur : (m,), (k,) int64
+        Reading of the other scan that each agrees with, -1 for none.
     n_inliers : int
         Readings of the current scan that agree.
     is_static_ref, is_static_cur : (m,), (k,) bool
@@ -42,6 +44,8 @@ class Assessment:
 
     codes_ref: Codes
     codes_cur: Codes
+    partner_ref: Ints
+    partner_cur: Ints
     n_inliers: int
     is_static_ref: Bools
     is_static_cur: Bools
@@ -80,6 +84,8 @@ def assess_pose(
     (
         codes_ref,
         codes_cur,
+        partner_ref,
+        partner_cur,
         n_inliers,
         is_static_ref,
         is_static_cur,
@@ -101,6 +107,8 @@ def assess_pose(
     return Assessment(
         codes_ref=codes_ref,
         codes_cur=codes_cur,
+        partner_ref=partner_ref,
+        partner_cur=partner_cur,
         n_inliers=n_inliers,
         is_static_ref=is_static_ref,
         is_static_cur=is_static_cur,
@@ -135,7 +143,7 @@ def assess(
     margin: float,
     limit: float,
     least: float,
-) -> tuple[Codes, Codes, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
+) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
     """Return the fields of an Evidence; margin, limit and least as in ScoringConfig."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
@@ -156,6 +164,8 @@ def assess(
     return (
         codes_ref,
         codes_cur,
+        partner_ref,
+        partner_cur,
         n_inliers,
         is_static_ref,
         is_static_cur,

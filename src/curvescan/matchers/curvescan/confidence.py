@@ -32,15 +32,15 @@ GUESSED_REPETITION = 0.3
 """Share of the agreement that a pose must explain for a guess to prefer it to the best."""
 
 COEFFICIENTS = {
-    "constant": 3.69,
-    "log10_excess": 2.46,
-    "log10_agreeing": 5.89,
-    "log10_contradicted": -1.39,
-    "contradicted_small": -2.14,
-    "motion": -1.21,
-    "degenerate": -2.43,
+    "constant": 3.28,
+    "log10_excess": 2.61,
+    "log10_agreeing": 4.57,
+    "log10_contradicted": -2.31,
+    "contradicted_small": -1.92,
+    "motion": -1.31,
+    "degenerate": -3.14,
     "guessed": 3.0,
-    "repetition": -3.97,
+    "repetition": -7.37,
 }
 """Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
@@ -49,11 +49,16 @@ _EXCESS_FLOOR = 0.1  # metres: noise of the excess length
 _AGREEING_FLOOR = 0.02  # share: noise of the agreeing share
 _LARGE_FLOOR = 0.2  # metres: noise of the contradicted length
 _LARGE = 0.5  # metres: extent of a surface that is no person's
+_N_TAKEN = (
+    48  # readings that stand for all, and of these the ones through which walls are looked for
+)
+_N_SEEDS = 16
 _NEAR_GUESS = 0.3  # metres, and radians: a pose within it is where the guess has it
 _CONTRADICTED = (
     0.15  # of what agrees at another pose: contradicted beyond that, it explains nothing
 )
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
+_MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 _NEARER = 0.7  # metres and radians by which the best pose may be nearer to the guess before others count less
 
 
@@ -174,7 +179,8 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     """Return how much of what agrees at the best pose another one explains as well, as a share.
 
     The geometric mean of the shares of what agrees and of the excess length, less what is contradicted there and not at
-    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected.
+    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected,
+    any other where that is much farther.
     """
     ref, cur = problem.reference, problem.current
     agreeing, contradicted, excess, agreeing_best, excess_best = compare_explanations(
@@ -190,9 +196,10 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     share = agreeing / max(agreeing_best, _EXCESS_FLOOR)
     share = math.sqrt(share * min(1.0, (excess + _LARGE) / (excess_best + _LARGE)))
     share *= max(0.0, 1.0 - contradicted / (_CONTRADICTED * max(agreeing, _EXCESS_FLOOR)))
+    farther = motion_of(problem, other) - motion_of(problem, best)
     if excess < _TWO_WALLS:
-        farther = motion_of(problem, other) - motion_of(problem, best) - _NEARER
-        share *= min(1.0, max(0.0, 1.0 - 0.5 * farther))
+        share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
+    share *= min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER)))
     return float(share)
 
 
@@ -229,13 +236,13 @@ def support_lengths(
 def excess_length(surfels: Floats, codes: Codes) -> float:
     """Return the length of surface that agrees besides the wall that agrees most and the most of those across it, metres.
 
-    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through two dozen
-    readings. Of many readings only some hundred are taken.
+    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
+    readings, and of many only some are taken.
     """
     n = 0
     for i in range(codes.size):
         n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
-    stride = max(n // 96, 1)
+    stride = max(n // _N_TAKEN, 1)
     rows = np.empty(n // stride + 1, dtype=np.int64)
     count, seen, total = 0, 0, 0.0
     for i in range(codes.size):
@@ -250,7 +257,7 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
     wall, walls = -1, 0.0
     for turn in range(2):
         best, best_row = 0.0, -1
-        for seed in range(0, count, max(count // 24, 1)):
+        for seed in range(0, count, max(count // _N_SEEDS, 1)):
             i = rows[seed]
             nx, ny = surfels[i, NX], surfels[i, NY]
             if turn == 1 and (

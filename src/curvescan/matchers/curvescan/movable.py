@@ -6,7 +6,6 @@ corridor, they would fix it, and wrongly; so what few free-standing things alone
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +15,7 @@ from curvescan.matchers.curvescan.assessment import Assessment
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.information import pose_information
-from curvescan.matchers.curvescan.labels import INLIER, compare_readings
-from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.labels import INLIER
 from curvescan.matchers.curvescan.surfels import RANGE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints, Pose
 
@@ -25,7 +23,7 @@ _MAX_EXTENT = 0.6  # metres: no person shows more
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides farther away
 _OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 _MAX_THINGS = 6  # more of them do not keep pace by chance
-_WEAK = 0.7  # of the next direction's information: only a direction with less is looked at
+_WEAK = 0.5  # of the next direction's information: only a direction with less is looked at
 
 
 def without_movable(
@@ -46,11 +44,18 @@ def without_movable(
     if max(counts) == 0 or max(counts) > _MAX_THINGS:
         return assessment
     information, spurious, axes, units = information_without(
-        ref.image, is_free[0][0], cur.image, is_free[1][0], pose, config.scoring.margin
+        ref.image.surfels,
+        assessment.partner_ref,
+        is_free[0][0],
+        cur.image.surfels,
+        assessment.partner_cur,
+        is_free[1][0],
+        pose,
     )
     rules = config.information
     left = replace(assessment, information=information, spurious=spurious, axes=axes, units=units)
-    is_left_open = information[0] < rules.max_sigma**-2 or left.is_weakly_observable(rules)
+    # bare walls leave nothing but what their tilt seems to say; walls with a door or two leave enough
+    is_left_open = information[0] < max(rules.max_sigma**-2, 2.0 * spurious[0])
     return left if is_left_open else assessment
 
 
@@ -80,20 +85,18 @@ def free_standing(surfels: Floats, bounds: Ints, codes: Codes) -> tuple[Bools, i
 
 @kernel
 def information_without(
-    ref: RangeImage,
+    ref: Floats,
+    partner_ref: Ints,
     is_left_out_ref: Bools,
-    cur: RangeImage,
+    cur: Floats,
+    partner_cur: Ints,
     is_left_out_cur: Bools,
     pose: Floats,
-    margin: float,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the pose information, as :func:`pose_information` does, without the readings that are left out."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
-    _, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
-    _, partner_ref = compare_readings(ref.surfels, cur, back, margin)
-    for i in range(partner_cur.size):
-        partner_cur[i] = -1 if is_left_out_cur[i] else partner_cur[i]
-    for i in range(partner_ref.size):
-        partner_ref[i] = -1 if is_left_out_ref[i] else partner_ref[i]
-    return pose_information(ref.surfels, partner_ref, cur.surfels, partner_cur, pose)
+    left_ref, left_cur = partner_ref.copy(), partner_cur.copy()
+    for i in range(left_cur.size):
+        left_cur[i] = -1 if is_left_out_cur[i] else left_cur[i]
+    for i in range(left_ref.size):
+        left_ref[i] = -1 if is_left_out_ref[i] else left_ref[i]
+    return pose_information(ref, left_ref, cur, left_cur, pose)

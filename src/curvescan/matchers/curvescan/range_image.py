@@ -125,32 +125,33 @@ def bearing(x: float, y: float) -> float:
 
 
 @kernel
-def _slot(place: float, image: RangeImage) -> int:
-    """Return the slot of a place in the azimuth table, counted in slots and at most one turn off; -1 for NaN."""
+def place_of(x: float, y: float, image: RangeImage) -> float:
+    """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
+    return (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
+
+
+@kernel
+def reading_in(place: float, image: RangeImage) -> int:
+    """Return the reading in the slot of a place, or a negative number as in the azimuth table."""
     turn = 2.0 * math.pi * image.azimuth[1]
     if place < 0.0:
         place += turn
     elif place >= turn:
         place -= turn
-    return int(min(place, image.table.size - 1.0)) if place >= 0.0 else -1
+    # not so of NaN: it is no index
+    return int(image.table[int(min(place, image.table.size - 1.0))]) if place >= 0.0 else -2
 
 
 @kernel
 def reading_at(x: float, y: float, image: RangeImage) -> int:
     """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
-    slot = _slot((bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5, image)
-    # a point too far away for the numbers to hold has no direction
-    return int(image.table[slot]) if slot >= 0 else -2
+    return reading_in(place_of(x, y, image), image)
 
 
 @kernel
-def reading_beside(x: float, y: float, image: RangeImage, nearest: int) -> int:
-    """Return the reading of the two beams between which (x, y) lies that is not the nearest, or a negative number."""
-    place = (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
+def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
+    """Return the reading of the two beams on either side of a place that is not the nearest, or a negative number."""
     half = 0.5 * image.azimuth[3]
-    for side in (-half, half):
-        slot = _slot(place + side, image)
-        if slot >= 0 and image.table[slot] != nearest:
-            return int(image.table[slot])
-    return -2
+    before = reading_in(place - half, image)
+    return before if before != nearest else reading_in(place + half, image)

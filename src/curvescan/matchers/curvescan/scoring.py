@@ -12,7 +12,12 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import RangeImage, reading_at, reading_beside
+from curvescan.matchers.curvescan.range_image import (
+    RangeImage,
+    place_of,
+    reading_beside,
+    reading_in,
+)
 from curvescan.types import Floats
 
 DEVIATIONS = 2.0
@@ -45,7 +50,8 @@ def score_samples(
     for k in range(low, high):
         ax, ay = samples[k, 0], samples[k, 1]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        j = reading_at(qx, qy, image)
+        place = place_of(qx, qy, image)
+        j = reading_in(place, image)
         if j < 0:
             continue
         nx, ny = surfels[j, 5], surfels[j, 6]
@@ -66,7 +72,7 @@ def score_samples(
         if front <= 0.0 or qx * qx + qy * qy >= front * front:
             continue
         # between two beams the nearer surface may reach as far as the other beam
-        i = reading_beside(qx, qy, image, j)
+        i = reading_beside(place, image, j)
         front -= max(surfels[j, 2] - surfels[i, 2], 0.0) if i >= 0 else 0.0
         if front > 0.0 and qx * qx + qy * qy < front * front:
             score -= 0.5
