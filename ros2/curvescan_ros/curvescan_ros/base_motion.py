@@ -28,14 +28,15 @@ class BaseState:
         Velocity in the base frame, m/s, m/s, rad/s.
     twist_covariance : (3, 3) float64
         Of the twist.
-    map_odom : (3,) float64
-        Pose of odom in map; identity without SLAM.
+    map_odom : (3,) float64 or None
+        Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None until it
+        has been found there.
     """
 
     odom_base: UncertainPose
     twist: np.ndarray
     twist_covariance: np.ndarray
-    map_odom: np.ndarray
+    map_odom: np.ndarray | None
 
 
 class BaseMotion:
@@ -51,7 +52,7 @@ class BaseMotion:
         self._mount = UncertainPose(np.asarray(mount, dtype=np.float64), _NOWHERE)
         self._unmount = uncertain.inverse(self._mount)
         self._stamp: float | None = None
-        self._before: UncertainPose | None = None
+        self._map_odom: np.ndarray | None = None
         self._odom_base = uncertain.identity()
 
     @property
@@ -64,36 +65,32 @@ class BaseMotion:
         return uncertain.compose(uncertain.compose(self._mount, laser), self._unmount)
 
     def add(self, step: object, stamp: float) -> BaseState:
-        """Return the base's state at the next step of :class:`curvescan.Odometry` or :class:`curvescan.Slam`."""
-        laser_in_odom = UncertainPose(getattr(step, "pose_odom", step.pose), step.covariance)
-        motion = self._motion(step, laser_in_odom)
-        moved = self.on_base(motion)
+        """Return the base's state at the next step of an odometry, a SLAM or a localizer of curvescan."""
+        moved = self.on_base(UncertainPose(step.motion, step.motion_covariance))
         self._odom_base = uncertain.compose(self._odom_base, moved)
         twist, covariance = np.zeros(3), np.diag([UNKNOWN] * 3)
         if self._stamp is not None and stamp > self._stamp:
             seconds = stamp - self._stamp
             twist, covariance = se2.log(moved.pose) / seconds, moved.cov / seconds**2
-        self._stamp, self._before = stamp, laser_in_odom
-        base_in_map = self.on_base(UncertainPose(step.pose, step.covariance))
+        self._stamp = stamp
         # the chain leaves out where odometry leapt back from its drift: that much it is known to be wrong
-        known = self.on_base(laser_in_odom)
+        known = self.on_base(_by_odometry(step))
         leap = self._odom_base.pose - known.pose
         leap[2] = se2.wrap(leap[2])
         odom_base = UncertainPose(self._odom_base.pose, known.cov + np.outer(leap, leap))
+        base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
+        if np.isfinite(base_in_map).all():
+            self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))
         return BaseState(
             odom_base=odom_base,
             twist=twist,
             twist_covariance=covariance,
-            map_odom=se2.compose(base_in_map.pose, se2.inverse(odom_base.pose)),
+            map_odom=self._map_odom,
         )
 
-    def _motion(self, step: object, laser_in_odom: UncertainPose) -> UncertainPose:
-        """Return the motion of the laser since the last step, without any leap."""
-        motion = getattr(step, "motion", None)
-        if isinstance(motion, UncertainPose):
-            return motion
-        if motion is not None:
-            return UncertainPose(motion, step.motion_covariance)
-        if self._before is None:
-            return uncertain.identity()
-        return uncertain.between(self._before, laser_in_odom)
+
+def _by_odometry(step: object) -> UncertainPose:
+    """Return the pose of the laser by its odometry alone."""
+    if hasattr(step, "pose_odom"):
+        return UncertainPose(step.pose_odom, step.covariance_odom)
+    return UncertainPose(step.pose, step.covariance)

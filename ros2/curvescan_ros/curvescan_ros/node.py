@@ -179,7 +179,7 @@ class CurvescanNode(Node):
     def _publish_tf(self, stamp: object, state: object) -> None:
         p = self._p
         items = [transform_message(stamp, state.odom_base.pose, p["odom_frame"], self._child_frame)]
-        if p["mode"] != "odometry":
+        if p["mode"] != "odometry" and state.map_odom is not None:
             items.append(transform_message(stamp, state.map_odom, p["map_frame"], p["odom_frame"]))
         self._tf.publish(self._tf_type(transforms=items))
 

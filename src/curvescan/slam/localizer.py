@@ -57,7 +57,13 @@ class LocalizerStep:
     covariance : (3, 3) float64
         Covariance of the pose; NaN while it is searched for.
     pose_odom : (3,) float64
-        Pose in ``odom``.
+        Pose by the odometry alone, frame of the first scan.
+    covariance_odom : (3, 3) float64
+        Covariance of `pose_odom`.
+    motion : (3,) float64
+        Pose of the sensor seen from where it was at the previous scan, without any leap; see :class:`OdometryStep`.
+    motion_covariance : (3, 3) float64
+        Covariance of the motion.
     outcome : LocalizerOutcome
         How it was found.
     keyframe : int
@@ -69,6 +75,9 @@ class LocalizerStep:
     pose: Pose
     covariance: Cov
     pose_odom: Pose
+    covariance_odom: Cov
+    motion: Pose
+    motion_covariance: Cov
     outcome: LocalizerOutcome
     keyframe: int
 
@@ -289,6 +298,9 @@ def _step(
         pose=here.pose,
         covariance=here.cov,
         pose_odom=step.pose,
+        covariance_odom=step.covariance,
+        motion=step.motion,
+        motion_covariance=step.motion_covariance,
         outcome=outcome,
         keyframe=keyframe,
     )

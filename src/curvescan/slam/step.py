@@ -25,7 +25,14 @@ class SlamStep:
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta.
     pose_odom : (3,) float64
-        The same in the frame ``odom``, which drifts and never jumps (REP-105).
+        Pose by the odometry alone, frame of the first scan. It leaps where the odometry itself finds a known place again: chain
+        `motion` for the frame ``odom`` of REP-105.
+    covariance_odom : (3, 3) float64
+        Covariance of `pose_odom`.
+    motion : (3,) float64
+        Pose of the sensor seen from where it was at the previous scan, without any leap; see :class:`OdometryStep`.
+    motion_covariance : (3, 3) float64
+        Covariance of the motion.
     outcome : StepOutcome
         How the odometry found it.
     match : MatchResult or None
@@ -47,6 +54,9 @@ class SlamStep:
     pose: Pose
     covariance: Cov
     pose_odom: Pose
+    covariance_odom: Cov
+    motion: Pose
+    motion_covariance: Cov
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
