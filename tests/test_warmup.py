@@ -49,6 +49,12 @@ for i in range(0, 25, 5):
     cs.match(sick[i], sick[i + 4])
     cs.match(sick[i], sick[i + 4], guess=(0.3, 0.0, 0.0))
     cs.match(sick[i], scans[i])
+slam = cs.Slam()
+for scan in scans:
+    slam.add(scan)
+assert len(slam.finish()) == len(scans)
+localizer = cs.Localizer(slam.map)
+assert any(localizer.add(scan).ok for scan in scans[:40])
 print(*sorted(variants() - before))
 """
 BACKWARDS = """
@@ -115,12 +121,29 @@ def test_what_takes_long_is_told_once_with_its_time(caplog, monkeypatch):
         assert caplog.messages == []
         watch.end()
         assert caplog.messages == ["curvescan compiles its kernels, in the first run only ..."]
+        watch.report()  # of a match that compiled: more may follow
+        assert len(caplog.messages) == 1
         watch.report()
         assert caplog.messages[1:] == ["curvescan compiled its kernels in 1.4 s"]
         watch.start()
         watch.end()
-        watch.report()
+        watch.report(is_over=True)
     assert len(caplog.messages) == 2
+
+
+def test_what_is_held_is_one_wait_with_one_total(caplog, monkeypatch):
+    clock = iter([0.0, 2.0, 3.0, 6.0])
+    monkeypatch.setattr(_compilation, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    watch = _compilation.CompilationWatch()
+    with caplog.at_level(logging.WARNING, logger="curvescan"), watch.held():
+        for _ in range(2):
+            with watch.held():
+                watch.start()
+                watch.end()
+                watch.report()
+        watch.report()
+        assert len(caplog.messages) == 1
+    assert caplog.messages[1:] == ["curvescan compiled its kernels in 5.0 s"]
 
 
 def test_the_garbage_collector_halts_for_the_outermost_compilation_alone():

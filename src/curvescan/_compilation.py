@@ -28,7 +28,7 @@ _COMPILER_BYTES = 1_000_000_000  # of memory for each process that compiles: it 
 
 
 class CompilationWatch:
-    """Measures how long kernels take to compile, and halts the garbage collector meanwhile.
+    """Measures how long kernels take to compile, tells it once a process, and halts the garbage collector meanwhile.
 
     A compiler makes millions of objects that live until it is done: looking through them again and again takes a
     tenth of its time.
@@ -38,9 +38,11 @@ class CompilationWatch:
         self._depth = 0
         self._started = 0.0
         self._seconds = 0.0
-        self._is_told = False
+        self._reported_s = 0.0  # of them at the last report
+        self._is_begin_told = False
+        self._is_total_told = False
         self._collects = True
-        self._is_held = False
+        self._n_holding = 0
 
     def start(self) -> None:
         """Take the time; compilations of kernels that a kernel calls lie within its own."""
@@ -58,30 +60,39 @@ class CompilationWatch:
             self._seconds = seconds
             if self._collects:
                 gc.enable()
-        if seconds > _NOTICED_S and not self._is_told:
-            self._is_told = True
+        if seconds > _NOTICED_S and not self._is_begin_told:
+            self._is_begin_told = True
             _LOGGER.warning("%s compiles its kernels, in the first run only ...", __package__)
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """Leave the reports of what is called inside to whoever calls."""
-        self._is_held = True
+        """Take all that is called inside for one wait, over at its end."""
+        self._n_holding += 1
         try:
             yield
         finally:
-            self._is_held = False
+            self._n_holding -= 1
+            self.report(is_over=True)
 
-    def report(self) -> None:
-        """Tell how long what was compiled since the last call took, if it was told that it began."""
-        if self._is_held:
+    def report(self, *, is_over: bool = False) -> None:
+        """Tell how long it took, if it was told that it began.
+
+        Parameters
+        ----------
+        is_over : bool
+            Whether the wait is known to be over; else it is where nothing was compiled since the last report.
+        """
+        if self._n_holding:
             return
-        if self._is_told:
+        is_quiet = self._seconds == self._reported_s
+        self._reported_s = self._seconds
+        if self._is_begin_told and not self._is_total_told and (is_over or is_quiet):
+            self._is_total_told = True
             _LOGGER.warning("%s compiled its kernels in %.1f s", __package__, self._seconds)
-        self._seconds, self._is_told = 0.0, False
 
 
 watch = CompilationWatch()
-atexit.register(watch.report)
+atexit.register(watch.report, is_over=True)
 
 
 def start_helpers(folder: Path | None) -> None:

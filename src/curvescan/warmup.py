@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.movable import free_standing, information_without
 from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
 from curvescan.matchers.curvescan.sampling import choose_samples
@@ -27,6 +28,7 @@ from curvescan.matchers.curvescan.search import search
 from curvescan.matchers.curvescan.surfels import N_COLUMNS
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
+from curvescan.se2 import between as between_poses
 from curvescan.se2.uncertain import UncertainPose, between, compose, fuse, inverse
 from curvescan.types import Floats
 
@@ -35,8 +37,8 @@ _BEAMS = np.arange(_N_BEAMS) * (2.0 * np.pi / _N_BEAMS)
 _PERIOD_S = 0.1
 
 
-def warm_up(method: str = DEFAULT_METHOD) -> float:
-    """Compile all kernels that matching, odometry and maps need, or load them where they have been compiled before.
+def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
+    """Compile all kernels that matching, odometry, SLAM and maps need, or load them where they have been compiled before.
 
     The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
     drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels.
@@ -45,6 +47,8 @@ def warm_up(method: str = DEFAULT_METHOD) -> float:
     ----------
     method : str
         Name of the matcher; see ``MATCHERS``.
+    slam : bool
+        Whether to compile those of SLAM and localization too.
 
     Returns
     -------
@@ -63,7 +67,8 @@ def warm_up(method: str = DEFAULT_METHOD) -> float:
     with watch.held():
         for part in PARTS:
             part(method)
-    watch.report()
+        if slam:
+            _warm_up_slam()
     return time.perf_counter() - started
 
 
@@ -137,8 +142,40 @@ def _warm_up_whatever_matches(_: str) -> None:
     """Call the kernels that a drive needs only where its scans match, whatever a matcher makes of the scenes above."""
     at = UncertainPose(np.zeros(3), np.eye(3))
     compose(at, at), between(at, at), inverse(at), fuse(at, at)
-    image, fine = _no_features().image, CurvescanConfig().scoring.fine
+    nothing = _no_features()
+    image, fine = nothing.image, CurvescanConfig().scoring.fine
     best_beside(np.zeros(3), np.zeros(3), np.zeros(1), image, image, *fine)
+    # people in a corridor
+    no_partner, codes = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)
+    is_free, _ = free_standing(image.surfels, nothing.bounds, codes)
+    one_side = (image.surfels, no_partner, is_free)
+    information_without(*one_side, *one_side, np.zeros(3))
+
+
+def _warm_up_slam() -> None:
+    """Call the kernels of SLAM: three keyframes that stand in a triangle, and the three edges between them."""
+    # SciPy's sparse matrices take their time to load
+    from curvescan.slam.consistency import largest_clique
+    from curvescan.slam.marginals import marginal_covariances
+    from curvescan.slam.optimization import Edges, normal_equations, optimize, squared_distances
+    from curvescan.slam.overlap import foretold_overlap, range_profile
+    from curvescan.slam.place_index import signature
+    from curvescan.slam.sparse import block_pattern
+
+    ends, anchors = np.array([[0, 1], [1, 2], [0, 2]]), np.zeros(1, dtype=np.int64)
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 1.0, 1.0]])
+    edges = Edges.of(
+        ends, between_poses(poses[ends[:, 0]], poses[ends[:, 1]]), np.array([np.eye(3)] * 3)
+    )
+    pattern = block_pattern(len(poses), ends, 3)
+    optimize(poses, edges, np.ones(3), anchors, max_iterations=1)
+    squared_distances(poses, edges)
+    data, _, _ = normal_equations(poses, edges, np.ones(3), anchors, pattern)
+    marginal_covariances(pattern, data, anchors)
+    largest_clique(np.ones((3, 3), dtype=np.bool_))
+    profile = range_profile(_scan(_room(0.0, 0.0)))
+    foretold_overlap(profile[np.newaxis], anchors, poses[:1], profile)
+    signature(np.zeros((2, 5)))
 
 
 PARTS: tuple[Callable[[str], None], ...] = (

@@ -83,7 +83,7 @@ class CurvescanNode(Node):
         self._p = p
         started = time.monotonic()
         self._tracker = self._new_tracker()
-        warm_up(lambda: self._new_tracker().engine)
+        warm_up(lambda: self._new_tracker().engine, p["method"])
         self.get_logger().info(f"kernels are ready after {time.monotonic() - started:.1f} s")
         self._tree, self._motion, self._is_mirrored = FrameTree(), None, False
         self._wheels: deque[tuple[float, np.ndarray]] = deque(maxlen=400)

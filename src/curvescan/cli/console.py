@@ -117,26 +117,28 @@ def run_display(on_start: Callable[[], None]) -> Iterator[_RunDisplay]:
         yield _RunDisplay(stages, on_start)
 
 
-def load_kernels(method: str) -> None:
-    """Load a matcher's kernels, and say so where they have to be compiled first."""
-    with ERR.status("loading kernels (compiled in the first run only)"):
+def load_kernels(method: str, *, slam: bool = False) -> None:
+    """Load a matcher's kernels, and those of SLAM; the library says so where they have to be compiled first."""
+    with ERR.status("loading kernels"):
         from curvescan import warm_up
 
-        warm_up(method)
+        warm_up(method, slam=slam)
 
 
 def load_usable_methods() -> tuple[str, ...]:
     """Load the kernels of every method and return the names of those whose packages are installed."""
+    from curvescan._compilation import watch
     from curvescan.matchers import MATCHERS
 
     usable = []
-    for method in MATCHERS:
-        try:
-            load_kernels(method)
-        except MissingPackageError as error:
-            ERR.print(f"{method} is left out: {error}", markup=False)
-        else:
-            usable.append(method)
+    with watch.held():
+        for method in MATCHERS:
+            try:
+                load_kernels(method)
+            except MissingPackageError as error:
+                ERR.print(f"{method} is left out: {error}", markup=False)
+            else:
+                usable.append(method)
     return tuple(usable)
 
 

@@ -9,6 +9,7 @@ import sys
 import threading
 import webbrowser
 from contextlib import ExitStack, nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -21,6 +22,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
+    from curvescan.io import Log
     from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer
     from curvescan.live.tracker import Engine
 
@@ -105,15 +107,16 @@ def live(
         How to make the occupancy map.
     """
     from curvescan.cli.console import ERR, OUT
-    from curvescan.live import ResultsSink, Tracker, Viewer
+    from curvescan.live import LogSource, ResultsSink, Tracker, Viewer
     from curvescan.live.server import PageServer
 
+    source: ScanSource
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
         source = _laser(driver, port, laser)
     elif log is not None:
-        source = _replay(log, speed, topic, range_max, laser)
+        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
@@ -143,7 +146,8 @@ def live(
                 if out
                 else None
             )
-            engine = _engine(mode, method, saved, viewer)
+            can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
+            engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
             report = _track(source, Tracker(engine), viewer, results, record)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
@@ -197,12 +201,22 @@ def _saved_map(path: Path) -> Any:
     return load_map(path)
 
 
-def _replay(
-    log: Path, speed: float, topic: Topic, range_max: float | None, laser: Laser
-) -> ScanSource:
-    from curvescan.live import LogSource
+def _can_deskew(log: Log) -> bool:
+    """Return whether the sweeps of a log can be deskewed; what is wrong with it is told, as `curvescan odometry` does."""
+    from curvescan.cli.console import ERR
+    from curvescan.diagnostics.inspect import inspect_log
+    from curvescan.diagnostics.issues import find_issues
+    from curvescan.diagnostics.sensor import judge_sensor
+    from curvescan.diagnostics.verdict import propose_commands
 
-    return LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+    with ERR.status("looking for what is wrong with the log"):
+        sensor = judge_sensor(log)
+        issues = find_issues(inspect_log(log, sensor))
+    if not sensor.can_deskew:
+        ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    return sensor.can_deskew
 
 
 def _simulation(scans: int | None, people: int, seed: int, speed: float) -> ScanSource:
@@ -224,25 +238,28 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
     )
 
 
-def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None) -> Engine:
+def _engine(
+    mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool
+) -> Engine:
     """Return the odometry, SLAM or localizer, its kernels compiled."""
     import curvescan
-    from curvescan._jit import n_compiled
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
 
     def new() -> Engine:
+        if mode == "odometry":
+            odometry = curvescan.OdometryConfig.of_method(method)
+            return curvescan.Odometry(method, config=replace(odometry, deskew=can_deskew))
+        config = curvescan.SlamConfig()
+        config = replace(config, odometry=replace(config.odometry, deskew=can_deskew))
         if mode == "localization":
-            return curvescan.Localizer(saved, method=method)
-        return curvescan.Slam(method) if mode == "SLAM" else curvescan.Odometry(method)
+            return curvescan.Localizer(saved, method=method, config=config)
+        return curvescan.Slam(method, config=config)
 
-    text = "loading kernels (they are compiled in the first run only)"
     if viewer is not None:
-        viewer.set_status("loading", text)
-    with ERR.status(text):
-        seconds = warm_up(new)
-    if n_compiled():
-        ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+        viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
+    with ERR.status("loading kernels"):
+        warm_up(new, method)
     return new()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -61,16 +62,21 @@ def localize(
     """
     from curvescan.cli.console import OUT, load_kernels, progress_bar, table
     from curvescan.diagnostics.motion_prior import motion_prior
+    from curvescan.diagnostics.sensor import judge_sensor
     from curvescan.io import output_folder
     from curvescan.runs.localize import run_localizer, save_localizer_run
     from curvescan.slam import Localizer, LocalizerOutcome, load_map
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    odometry_poses = motion_prior(source) if odometry_prior else None
     slam_map = load_map(map)
     with output_folder(out) as folder:
-        load_kernels("curvescan")
-        localizer = Localizer(slam_map, config=slam_config.slam)
+        load_kernels("curvescan", slam=True)
+        given = slam_config.slam
+        sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)
+        deskew = given.odometry.deskew and sensor.can_deskew
+        rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
+        odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
+        localizer = Localizer(slam_map, config=rules)
         with progress_bar("localization", len(source)) as advance:
             run = run_localizer(
                 source, localizer, odometry_poses=odometry_poses, on_step=lambda _: advance()

@@ -90,7 +90,7 @@ def slam(
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     begin = None if map is None else load_map(map)
     with output_folder(out) as folder:
-        load_kernels(method)
+        load_kernels(method, slam=True)
         given = slam_config.slam
         with ERR.status("looking for what is wrong with the log"):
             sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)

@@ -84,7 +84,9 @@ class LiveMap:
         if not tracked.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
         if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
-            scan = self._deskewer.deskewed(tracked.scan, moved)
+            scan = tracked.scan
+            if tracked.is_deskewed:
+                scan = self._deskewer.deskewed(scan, moved)
             self._enter(scan, pose)
             self._mapped = pose
             if self._is_revisable and (

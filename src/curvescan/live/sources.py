@@ -114,16 +114,16 @@ class LogSource(_Paced):
 
     def __init__(self, log: Log, *, speed: float = 1.0) -> None:
         super().__init__(speed)
-        self._log = log
+        self.log = log
 
     @property
     def name(self) -> str:
         """Name of the log."""
-        return self._log.name
+        return self.log.name
 
     def scans(self) -> Iterator[LaserScan]:
         """Yield the log's scans in file order, at the chosen speed."""
-        return self._at_their_time(iter(self._log))
+        return self._at_their_time(iter(self.log))
 
 
 class SimulatedSource(_Paced):

@@ -53,6 +53,8 @@ class TrackedScan:
         Numbers of the two scans that each loop closure joins which this scan brought.
     revised : Trajectory or None
         All poses so far, where this scan changed those of the past.
+    is_deskewed : bool
+        Whether the engine deskews sweeps by the times of their beams, as a map of them must then do too.
     seconds : float
         Time that it took.
     received : float
@@ -72,6 +74,7 @@ class TrackedScan:
     match: MatchResult | None
     closures: tuple[tuple[int, int], ...]
     revised: Trajectory | None
+    is_deskewed: bool
     seconds: float
     received: float
     n_dropped: int
@@ -89,6 +92,8 @@ class Tracker:
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self._n_scans = 0
+        config = getattr(engine, "config", None)
+        self._is_deskewed: bool = getattr(getattr(config, "odometry", config), "deskew", True)
         self._scan_of_keyframe: dict[int, int] = {}
 
     def add(
@@ -131,6 +136,7 @@ class Tracker:
             match=getattr(step, "match", None),
             closures=self._joined(getattr(step, "closures", ())),
             revised=self.engine.trajectory() if is_revised else None,  # type: ignore[attr-defined]
+            is_deskewed=self._is_deskewed,
             seconds=seconds,
             received=received,
             n_dropped=n_dropped,

@@ -25,8 +25,8 @@ class SlamStep:
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta.
     pose_odom : (3,) float64
-        Pose by the odometry alone, frame of the first scan. It leaps where the odometry itself finds a known place again: chain
-        `motion` for the frame ``odom`` of REP-105.
+        The same in the frame ``odom``, which drifts and does not jump (REP-105), unless the odometry was told to look for known
+        places itself.
     covariance_odom : (3, 3) float64
         Covariance of `pose_odom`.
     motion : (3,) float64
