@@ -147,7 +147,7 @@ def _warm_up_whatever_matches(_: str) -> None:
     best_beside(np.zeros(3), np.zeros(3), np.zeros(1), image, image, *fine)
     # people in a corridor
     no_partner, codes = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)
-    is_free, _ = free_standing(image.surfels, nothing.bounds, codes)
+    is_free = free_standing(image.surfels, nothing.bounds, codes)[0]
     one_side = (image.surfels, no_partner, is_free)
     information_without(*one_side, *one_side, np.zeros(3))
 

@@ -116,7 +116,9 @@ def live(
     if driver is not None:
         source = _laser(driver, port, laser)
     elif log is not None:
-        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+        source = LogSource(
+            open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed
+        )
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
