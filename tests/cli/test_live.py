@@ -6,11 +6,15 @@ import subprocess
 import sys
 import time
 import urllib.request
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from curvescan import read_log, simulate, write_log
 from curvescan.cli.main import run
+from curvescan.diagnostics.beam_order import BeamOrder
+from curvescan.simulation import SENSORS
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +46,46 @@ def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
     told = json.loads((out / "run.json").read_text())
     assert (told["scans"], told["dropped"], told["is_partial"]) == (40, 0, False)
     assert len(read_log(record)) == 40
+
+
+def test_beams_in_reverse_are_not_deskewed_as_offline(log, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(
+        "curvescan.diagnostics.sensor.beam_order_of_log",
+        lambda log: BeamOrder(n_pairs=9, gain=-1.0, standard_error=0.1),
+    )
+    timed = tmp_path / "timed.npz"
+    sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
+    write_log(timed, simulate("room", sensor=sensor, n_scans=30))
+    tracks = {}
+    for name in ("odometry", "slam"):
+        live, offline = tmp_path / f"live-{name}", tmp_path / name
+        options = ["--speed", "0", "--no-page", *(["--odometry-only"] * (name == "odometry"))]
+        assert run(["live", str(timed), *options, "--out", str(live)]) == 0
+        told = " ".join(capsys.readouterr().err.split())
+        assert "sweeps are not deskewed: their beams are listed in reverse" in told
+        assert run([name, str(timed), "--out", str(offline)]) in (0, 3)
+        tracks[name] = (live / "trajectory.tum").read_text()
+        assert tracks[name] == (offline / "trajectory.tum").read_text()
+    monkeypatch.undo()
+    out = tmp_path / "deskewed"
+    assert run(["live", str(timed), *options, "--odometry-only", "--out", str(out)]) == 0
+    assert (out / "trajectory.tum").read_text() != tracks["odometry"]
+
+
+def test_a_robot_finds_itself_in_the_map_of_slam(tmp_path, capsys):
+    log = tmp_path / "office.npz"
+    write_log(log, simulate("office", sensor="spinning-360", n_scans=80, seed=3))
+    assert run(["slam", str(log), "--out", str(tmp_path / "slam")]) in (0, 3)
+    out = tmp_path / "live"
+    options = ["--speed", "0", "--no-page", "--out", str(out)]
+    assert run(["live", str(log), "--map", str(tmp_path / "slam" / "map.csmap"), *options]) == 0
+    assert "Matched with keyframes around." in capsys.readouterr().out
+    told = json.loads((out / "run.json").read_text())
+    assert told["mode"] == "localization"
+    poses = [np.loadtxt(p / "trajectory.tum")[:, 1:3] for p in (out, tmp_path / "slam")]
+    known = np.isfinite(poses[0]).all(axis=1)
+    assert known[-40:].all()
+    assert np.hypot(*(poses[0] - poses[1])[known].T).max() < 0.1
 
 
 def test_the_simulated_robot(tmp_path, capsys):
