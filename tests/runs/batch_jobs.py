@@ -7,8 +7,7 @@ import signal
 import time
 from dataclasses import dataclass
 
-from curvescan.diagnostics.verdict import Verdict
-from curvescan.runs.jobs import JobResult
+from curvescan.runs.job import JobResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,13 +28,17 @@ class NamedJob:
         if "raise" in log.name:
             raise RuntimeError("of no known kind")
         if "print" in log.name:
-            print("not a reply", flush=True)
+            print("not a reply", flush=True)  # noqa: T201 - what workers print is no reply
             os.write(1, b"nor this")
         folder.mkdir(exist_ok=True)
         (folder / "result").write_text(f"{log} {os.getpid()}")
-        reasons = ("odd",) if "odd" in log.name else ()
-        verdict = Verdict(is_trusted=not reasons, reasons=reasons)
-        return JobResult(verdict=verdict, n_scans=log.stat().st_size, length=1.5)
+        is_odd = "odd" in log.name
+        return JobResult(
+            is_trusted=not is_odd,
+            sentence="not to be trusted: odd" * is_odd,
+            n_scans=log.stat().st_size,
+            length=1.5,
+        )
 
     def warm_up(self):
         pass

@@ -31,7 +31,7 @@ from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.runs.batch import BatchDisplay
-    from curvescan.runs.jobs import Job
+    from curvescan.runs.job import Job
     from curvescan.runs.manifest import BatchRecord
 
 Patterns: TypeAlias = Annotated[

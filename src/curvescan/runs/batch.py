@@ -17,7 +17,8 @@ from curvescan import __version__
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
 from curvescan.io.ros.bag_files import storage_files
-from curvescan.runs.jobs import Job, OdometryJob, digest_of
+from curvescan.runs.job import Job, digest_of
+from curvescan.runs.jobs import OdometryJob
 from curvescan.runs.manifest import MANIFEST, BatchRecord, LogState, open_manifest
 from curvescan.runs.worker import Task
 from curvescan.runs.workers import Done, run_tasks
@@ -227,7 +228,7 @@ def _refuse_url(path: str | os.PathLike[str]) -> None:
 def _record(done: Done, state: LogState, options: str) -> BatchRecord:
     result = done.result
     is_failed = isinstance(result, str)
-    is_trusted = not isinstance(result, str) and result.verdict.is_trusted
+    is_trusted = not isinstance(result, str) and result.is_trusted
     return BatchRecord(
         **asdict(state),
         options=options,
@@ -235,7 +236,7 @@ def _record(done: Done, state: LogState, options: str) -> BatchRecord:
         folder=done.task.folder.name,
         exit=1 if is_failed else 0 if is_trusted else 3,
         verdict="failed" if is_failed else "trusted" if is_trusted else "not trusted",
-        sentence=result if isinstance(result, str) else result.verdict.sentence,
+        sentence=result if isinstance(result, str) else result.sentence,
         seconds=round(done.seconds, 3),
         scans=0 if isinstance(result, str) else result.n_scans,
         metres=0.0 if isinstance(result, str) else round(result.length, 3),

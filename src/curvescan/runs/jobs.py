@@ -1,63 +1,26 @@
-"""Jobs of a batch: what is done with each log, and what comes of it."""
+"""The jobs of ``curvescan batch``: odometry or SLAM of a log.
+
+Kernels and figures are loaded when a job runs: a batch that has nothing left to do is over at once.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from curvescan.diagnostics.verdict import Verdict
-from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.io.sensor_setup import SensorSetup
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig
-from curvescan.odometry import OdometryConfig
-from curvescan.runs.odometry import as_plain
-from curvescan.runs.run import run
-from curvescan.runs.slam_log import slam_log
-from curvescan.slam import Slam, SlamConfig, run_slam
-from curvescan.types import Trajectory
-from curvescan.warmup import warm_up
+from curvescan.odometry.config import OdometryConfig
+from curvescan.runs.job import JobResult
+from curvescan.slam.config import SlamConfig
 
-
-@dataclass(frozen=True, kw_only=True)
-class JobResult:
-    """What came of one log.
-
-    Attributes
-    ----------
-    verdict : Verdict
-        Whether the trajectory can be trusted, and if not, why.
-    n_scans : int
-        How many scans it has.
-    length : float
-        Length of the path, metres.
-    """
-
-    verdict: Verdict
-    n_scans: int
-    length: float
-
-
-class Job(Protocol):
-    """What a batch does with each log: a frozen dataclass of a module, so that worker processes can be sent it.
-
-    Its fields are the options; their digest tells :func:`run_batch` with ``resume=True`` which results still stand.
-    """
-
-    def __call__(self, log: Path, folder: Path) -> JobResult:
-        """Run over a log and write the results into a folder that need not exist; errors are told by raising."""
-        ...
-
-    def warm_up(self) -> None:
-        """Compile what the job needs, once, before the workers start."""
-        ...
+if TYPE_CHECKING:
+    from curvescan.diagnostics.verdict import Verdict
+    from curvescan.io.log import Log
+    from curvescan.types import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +61,8 @@ class OdometryJob:
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run the odometry of a log and write trajectory, maps and run.json."""
+        from curvescan.runs.run import run
+
         result = run(
             self.logs.open(log),
             out=folder,
@@ -113,6 +78,8 @@ class OdometryJob:
 
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry and maps."""
+        from curvescan.warmup import warm_up
+
         warm_up(self.method)
 
 
@@ -137,6 +104,8 @@ class SlamJob:
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run SLAM of a log and write trajectories, graph, maps and run.json."""
+        from curvescan.runs.slam_log import slam_log
+
         result = slam_log(
             self.logs.open(log),
             out=folder,
@@ -153,29 +122,22 @@ class SlamJob:
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry and maps, and those of SLAM by a drive to and fro."""
         from curvescan.simulation import simulate
+        from curvescan.slam import Slam, run_slam
+        from curvescan.warmup import warm_up
 
         warm_up(self.method)
         scans = list(simulate("office", n_scans=8, seed=0))
         run_slam([*scans, *reversed(scans)], Slam(self.method))
 
 
-def digest_of(job: Job) -> str:
-    """Return a digest of what a job is and of its options, as 16 hexadecimal digits."""
-    kind = type(job)
-    told = {
-        name
-        for name, f in getattr(kind, "__dataclass_fields__", {}).items()
-        if not f.metadata.get("is_option", True)
-    }
-    plain: Any = as_plain(job)
-    options = (
-        {k: v for k, v in plain.items() if k not in told} if isinstance(plain, Mapping) else {}
-    )
-    text = json.dumps([kind.__module__, kind.__qualname__, options], sort_keys=True, default=repr)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
+    import numpy as np
+
     steps = np.diff(trajectory.poses[:, :2], axis=0)
     length = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
-    return JobResult(verdict=verdict, n_scans=len(trajectory.stamps), length=length)
+    return JobResult(
+        is_trusted=verdict.is_trusted,
+        sentence=verdict.sentence,
+        n_scans=len(trajectory.stamps),
+        length=length,
+    )

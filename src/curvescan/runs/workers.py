@@ -22,7 +22,7 @@ from queue import Empty, SimpleQueue
 from typing import BinaryIO, TypeAlias
 
 from curvescan.errors import InvalidArgumentError, WorkerError
-from curvescan.runs.jobs import Job, JobResult
+from curvescan.runs.job import Job, JobResult
 from curvescan.runs.worker import Ready, Task
 
 _SERVE = "import sys; sys.path[:] = {}; from curvescan.runs.worker import serve; serve()"
