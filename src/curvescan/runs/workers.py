@@ -108,6 +108,7 @@ def run_tasks(
                 yield worker.done(reply)
             elif reply is None:
                 workers.remove(worker)
+                worker.end()
                 n_false_starts += not worker.is_ready
                 if n_false_starts >= _MAX_FALSE_STARTS:
                     raise WorkerError(f"the worker processes cannot be started: {_last_line(log)}")
