@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         OutputError,
         SourceError,
         UnitWarning,
+        WorkerError,
     )
     from curvescan.io import (
         log_from_arrays,
@@ -83,6 +84,8 @@ if TYPE_CHECKING:
     from curvescan.odometry import Odometry, OdometryRun, OdometryStep, StepOutcome, run_odometry
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.plots import on_axes as plot
+    from curvescan.runs.batch import BatchResult, run_batch
+    from curvescan.runs.jobs import OdometryJob, SlamJob
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
@@ -99,6 +102,7 @@ if TYPE_CHECKING:
     from curvescan.warmup import warm_up
 
 _HOMES = {
+    "BatchResult": "curvescan.runs.batch",
     "CfSmaConfig": "curvescan.matchers.cfsma.config",
     "ConvergenceConfig": "curvescan.matchers.baselines.config",
     "CoxConfig": "curvescan.matchers.baselines.config",
@@ -134,6 +138,7 @@ _HOMES = {
     "OccupancyGrid": "curvescan.mapping.occupancy",
     "Odometry": "curvescan.odometry",
     "OdometryConfig": "curvescan.odometry.config",
+    "OdometryJob": "curvescan.runs.jobs",
     "OdometryRun": "curvescan.odometry",
     "OdometryStep": "curvescan.odometry",
     "Outcome": "curvescan.matchers.result",
@@ -150,12 +155,14 @@ _HOMES = {
     "ShrinkConfig": "curvescan.matchers.baselines.config",
     "Slam": "curvescan.slam",
     "SlamConfig": "curvescan.slam",
+    "SlamJob": "curvescan.runs.jobs",
     "SlamMap": "curvescan.slam",
     "SlamStep": "curvescan.slam",
     "SourceError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
+    "WorkerError": "curvescan.errors",
     "find_issues": "curvescan.diagnostics.issues",
     "inspect_log": "curvescan.diagnostics.inspect",
     "load_map": "curvescan.slam",
@@ -171,6 +178,7 @@ _HOMES = {
     "read_relations": "curvescan.io",
     "read_tum": "curvescan.io",
     "run": "curvescan.runs.run",
+    "run_batch": "curvescan.runs.batch",
     "run_odometry": "curvescan.odometry",
     "simulate": "curvescan.simulation",
     "warm_up": "curvescan.warmup",
@@ -188,6 +196,7 @@ _MODULES = {"plot": "curvescan.plots.on_axes", "se2": "curvescan.se2"}
 
 __all__ = [
     "MATCHERS",
+    "BatchResult",
     "CfSmaConfig",
     "ConvergenceConfig",
     "CoxConfig",
@@ -222,6 +231,7 @@ __all__ = [
     "OccupancyGrid",
     "Odometry",
     "OdometryConfig",
+    "OdometryJob",
     "OdometryRun",
     "OdometryStep",
     "Outcome",
@@ -238,12 +248,14 @@ __all__ = [
     "ShrinkConfig",
     "Slam",
     "SlamConfig",
+    "SlamJob",
     "SlamMap",
     "SlamStep",
     "SourceError",
     "StepOutcome",
     "Trajectory",
     "UnitWarning",
+    "WorkerError",
     "__version__",
     "find_issues",
     "inspect_log",
@@ -261,6 +273,7 @@ __all__ = [
     "read_relations",
     "read_tum",
     "run",
+    "run_batch",
     "run_odometry",
     "se2",
     "simulate",

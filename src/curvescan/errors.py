@@ -28,6 +28,10 @@ class OutputError(CurvescanError, OSError):
     """Results cannot be written to the given place."""
 
 
+class WorkerError(CurvescanError, RuntimeError):
+    """The processes of a batch cannot be started."""
+
+
 class SourceError(CurvescanError, OSError):
     """A running sensor cannot be opened, has gone, or sends nothing that can be read."""
 

@@ -18,7 +18,8 @@ from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
 from curvescan.odometry import Odometry, run_odometry
 from curvescan.plots.match import save_match
-from curvescan.runs.odometry import as_plain, save_run
+from curvescan.runs.odometry import save_run
+from curvescan.runs.plain import as_plain
 from curvescan.simulation import simulate
 from tests.scenes import room_scan
 

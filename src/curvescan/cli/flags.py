@@ -14,6 +14,7 @@ _FLAGS = {
     "odometry_prior": "--odometry-prior",
     "out": "--out",
     "range_max": "--range-max",
+    "timeout": "--timeout",
     "topic": "--topic",
 }
 """Arguments that messages name, and their flags."""

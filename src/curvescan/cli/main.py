@@ -13,6 +13,7 @@ from typing import Any
 import tyro
 
 from curvescan import __version__
+from curvescan.cli.batch import batch
 from curvescan.cli.bench import bench
 from curvescan.cli.calibrate import calibrate
 from curvescan.cli.convert import convert
@@ -38,6 +39,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "odometry": odometry,
     "slam": slam,
     "localize": localize,
+    "batch": batch,
     "live": live,
     "match": match,
     "evaluate": evaluate,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -25,7 +25,7 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
-    from curvescan.io import Log
+    from curvescan.io import Log, SensorSetup
     from curvescan.types import Floats
 
 LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
@@ -147,18 +147,15 @@ SensorFlags: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
 """How the laser is set up, as flags of their own."""
 
 
-def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser) -> Log:
-    """Return the log that the flags of a command ask for."""
-    from curvescan.io import read_log
+def sensor_setup(laser: Laser) -> SensorSetup:
+    """Return how the laser is set up, as the library has it."""
+    from curvescan.io import SensorSetup
 
     pose = None
     if laser.laser_pose is not None:
         x, y, theta = in_radians(laser.laser_pose).tolist()
         pose = (x, y, theta)
-    return read_log(
-        path,
-        range_max=range_max,
-        topic=topic,
+    return SensorSetup(
         ignore_beams=laser.ignore_beams,
         laser_pose=pose,
         upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
@@ -166,3 +163,10 @@ def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser)
         drop_stale=laser.drop_stale,
         backwards=laser.backwards,
     )
+
+
+def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser) -> Log:
+    """Return the log that the flags of a command ask for."""
+    from curvescan.io import read_log
+
+    return read_log(path, range_max=range_max, topic=topic, **asdict(sensor_setup(laser)))

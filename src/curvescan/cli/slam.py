@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -76,55 +75,40 @@ def slam(
     slam_config
         Parameters of SLAM.
     """
-    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
+    from curvescan.cli.console import ERR, OUT, load_kernels, run_display
     from curvescan.cli.summary import summarise
-    from curvescan.diagnostics.inspect import inspect_log
-    from curvescan.diagnostics.issues import find_issues
-    from curvescan.diagnostics.motion_prior import motion_prior
-    from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.diagnostics.verdict import judge_run, propose_commands
-    from curvescan.io import output_folder
-    from curvescan.runs.slam import save_slam_run
-    from curvescan.slam import Slam, load_map, run_slam
+    from curvescan.diagnostics.verdict import propose_commands
+    from curvescan.runs.slam_log import slam_log
+    from curvescan.slam import load_map
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     begin = None if map is None else load_map(map)
-    with output_folder(out) as folder:
-        load_kernels(method, slam=True)
-        given = slam_config.slam
-        with ERR.status("looking for what is wrong with the log"):
-            sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)
-            issues = find_issues(inspect_log(source, sensor))
-        odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
-        deskew = given.odometry.deskew and sensor.can_deskew
-        rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
-        tracker = Slam(method, matcher=configs.of(method), config=rules, map=begin)
-        with progress_bar("SLAM", len(source)) as advance:
-            run = run_slam(
-                source, tracker, odometry_poses=odometry_poses, on_step=lambda _: advance()
-            )
-        verdict = judge_run(run.revised, issues)
-        with ERR.status("drawing the maps"):
-            left_out = save_slam_run(
-                folder,
-                run,
-                source,
-                command=sys.argv,
-                source=log,
-                occupancy=occupancy,
-                verdict=verdict,
-            )
-    OUT.print(summarise(run.revised, len(source)))
-    OUT.print(f"{tracker!r}; finished in {run.seconds_to_finish:.1f} s", markup=False)
-    for remark in left_out:
+    with run_display(lambda: load_kernels(method, slam=True)) as display:
+        result = slam_log(
+            source,
+            out=out,
+            method=method,
+            config=slam_config.slam,
+            matcher=configs.of(method),
+            map=begin,
+            odometry_prior=odometry_prior,
+            occupancy=occupancy,
+            command=sys.argv,
+            source=log,
+            display=display,
+        )
+    OUT.print(summarise(result.run.revised, len(source)))
+    seconds = result.run.seconds_to_finish
+    OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)
+    for remark in result.left_out:
         ERR.print(remark, markup=False)
-    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
+    maps = "" if result.left_out else ", occupancy.png, map.pgm with map.yaml"
     OUT.print(
         f"wrote {out}/trajectory.tum, trajectory.csv, trajectory_online.tum, map.png{maps}, graph.png, "
         "graph.g2o, closures.csv, map.csmap, run.json",
         markup=False,
     )
-    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
         ERR.print(proposal, markup=False, soft_wrap=True)
-    OUT.print(verdict.sentence, markup=False, soft_wrap=True)
-    return 0 if verdict.is_trusted else 3
+    OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
+    return 0 if result.verdict.is_trusted else 3

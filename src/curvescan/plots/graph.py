@@ -33,7 +33,8 @@ def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> N
         as_place(axes, title)
         axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0.0)
         plot_graph(slam_map, axes)
-        figure.legend(loc="outside lower center", ncols=4)
+        if axes.get_legend_handles_labels()[0]:  # none where the graph has one keyframe
+            figure.legend(loc="outside lower center", ncols=4)
 
 
 def plot_graph(slam_map: SlamMap, axes: Axes) -> None:

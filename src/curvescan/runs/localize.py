@@ -14,7 +14,7 @@ import numpy as np
 from curvescan import __version__
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
-from curvescan.runs.odometry import as_plain
+from curvescan.runs.plain import as_plain
 from curvescan.scan import LaserScan
 from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
 from curvescan.types import Floats, Pose, Trajectory

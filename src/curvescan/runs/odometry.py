@@ -8,8 +8,7 @@ import json
 import math
 import platform
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from enum import Enum
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.plots.map import draw_map
 from curvescan.plots.occupancy import draw_occupancy
+from curvescan.runs.plain import as_plain
 from curvescan.types import Pose
 
 
@@ -138,19 +138,6 @@ def describe_run(
         else None,
         "input_faults": [dataclasses.asdict(read_error) for read_error in log.read_errors],
     }
-
-
-def as_plain(value: object) -> object:
-    """Return a configuration as dictionaries, lists, numbers and strings."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: as_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Enum):
-        return value.name.lower()
-    if isinstance(value, Mapping):
-        return {str(key): as_plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_plain(item) for item in value]
-    return value
 
 
 def _digest(source: Path | None) -> dict[str, object]:

@@ -155,7 +155,7 @@ def run(
     check_exports(exports)
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
-    shown = display or _Silent()
+    shown = display or Silent()
     graph = PoseGraph()
 
     def on_step(step: OdometryStep) -> None:
@@ -216,9 +216,11 @@ def _folder(out: str | os.PathLike[str] | None) -> Iterator[Path | None]:
             yield folder
 
 
-class _Silent:
+class Silent:
     """Shows nothing."""
 
-    def begin(self, stage: str, n_steps: int) -> None: ...
+    def begin(self, stage: str, n_steps: int) -> None:
+        """Show nothing."""
 
-    def advance(self) -> None: ...
+    def advance(self) -> None:
+        """Show nothing."""

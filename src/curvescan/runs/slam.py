@@ -22,7 +22,8 @@ from curvescan.odometry.deskewing import deskewed_along
 from curvescan.plots.graph import draw_graph
 from curvescan.plots.map import draw_map
 from curvescan.plots.occupancy import draw_occupancy
-from curvescan.runs.odometry import as_plain, describe_run
+from curvescan.runs.odometry import describe_run
+from curvescan.runs.plain import as_plain
 from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.closures import Closure
 from curvescan.slam.graph import EdgeKind

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from curvescan.errors import OutputError
 
+HIDDEN_PREFIX = ".curvescan-"
+"""Beginning of the names of temporary folders; one that is left belongs to a process that was killed."""
+
 
 @contextmanager
 def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
@@ -146,7 +149,7 @@ def _make_beside(target: Path) -> Path:
 
 
 def _new_hidden_folder(parent: Path) -> Path:
-    return Path(tempfile.mkdtemp(prefix=".curvescan-", dir=parent))
+    return Path(tempfile.mkdtemp(prefix=HIDDEN_PREFIX, dir=parent))
 
 
 def _move_all(temporary: Path, target: Path) -> None:

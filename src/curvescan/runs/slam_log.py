@@ -1,0 +1,122 @@
+"""slam_log: SLAM of a whole log, and its results folder; what ``curvescan slam`` calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from curvescan.diagnostics.inspect import inspect_log
+from curvescan.diagnostics.issues import Issue, find_issues
+from curvescan.diagnostics.motion_prior import motion_prior
+from curvescan.diagnostics.sensor import judge_sensor
+from curvescan.diagnostics.verdict import Verdict, judge_run
+from curvescan.io.files.output import output_folder
+from curvescan.io.log import Log
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
+from curvescan.runs.run import RunDisplay, Silent
+from curvescan.runs.slam import save_slam_run
+from curvescan.slam import Slam, SlamConfig, SlamMap, SlamRun, run_slam
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlamResult:
+    """What came of a log.
+
+    Attributes
+    ----------
+    run : SlamRun
+        Trajectories, the graph and its loop closures.
+    issues : tuple of Issue
+        What is wrong or odd with the log.
+    verdict : Verdict
+        Whether the trajectory can be trusted, and if not, why.
+    left_out : tuple of str
+        What was not written and why, a sentence each.
+    """
+
+    run: SlamRun
+    issues: tuple[Issue, ...]
+    verdict: Verdict
+    left_out: tuple[str, ...] = ()
+
+
+def slam_log(
+    log: Log,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    method: Method | str = DEFAULT_METHOD,
+    config: SlamConfig | None = None,
+    matcher: MatcherConfig | None = None,
+    map: SlamMap | None = None,  # noqa: A002 - the name that Slam gives it
+    odometry_prior: bool = False,
+    occupancy: OccupancyConfig | None = None,
+    command: Sequence[str] = (),
+    source: str | os.PathLike[str] | None = None,
+    display: RunDisplay | None = None,
+) -> SlamResult:
+    """Return SLAM of a log, and write it with its maps into a folder; Ctrl-C keeps what there is so far.
+
+    Parameters
+    ----------
+    log : Log
+        The log.
+    out : str, path-like or None
+        Folder for the results, made if it is missing; None to write nothing.
+    method : str
+        Name of the matcher.
+    config : SlamConfig or None
+        Configuration of SLAM; sweeps whose beams are listed in reverse are not deskewed, whatever it says.
+    matcher : dataclass or None
+        Configuration of the matcher.
+    map : SlamMap or None
+        A map to continue.
+    odometry_prior : bool
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map.
+    command : sequence of str
+        The command line behind the run, for run.json.
+    source : str, path-like or None
+        The file or folder of the log, for its size and digest in run.json.
+    display : RunDisplay or None
+        Shows how far the run has come.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `odometry_prior` is wanted and the log has none that fits its scans.
+    LogFormatError
+        When the log cannot be read.
+    OutputError
+        When the results cannot be written.
+    """
+    config = config or SlamConfig()
+    shown = display or Silent()
+    left_out: tuple[str, ...] = ()
+    with nullcontext() if out is None else output_folder(out) as folder:
+        shown.begin("looking for what is wrong with the log", 0)
+        sensor = judge_sensor(log, is_order_needed=config.odometry.deskew)
+        issues = find_issues(inspect_log(log, sensor))
+        odometry_poses = motion_prior(log, sensor.rotation) if odometry_prior else None
+        deskew = config.odometry.deskew and sensor.can_deskew
+        rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
+        slam = Slam(method, matcher=matcher, config=rules, map=map)
+        shown.begin("SLAM", len(log))
+        run = run_slam(log, slam, odometry_poses=odometry_poses, on_step=lambda _: shown.advance())
+        verdict = judge_run(run.revised, issues)
+        if folder is not None:
+            shown.begin("drawing the maps", 0)
+            left_out = save_slam_run(
+                folder,
+                run,
+                log,
+                command=command,
+                source=None if source is None else Path(source),
+                occupancy=occupancy,
+                verdict=verdict,
+            )
+    return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
