@@ -7,10 +7,13 @@ VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
 INSTALLED := $(VENV)/.installed
+LOWEST := .venv-lowest
 
 export MPLBACKEND := Agg
 
-.PHONY: demo test test-wheel dist lint coverage bench format clean
+ROS_VENV := .venv-ros
+
+.PHONY: demo test test-lowest test-ros test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -18,6 +21,18 @@ demo: $(INSTALLED)
 test: lint
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+
+# the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
+test-ros:
+	bash ros2/test.sh $(ROS_VENV) $(PYTHON)
+
+# every dependency at the lowest version that pyproject.toml allows
+test-lowest: $(INSTALLED)
+	$(PYTHON) -m venv --clear $(LOWEST)
+	$(BIN)/python tests/lowest.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint $(LOWEST)/constraints.txt '.[icp]' hypothesis pytest pyyaml
+	$(LOWEST)/bin/python -m pytest -q -W ignore::DeprecationWarning
 
 # kernels are seen line by line only without the JIT; slow
 coverage: $(INSTALLED)
@@ -59,4 +74,4 @@ $(INSTALLED): pyproject.toml
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .cache demo src/curvescan/__pycache__
+	rm -rf $(VENV) $(LOWEST) .cache demo src/curvescan/__pycache__

@@ -25,8 +25,13 @@ def test_a_reading_is_valid_inside_the_closed_range_only():
 
 
 def test_without_limits_zero_and_infinity_are_still_no_readings():
-    scan = make([0.0, -0.0, 1e-9, 1e9, math.inf], range_min=0.0, range_max=math.inf)
+    scan = make([0.0, -0.0, 1e-9, 1e3, math.inf], range_min=0.0, range_max=math.inf)
     assert scan.valid.tolist() == [False, False, True, True, False]
+
+
+def test_what_lies_beyond_ten_kilometres_is_a_code_and_no_reading():
+    scan = make([1e4, 10_000.1, 1e9, 3.4028235e38, 1.7e308], range_max=math.inf)
+    assert scan.valid.tolist() == [True, False, False, False, False]
 
 
 def test_points_lie_on_their_beams():

@@ -1,54 +1,32 @@
-"""The one place that names Numba's flags and the folder its machine code is kept in.
+"""The one place that names Numba's flags.
 
 ``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it
 ``isnan`` is always False and a missing reading would pass for a measurement. ``cache=True`` stores the
-machine code on disk so that only the first run compiles.
-
-Numba judges stored machine code by the file of the kernel alone, but it holds the code of the kernels
-called and the constants read as well (numba#1833): after an upgrade it would run old code. So this
-package's machine code is kept in a folder named after a digest of the package's sources: in
-NUMBA_CACHE_DIR, else beside the package in its __pycache__, else in the user's cache folder. Folders of
-other digests are removed once they have not been used for a day. Removing one that is in use does no
-harm: what is missing is compiled again.
+machine code on disk so that only the first run compiles; see :mod:`curvescan._kernel_cache`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import hashlib
-import logging
-import os
-import shutil
-import tempfile
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
+from numba.core import event
 from numba.core.registry import CPUDispatcher
+
+from curvescan._compilation import start_helpers, watch
+from curvescan._kernel_cache import ForgivingCache, cache_folder, numba_caches_in
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-_njit: Any = functools.partial(numba.njit, error_model="numpy")
+# a C wrapper of each kernel, which nobody calls, would take a fourteenth of the time
+_njit: Any = functools.partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True, nogil=True)
 _numba_config: Any = numba.config
-_ROOT = Path(__file__).parent
-_LOGGER = logging.getLogger(__package__)
-
-# rooms whose code no kernel calls or reads: an edit there compiles nothing anew
-_ROOMS_WITHOUT_KERNELS = frozenset(
-    {"benchmarks", "cli", "diagnostics", "evaluation", "io", "paper", "plots", "runs"}
-)
-_FOLDER_PREFIX = f"{__package__}-kernels-"
-_DIGEST_LENGTH = 16
-_UNUSED_S = 86_400.0
 
 _kernels: list[Any] = []
-_faults: list[str] = []
-_setting_numba = threading.Lock()
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -78,124 +56,34 @@ def n_compiled() -> int:
 def _dispatcher(function: Callable[..., Any]) -> Any:
     folder = cache_folder()
     if folder is not None:
-        with _numba_caches_in(folder):
+        with numba_caches_in(folder):
             cached = _njit(cache=True)(function)
         # a Numba that keeps the code anywhere else may bring back that of another version
         if folder in Path(cached.stats.cache_path).parents:
-            cached._cache = _ForgivingCache(cached._cache)
+            cached._cache = ForgivingCache(cached._cache)
             return cached
     uncached = _njit()(function)
-    uncached._cache = _ForgivingCache(uncached._cache)
+    uncached._cache = ForgivingCache(uncached._cache)
     return uncached
 
 
-@contextlib.contextmanager
-def _numba_caches_in(folder: Path) -> Iterator[None]:
-    """Let Numba choose `folder` for what is decorated inside, and for nobody else's kernels."""
-    wanted = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": ""}
-    with _setting_numba:
-        usual = {k: getattr(_numba_config, k) for k in wanted if hasattr(_numba_config, k)}
-        try:
-            for name in usual:
-                setattr(_numba_config, name, wanted[name])
-            yield
-        finally:
-            for name, value in usual.items():
-                setattr(_numba_config, name, value)
+class _Listener(event.Listener):
+    """Passes on when a kernel of this package, and of no other, is compiled."""
+
+    def on_start(self, event: Any) -> None:
+        if _is_kernel(event.data["dispatcher"]):
+            if n_compiled() <= 1:
+                start_helpers(cache_folder())
+            watch.start()
+
+    def on_end(self, event: Any) -> None:
+        if _is_kernel(event.data["dispatcher"]):
+            watch.end()
 
 
-@functools.cache
-def cache_folder() -> Path | None:
-    """Return the folder of this version's machine code, or None where none can be written."""
-    digest = _source_digest(_ROOT)
-    if digest is None:
-        return None
-    for parent in _cache_parents():
-        folder = parent / (_FOLDER_PREFIX + digest)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=folder).close()
-            os.utime(folder)
-        except OSError:
-            continue
-        _sweep(parent, folder)
-        return folder
-    return None
+def _is_kernel(dispatcher: Any) -> bool:
+    return any(dispatcher is one for one in _kernels)
 
 
-def _cache_parents() -> list[Path]:
-    parents = [Path(_numba_config.CACHE_DIR)] if _numba_config.CACHE_DIR else []
-    parents.append(_ROOT / "__pycache__")
-    user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
-    with contextlib.suppress(RuntimeError):  # a user without a home
-        parents.append(Path(user).expanduser())
-    return [parent.absolute() for parent in parents]
-
-
-def _source_digest(root: Path) -> str | None:
-    """Return a digest of the sources that machine code can depend on, or None where they are not files."""
-    digest = hashlib.sha256()
-    n_files = 0
-    try:
-        for path in sorted(root.rglob("*.py")):
-            name = path.relative_to(root)
-            if name.parts[0] in _ROOMS_WITHOUT_KERNELS:
-                continue
-            source = path.read_bytes()
-            digest.update(f"{name.as_posix()!a} {len(source)} ".encode())
-            digest.update(source)
-            n_files += 1
-    except OSError:
-        return None
-    return digest.hexdigest()[:_DIGEST_LENGTH] if n_files else None
-
-
-def _sweep(parent: Path, used: Path) -> None:
-    """Remove the machine code of other versions that none has used for a day."""
-    for folder in parent.glob(_FOLDER_PREFIX + "[0-9a-f]" * _DIGEST_LENGTH):
-        with contextlib.suppress(OSError):  # another process may sweep at the same time
-            if folder != used and time.time() - folder.stat().st_mtime > _UNUSED_S:
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-class _ForgivingCache:
-    """Numba's cache of one kernel, whose faults cost time and never a result.
-
-    What cannot be read (cut short by a full disk or a lost power supply) is compiled again; what cannot
-    be written is not kept, which is said once. Two processes that compile two variants of one kernel at
-    the same time can leave an index that names the one for the other; this is noticed here.
-    """
-
-    def __init__(self, cache: Any) -> None:
-        self._cache = cache
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._cache, name)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            loaded = self._cache.load_overload(sig, target_context)
-        except Exception:  # noqa: BLE001  a damaged pickle can raise anything
-            loaded = None
-            with contextlib.suppress(OSError):
-                self._cache.flush()
-        return loaded if loaded is not None and loaded.signature.args == sig else None
-
-    def save_overload(self, sig: Any, compiled: Any) -> None:
-        try:
-            self._cache.save_overload(sig, compiled)
-        except OSError as error:
-            _say_not_kept(f"{self._cache.cache_path}: {error.strerror}")
-        if self._cache.cache_path is None:
-            _say_not_kept("no folder for it can be written")
-
-
-def _say_not_kept(reason: str) -> None:
-    if not _faults:
-        _LOGGER.warning(
-            "%s cannot keep its machine code (%s) and compiles it anew at each start, which takes "
-            "seconds; set NUMBA_CACHE_DIR to a folder that can be written",
-            __package__,
-            reason,
-        )
-    _faults.append(reason)
+_register: Any = event.register
+_register("numba:compile", _Listener())

@@ -28,6 +28,10 @@ class OutputError(CurvescanError, OSError):
     """Results cannot be written to the given place."""
 
 
+class SourceError(CurvescanError, OSError):
+    """A running sensor cannot be opened, has gone, or sends nothing that can be read."""
+
+
 class MapTooLargeError(InvalidArgumentError):
     """A map would take more memory than it may."""
 

@@ -1,8 +1,8 @@
 """LaserScan: one sweep of a 2D laser, with the semantics of sensor_msgs/LaserScan and REP-117.
 
 Beam i points at ``angle_min + i * angle_increment``, or at ``angles[i]`` where the beams are not evenly spaced. A
-reading is valid when it is a finite, positive number in ``[range_min, range_max]``; anything else (NaN, an
-infinity, 0, a negative value, a driver's code such as 81.91) is *no reading*: data, never an error.
+reading is valid when it is a positive number in ``[range_min, range_max]`` of 10 km at most; anything else (NaN, an
+infinity, 0, a negative value, a driver's code such as 81.91 or 1e9) is *no reading*: data, never an error.
 """
 
 from __future__ import annotations
@@ -171,10 +171,10 @@ class LaserScan:
 
     @cached_property
     def valid(self) -> Bools:
-        """(n,) mask of the readings that are measurements: finite, positive, within the range limits."""
+        """(n,) mask of the readings that are measurements: positive, within the range limits and 10 km."""
         # comparisons with NaN are False; an infinite range_max does not make +inf a measurement, nor a range_min of 0
         # a range of 0
-        least, most = max(self.range_min, _TINY), min(self.range_max, _HUGE)
+        least, most = max(self.range_min, _TINY), min(self.range_max, _FARTHEST)
         return (self.ranges >= least) & (self.ranges <= most)
 
     @property
@@ -333,7 +333,9 @@ _FAR = 250.0
 """Metres: no 2D laser without a stated limit measures all of its surroundings farther than this."""
 
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
-_HUGE = float(np.finfo(np.float64).max)
+_FARTHEST = 1e4
+"""No robot's laser sees 10 km: what drivers say beyond is a code for no return (FLT_MAX, 1e9), and squares of such
+numbers leave no digits for the other readings."""
 
 
 def _read_only_row(values: ArrayLike, name: str) -> Floats:

@@ -23,6 +23,7 @@ from curvescan.cli.console import load_usable_methods
 from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
 from curvescan.cli.tracker import make_odometry
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
 from tests.scenes import room_scan
@@ -105,14 +106,14 @@ def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
 def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "curvescan.diagnostics.beam_order.lists_beams_reversed",
-        lambda log: asked.append(log) or True,
+        "curvescan.diagnostics.sensor.beam_order_of_log",
+        lambda log: asked.append(log) or BeamOrder(n_pairs=9, gain=-1.0, standard_error=0.1),
     )
     for flags, n_asked in (([], 1), (["--odometry.no-deskew"], 0)):
         asked.clear()
         assert run(["odometry", str(log), "--out", str(tmp_path / "o"), *flags]) == 0
         assert len(asked) == n_asked
-        remark = "seem to be listed against the order they were swept in"
+        remark = "sweeps are not deskewed: their beams are listed in reverse"
         assert (remark in " ".join(capsys.readouterr().err.split())) == bool(n_asked)
         record = json.loads((tmp_path / "o" / "run.json").read_text())
         assert record["config"]["odometry"]["deskew"] is False
@@ -293,7 +294,7 @@ def test_parameters_out_of_range_are_told(log, tmp_path, capsys):
     assert not (tmp_path / "o").exists()
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["odometry"], ["info", "a", "--no-such"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["odometry"], ["info", "a", "--no-such"]])
 def test_a_wrong_command_line_is_status_2(arguments):
     with pytest.raises(SystemExit) as exit_info:
         run(arguments)
@@ -304,7 +305,7 @@ def test_a_wrong_command_line_is_status_2(arguments):
 def test_help_explains_itself_and_loads_nothing_heavy(command):
     code = (
         "import sys; from curvescan.cli.main import run\n"
-        "try: run(sys.argv[1:])\n"
+        "try: status = run(sys.argv[1:])\n"
         "except SystemExit as end: status = end.code\n"
         "assert not {'numba', 'matplotlib'} & set(sys.modules), 'heavy'\n"
         "sys.exit(status)"
@@ -353,7 +354,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("curvescan.runs.odometry.save_run", interrupted)
+    monkeypatch.setattr("curvescan.runs.run.save_run", interrupted)
     assert run(["odometry", str(log), "--out", str(tmp_path / "out")]) == 130
     assert "interrupted, nothing written" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

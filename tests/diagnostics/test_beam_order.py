@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order, lists_beams_reversed
+from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order
+from curvescan.diagnostics.sensor import judge_sensor, odometry_for
 from curvescan.io import SensorSetup, apply_setup, read_log
 from curvescan.simulation import SENSORS
 from curvescan.simulation.pursuit import Drive
@@ -22,7 +23,10 @@ def test_a_lively_drive_tells_the_order_of_the_beams():
     drive = Drive(turn_rate=2.0, acceleration=1.5)
     log = cs.simulate("office", sensor=SWEPT, n_scans=200, seed=1, drive=drive)
     assert judge_beam_order(log).is_forwards
-    assert lists_beams_reversed(apply_setup(log, SensorSetup(backwards=True)))
+    reversed_log = apply_setup(log, SensorSetup(backwards=True))
+    assert not judge_sensor(reversed_log).can_deskew
+    assert not odometry_for(reversed_log).config.deskew
+    assert odometry_for(log).config.deskew
 
 
 def test_what_cannot_tell_says_nothing():
@@ -32,7 +36,7 @@ def test_what_cannot_tell_says_nothing():
         assert math.isnan(order.gain)
         assert not order.is_reversed_order
         assert not order.is_forwards
-    assert not lists_beams_reversed(still)
+    assert judge_sensor(still).can_deskew
     one = BeamOrder(n_pairs=1, gain=-1.0, standard_error=math.nan)
     assert not one.is_reversed_order
 

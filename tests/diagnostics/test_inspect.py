@@ -26,12 +26,13 @@ from curvescan.io import (
     ReadError,
     read_log,
 )
+from curvescan.io.log import ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Trajectory
 from tests.carmen_files import flaser, write
 
 
-class FakeLog:
+class FakeLog(ScanAccess):
     """A log of scans in memory, as a simulation is one."""
 
     def __init__(
@@ -287,7 +288,7 @@ def test_undeclared_code_is_found_and_a_limit_proposed(code: float) -> None:
     assert report.suspect.share == pytest.approx(10 / 180, abs=1e-4)
     (sentence,) = sentences(report, "readings")
     assert f"are exactly {code:g} m" in sentence
-    proposed = float(sentence.rsplit(" ", 1)[1])
+    proposed = float(sentence.rsplit("=", 1)[1])
     assert 0.9 * code < proposed < code
 
 
@@ -326,7 +327,7 @@ def test_a_finding_says_what_follows_and_what_to_try() -> None:
         "undeclared_code",
         "--range-max 9.4",
     )
-    assert found.sentence == f"{found.what}: {found.consequence}; try {found.option}"
+    assert found.sentence == f"{found.what}: {found.consequence}; try {found.argument}"
 
 
 def test_mount_is_told_from_both_odometries() -> None:
@@ -482,7 +483,7 @@ def test_code_of_a_real_log_is_found_when_the_limit_is_lifted(
     assert lifted.suspect is not None
     assert lifted.suspect.value == code
     (sentence,) = sentences(lifted, "readings")
-    proposed = float(sentence.rsplit(" ", 1)[1])
+    proposed = float(sentence.rsplit("=", 1)[1])
     repaired = inspect_log(read_log(real_data / name, range_max=proposed))
     assert repaired.suspect is None
     assert repaired.valid_share == inspect_log(read_log(real_data / name)).valid_share

@@ -191,7 +191,10 @@ def test_wrong_arguments_are_named():
         cs.match(scan, scan, method="cfsam")
     with pytest.raises(cs.InvalidArgumentError, match=r"current must be a LaserScan.*got ndarray"):
         cs.match(scan, scan.ranges)
-    with pytest.raises(cs.InvalidArgumentError, match="takes a CfSmaConfig, got CurvatureConfig"):
+    with pytest.raises(
+        cs.InvalidArgumentError,
+        match="must be a CfSmaConfig, a mapping of its fields or None, got CurvatureConfig",
+    ):
         cs.match(scan, scan, method="cfsma", config=CurvatureConfig())
     for guess in ((1, 2), (1, 2, math.nan), "far"):
         with pytest.raises(cs.InvalidArgumentError, match="guess must be three"):
@@ -221,8 +224,8 @@ def jittered_room(pose, seed, fov, way=1):
 
 @pytest.mark.parametrize(("beams", "way"), [("thinned", -1), ("jittered", 1)])
 def test_uneven_beams_give_the_pose_within_the_noise(method, beams, way):
-    # as far as each strays on even scans of this room: the paper's matcher is coarse, ICP stops short
-    shift, turn = {"cfsma": (0.1, 0.05), "icp": (0.008, 0.009)}.get(method, (0.006, 0.003))
+    # as far as each strays on even scans of this room: one of twenty of the paper's matcher 0.14 m, ICP stops short
+    shift, turn = {"cfsma": (0.2, 0.08), "icp": (0.008, 0.009)}.get(method, (0.006, 0.003))
     n_ok = {"even": 0, "uneven": 0}
     for seed in range(4):
         fov = 2 * math.pi if method != "cfsma" and seed % 2 else math.pi

@@ -119,3 +119,17 @@ def test_wheels_that_fail_for_a_scan_are_done_without():
     model = updated(steady(), 0.1, odometry_pose=np.array([1.0, 0.0, 0.0]))
     expected = model.predict(0.2, np.full(3, np.nan)).motion
     np.testing.assert_array_equal(expected.pose, SEEN.pose)
+
+
+def test_the_noise_of_wheels_is_learnt_from_what_the_matches_measure():
+    """Wheels that slip by 5 cm at each step, and wheels that measure exactly."""
+    for slip, is_worse in ((0.05, True), (0.0, False)):
+        model, pose = steady(), np.zeros(3)
+        for k in range(60):
+            pose = pose + np.array([SEEN.pose[0] + slip, 0.0, 0.0])
+            straight = UncertainPose(np.array([SEEN.pose[0], 0.0, 0.0]), SEEN.cov)
+            model = updated(model, 0.1 * k, straight, odometry_pose=pose)
+        cov = model.predict(6.0, pose + np.array([0.1, 0.0, 0.0])).motion.cov
+        usual = 0.003**2 + (0.1 * 0.1) ** 2
+        assert bool(cov[0, 0] > 4.0 * usual) is is_worse
+        assert bool(cov[0, 0] < 0.2 * usual) is not is_worse

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -316,7 +317,7 @@ def test_guesses_do_not_push_out_what_is_known():
     assert len(known) == 4  # no room for more
     for seed in range(12):  # carried through places that have nothing to do with each other
         step = odometry.add(elsewhere(seed))
-        assert step.outcome in (StepOutcome.PREDICTED, StepOutcome.HELD)
+        assert step.outcome in (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
     assert len(known & {keyframe.index for keyframe in odometry.keyframes}) == 3
 
 
@@ -325,3 +326,70 @@ def elsewhere(seed):
     distances = np.random.default_rng(seed).uniform(1.0, 7.0, 12)
     ranges = np.repeat(distances, 31)[:361]
     return cs.LaserScan(ranges, angle_min=-math.pi / 2, angle_increment=math.pi / 360)
+
+
+def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
+    scans, _ = in_the_office(2, 12)
+    there, truth = in_the_office(9, 14)
+    odometry = cs.Odometry()
+    steps = [odometry.add(scan) for scan in [*scans, *there]]
+    names = [step.outcome for step in steps]
+    assert names[12] is StepOutcome.PREDICTED
+    assert names.count(StepOutcome.LOST) == 1
+    lost = names.index(StepOutcome.LOST)
+    assert 12 < lost <= 12 + KeyframesConfig().max_gap
+    # to the past it is open, and stays so; a consumer that chains the motions learns it as well
+    for step in steps[lost:]:
+        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
+    assert steps[lost].motion_covariance[0, 0] > 100.0**2
+    # among each other the steps since are sure
+    found = cs.se2.between(steps[lost].pose, steps[-1].pose)
+    np.testing.assert_allclose(found, cs.se2.between(truth[lost - 12], truth[-1]), atol=0.02)
+    assert max(step.motion_covariance[0, 0] for step in steps[lost + 1 :]) < 0.01
+
+
+def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():
+    scans, truth = in_the_office(2, 40)
+    odometry = cs.Odometry()
+    steps = [odometry.add(scan) for scan in [*scans[:20], elsewhere(1), *scans[21:]]]
+    assert steps[20].outcome is StepOutcome.PREDICTED
+    assert steps[21].outcome in (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
+    assert StepOutcome.LOST not in [step.outcome for step in steps]
+    error = cs.se2.between(cs.se2.between(truth[0], truth[-1]), steps[-1].pose)
+    assert np.hypot(*error[:2]) < 0.02
+    # nothing is left of the gap in the covariance
+    assert np.trace(steps[22].covariance) < 4.0 * np.trace(steps[19].covariance)
+
+
+def test_the_motions_chain_to_the_poses_where_nothing_leaps():
+    scans, _ = in_the_office(4, 30)
+    odometry, chained = cs.Odometry(), np.zeros(3)
+    for scan in scans:
+        step = odometry.add(scan)
+        chained = cs.se2.compose(chained, step.motion)
+        assert step.outcome is not StepOutcome.LOOP_CLOSED
+        np.testing.assert_allclose(chained, step.pose, atol=1e-9)
+        assert np.linalg.eigvalsh(step.motion_covariance).min() >= 0.0
+
+
+def test_stamps_that_jitter_change_nothing():
+    scans, _ = in_the_office(5, 30)
+    rng = np.random.default_rng(0)
+    jittered = [dataclasses.replace(s, stamp=s.stamp + rng.uniform(-1e-3, 1e-3)) for s in scans]
+    one, other = run_odometry(scans), run_odometry(jittered)
+    np.testing.assert_array_equal(one.trajectory.poses, other.trajectory.poses)
+
+
+def test_a_match_beats_wheels_that_contradict_it():
+    """Wheels that were not updated, and then make good for it: left out, counted, and no worse than without."""
+    scans, truth = in_the_office(3, 60)
+    wheels = truth.copy()
+    wheels[30:36] = wheels[30]
+    alone, helped = run_odometry(scans), run_odometry(scans, odometry_poses=wheels)
+    assert helped.n_prior_rejected >= 1
+    assert alone.n_prior_rejected == 0
+    true_end = cs.se2.between(truth[0], truth[-1])
+    errors = [
+        np.hypot(*cs.se2.between(true_end, run.trajectory.poses[-1])[:2]) for run in (alone, helped)
+    ]
+    assert errors[1] < errors[0] + 0.005

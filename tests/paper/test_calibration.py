@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +18,12 @@ from curvescan.paper.calibration import (
     planes_of_log,
     simulated_planes,
 )
+from curvescan.paper.calibration_pairs import calibrate_on_pairs
 from curvescan.simulation import SENSORS
 from tests.scenes import room_scan
 
 LMS = SENSORS["sick-lms200"]
+REAL = SENSORS["sick-lms200-5mm"]
 
 
 @pytest.mark.slow
@@ -29,7 +32,7 @@ def test_the_noise_of_the_sensor_is_found(sigma):
     sensor = replace(LMS, sigma_range=sigma)
     found = calibrate(simulated_planes(sensor, (4.0, 6.0), n_scans=10), sensor, n_scans=2)
     # ten planes of some 200 readings: the median absolute deviation is good to about 2 %
-    assert found.config.segmentation.range_sigma == pytest.approx(sigma, rel=0.08)
+    assert found.noise == pytest.approx(sigma, rel=0.08)
 
 
 @pytest.mark.slow
@@ -81,4 +84,29 @@ def test_the_command_writes_a_configuration_that_can_be_read(tmp_path, capsys):
     assert "U_k" in capsys.readouterr().out
     assert (tmp_path / "c" / "calibration.png").stat().st_size > 1000
     config = read_config(tmp_path / "c" / "cfsma.toml", {"cfsma": CfSmaConfig()})["cfsma"]
-    assert config.segmentation.range_sigma == pytest.approx(0.01, rel=0.1)
+    assert config.segmentation.range_sigma == CfSmaConfig().segmentation.range_sigma
+    page = (tmp_path / "c" / "calibration.md").read_text()
+    [noise] = re.findall(r"range noise of the planes \| (\S+) m", page)
+    assert float(noise) == pytest.approx(0.005, rel=0.1)
+    assert not (tmp_path / "c" / "sweep.md").exists()
+
+
+@pytest.mark.slow
+def test_what_is_shipped_is_what_the_calibration_of_a_real_lms200_finds():
+    found = calibrate(simulated_planes(REAL, (1.0, 2.0, 4.0, 7.0)), REAL).config
+    shipped = CfSmaConfig()
+    assert found.segmentation.range_sigma == shipped.segmentation.range_sigma
+    assert found.curvature.arc_tolerance == shipped.curvature.arc_tolerance
+    assert found.landmarks.min_curvature == shipped.landmarks.min_curvature
+    # the paper's 30, 0.2 and 0.4 are kept: these differ by what makes no difference
+    assert 15 <= found.landmarks.n_neighbours <= 40
+    assert 0.05 <= found.landmarks.min_similarity <= 0.5
+    assert 0.3 <= found.functions.min_correlation <= 0.6
+
+
+def test_a_wrong_pair_of_corners_is_told_from_a_right_one():
+    found = calibrate_on_pairs(CfSmaConfig(), REAL, n_pairs=10)
+    assert (np.diff(found.right_kept) <= 0.0).all()
+    assert (np.diff(found.wrong_rejected) >= 0.0).all()
+    assert found.wrong_rejected[-1] > 1.0 - found.right_kept[-1]
+    assert (found.seconds > 0.0).all()

@@ -10,7 +10,7 @@ import numpy as np
 from curvescan import se2
 
 
-def segments(points, ranges, beams, n_beams, is_closed, step, incidence_limit, max_gap):
+def segments(points, ranges, beams, n_beams, is_closed, step, incidence_limit, max_gap, jump):
     """Lists of reading numbers, one a surface, in sweep order; the seam of a closed sweep joined."""
     n = len(points)
     groups = []
@@ -25,7 +25,7 @@ def segments(points, ranges, beams, n_beams, is_closed, step, incidence_limit, m
                 else 10.0 * np.sin(angle)
             )
             gap = np.linalg.norm(points[i] - points[i - 1])
-            is_same = gap <= min(ranges[i], ranges[i - 1]) * slope + 0.03
+            is_same = gap <= min(ranges[i], ranges[i - 1]) * slope + jump
         if i == 0 or not is_same:
             if i == 0 and is_same and is_closed and n > 2:
                 groups.append(["joins the last", i])
@@ -54,8 +54,19 @@ def reading_at(point, angles, lookup_by_beam, reach=None):
     return lookup_by_beam[beam] if off[beam] <= reach else -2
 
 
-def score_samples(samples, image, find, pose, tolerance, slope):
-    """Agreements less half the contradictions; `find` gives the reading in the direction of a point."""
+def beside(point, angles, lookup_by_beam):
+    """Reading of the beam second nearest in direction, if it lies within one step; else a negative number."""
+    off = np.abs(se2.wrap(np.arctan2(point[1], point[0]) - angles))
+    beam = int(np.argsort(off)[1])
+    return lookup_by_beam[beam] if off[beam] <= abs(angles[1] - angles[0]) + 3e-5 else -2
+
+
+def score_samples(samples, image, find, find_beside, pose, tolerance, slope):
+    """Agreements less half the contradictions; `find` gives the reading in the direction of a point.
+
+    `find_beside` gives that of the beam on the other side: who stands between two beams contradicts only in front
+    of both.
+    """
     score = 0.0
     rotation = se2.rotation(pose[2])
     for probe in samples:
@@ -64,12 +75,17 @@ def score_samples(samples, image, find, pose, tolerance, slope):
         if j < 0:
             continue
         surfel = image.surfels[j]
-        limit = tolerance + slope * surfel[2]
+        noise = 2.0 * np.sqrt(max(probe[7], 0.0) + max(surfel[7], 0.0))
+        limit = max(tolerance + slope * surfel[2], noise)
         across = surfel[5:7] @ (point - surfel[3:5])
         alike = surfel[5:7] @ (rotation @ probe[5:7])
-        if abs(across) < limit and np.linalg.norm(point - surfel[3:5]) < 3 * limit and alike > 0:
+        reach = np.hypot(3.0 * limit, 0.6 * surfel[10])
+        if abs(across) < limit and np.linalg.norm(point - surfel[:2]) < reach and alike > 0:
             score += (1.0 - (across / limit) ** 2) * alike
-        elif np.linalg.norm(point) < surfel[2] - 2.0 * limit:
+            continue
+        i = find_beside(point)
+        seen = surfel[2] if i < 0 else min(surfel[2], image.surfels[i, 2])
+        if np.linalg.norm(point) < seen - 2.0 * limit:
             score -= 0.5
     return score
 

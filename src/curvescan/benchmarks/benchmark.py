@@ -22,8 +22,8 @@ from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, MATCHERS
 from curvescan.paper.experiments import Progress, in_silence
 from curvescan.paper.random_transform import (
-    VARIANTS,
-    Moves,
+    CONDITIONS,
+    RandomTransformCondition,
     RandomTransformRuns,
     run_random_transforms,
 )
@@ -37,6 +37,9 @@ STAGED = (DEFAULT_METHOD, "cfsma")
 
 EXPERIMENT_1_WORLDS = ("room", "office", "building")
 """Simulated worlds of experiment 1."""
+
+EXPERIMENT_1_SENSOR = "sick-lms200"
+"""Conditions of experiment 1 with this sensor are run, the one of all other benchmarks: 10 mm of noise."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,7 +62,7 @@ class Benchmark:
         World by world, one a method.
     turns : dict of str to (n,) float64
         Success against turn angle, of :func:`curvescan.benchmarks.rotation.success_by_turn`.
-    experiment_1 : dict of (world, what moved, share of people) to RandomTransformRuns
+    experiment_1 : dict of (world, condition) to RandomTransformRuns
         The paper's experiment 1.
     logs : tuple of LogEvaluation
         Log by log, one a method.
@@ -75,7 +78,7 @@ class Benchmark:
     cells: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
     turns: dict[str, Floats]
-    experiment_1: dict[tuple[str, Moves, float], RandomTransformRuns]
+    experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
     logs: tuple[LogEvaluation, ...]
     reading: tuple[ReadingSpeed, ...]
 
@@ -149,16 +152,16 @@ def run_benchmark(
         on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
     )
     experiment_1 = {
-        (world, moves, people_share): run_random_transforms(
-            moves=moves,
+        (world, condition): run_random_transforms(
+            condition,
             n_runs=n_runs,
             world=world,
-            people_share=people_share,
             seed=seed,
-            on_run=progress(f"experiment 1, {world}, {100 * people_share:.0f} % people", n_runs),
-        )
+            on_run=progress(f"experiment 1, {world}, {condition.title}", n_runs),
+        )[0]
         for world in EXPERIMENT_1_WORLDS
-        for moves, people_share in VARIANTS
+        for condition in CONDITIONS
+        if condition.sensor == EXPERIMENT_1_SENSOR
     }
     judged = [
         evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))

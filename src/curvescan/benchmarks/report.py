@@ -162,8 +162,7 @@ def _experiment_1(results: Benchmark) -> ResultTable:
         title=f"Experiment 1, cfsma, {results.n_runs:,} runs each: median errors of the matches that did not fail",
         columns=(
             "world",
-            "moved",
-            "people",
+            "condition",
             "translation",
             "rotation",
             "mean N_t",
@@ -171,8 +170,8 @@ def _experiment_1(results: Benchmark) -> ResultTable:
             "within 0.1 m, 2 deg",
         ),
         rows=[
-            (world, f"the {moves}", f"{100 * people_share:.0f} %", *_errors(runs))
-            for (world, moves, people_share), runs in results.experiment_1.items()
+            (world, condition.title, *_errors(runs))
+            for (world, condition), runs in results.experiment_1.items()
         ],
     )
 

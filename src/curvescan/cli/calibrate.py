@@ -13,16 +13,20 @@ def calibrate(
     /,
     *,
     out: Path,
-    sensor: str = "sick-lms200",
-    distances: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 7.0),
+    sensor: str = "sick-lms200-5mm",
+    distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
     range_max: float | None = None,
     seed: int = 0,
+    sweep: bool = False,
 ) -> int:
-    """Find sigma_rho, U_k, U_c and U_p from scans of planes, for the method cfsma.
+    """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
 
-    sigma_rho is what readings of a plane scatter. U_k is the least tolerance at which planes show no peak. U_c lies just
-    above the correlation that the functions of planes, which are noise, still have. U_p finds most corners and no
-    planes; its corners are always simulated. Writes cfsma.toml, which --config takes, calibration.png and calibration.md.
+    sigma_rho keeps a wall beside the sensor whole. U_k is the least tolerance at which planes show no peak. U_c lies just
+    above the correlation that the functions of planes, which are noise, still have. U_p is the least at which planes show
+    no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that rejects no
+    right pair of their corners; walls, corners and pairs are always simulated, with the noise that the planes show.
+    Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of
+    what the equations mean; with --sweep also sweep.md.
 
     Parameters
     ----------
@@ -38,6 +42,9 @@ def calibrate(
         Upper limit of a valid reading of the log, metres, in place of what the log says.
     seed
         Seed of the simulated noise.
+    sweep
+        Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
+        of its own: some minutes.
     """
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
@@ -45,7 +52,17 @@ def calibrate(
         calibrate as find_parameters,
     )
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
-    from curvescan.paper.calibration_figure import calibration_table, draw_calibration, peak_table
+    from curvescan.paper.calibration_figure import (
+        calibration_table,
+        draw_calibration,
+        neighbour_table,
+        peak_table,
+        similarity_table,
+        wall_table,
+    )
+    from curvescan.paper.drawings import draw_curvature, draw_geometry
+    from curvescan.paper.sweep import SEED, sweep_table
+    from curvescan.paper.sweep import sweep as sweep_parameters
     from curvescan.simulation.sensors import choose_sensor
 
     if log is None:
@@ -59,9 +76,23 @@ def calibrate(
         found = find_parameters(planes, source, seed=seed)
         write_config(folder / "cfsma.toml", {"cfsma": found.config})
         draw_calibration(folder / "calibration.png", found)
-        tables = (calibration_table(found), peak_table(found))
+        draw_geometry(folder / "geometry.png")
+        draw_curvature(folder / "curvature.png")
+        tables = tuple(
+            table(found)
+            for table in (
+                calibration_table,
+                wall_table,
+                peak_table,
+                neighbour_table,
+                similarity_table,
+            )
+        )
         text = "\n".join(table.markdown() for table in tables)
         (folder / "calibration.md").write_text(text, encoding="utf-8")
+        if sweep:
+            swept = sweep_table(sweep_parameters(seed=seed + SEED)).markdown()
+            (folder / "sweep.md").write_text(swept, encoding="utf-8")
     for table in tables:
         show(table)
     for group, is_free in zip(found.groups, found.is_free, strict=True):

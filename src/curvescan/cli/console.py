@@ -88,29 +88,41 @@ def progress_bars() -> Iterator[Callable[[str, int], Callable[..., None]]]:
         yield begin
 
 
+class _RunDisplay:
+    """Shows a run: a progress bar for a stage of known length, a status line for others."""
+
+    def __init__(self, stages: ExitStack, on_start: Callable[[], None]) -> None:
+        self._stages, self._on_start = stages, on_start
+        self._is_started = False
+        self._advance: Callable[..., None] = lambda: None
+
+    def begin(self, stage: str, n_steps: int) -> None:
+        self._stages.close()
+        if not self._is_started:
+            self._is_started = True
+            self._on_start()
+        if n_steps:
+            self._advance = self._stages.enter_context(progress_bar(stage, n_steps))
+        else:
+            self._stages.enter_context(ERR.status(stage))
+
+    def advance(self) -> None:
+        self._advance()
+
+
+@contextmanager
+def run_display(on_start: Callable[[], None]) -> Iterator[_RunDisplay]:
+    """Yield what shows the stages of :func:`curvescan.run`; `on_start` is called before the first of them."""
+    with ExitStack() as stages:
+        yield _RunDisplay(stages, on_start)
+
+
 def load_kernels(method: str) -> None:
     """Load a matcher's kernels, and say so where they have to be compiled first."""
     with ERR.status("loading kernels (compiled in the first run only)"):
-        started = time.perf_counter()
-        import numpy as np
+        from curvescan import warm_up
 
-        from curvescan import LaserScan, Odometry, match
-        from curvescan._jit import n_compiled
-
-        # a square room seen all around and a bare wall: what a matcher does with corners, and without
-        angles = np.arange(180) * (np.pi / 90.0)
-        for ranges in (
-            2.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))),
-            np.where(np.abs(angles - np.pi) < 1.0, -2.0 / np.cos(angles), np.nan),
-        ):
-            scan = LaserScan(ranges, angle_min=0.0, angle_increment=np.pi / 90.0)
-            match(scan, scan, method=method)
-            odometry = Odometry(method)
-            for _ in range(2):
-                odometry.add(scan)
-        seconds = time.perf_counter() - started
-    if n_compiled():
-        ERR.print(f"compiled {n_compiled()} kernels, first run only: {seconds:.1f} s")
+        warm_up(method)
 
 
 def load_usable_methods() -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from curvescan.cli.options import (
     ChainConfigs,
     ConfigFile,
     Configs,
-    Method,
     MethodConfigs,
 )
+from curvescan.matchers.registry import Method
 
 
 def demo(

@@ -58,7 +58,7 @@ def info(
             OUT.print(f"  {name:<16} {escape(value)}")
     issues = find_issues(report)
     for issue in issues:
-        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(issue.sentence)}")
+        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(issue.sentence_with_option)}")
     if not issues:
         OUT.print("  nothing wrong found")
     if not report.is_usable:
@@ -95,6 +95,7 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
             else f"{report.odometry.path_length:,.1f} m, turned {report.odometry.turned_deg:,.0f} deg",
         ),
         ("mount", _mount(report)),
+        ("beam order", _beam_order(report)),
         ("turns", _turns(report)),
     ]
 
@@ -127,6 +128,15 @@ def _mount(report: LogReport) -> str:
     yaw = round(math.degrees(report.mount[2]), 1) + 0.0
     at = f"x {x:.3f} m, y {y:.3f} m, yaw {yaw:.1f} deg on the robot"
     return f"{at}, {hangs}" if hangs else at
+
+
+def _beam_order(report: LogReport) -> str:
+    order = report.beam_order
+    if order is None or not order.n_pairs:
+        return ""
+    if not (order.is_forwards or order.is_reversed_order):
+        return "the scans do not show in which order their beams were swept"
+    return "reverse of the listed one" if order.is_reversed_order else "as listed"
 
 
 def _turns(report: LogReport) -> str:

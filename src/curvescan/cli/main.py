@@ -19,17 +19,26 @@ from curvescan.cli.convert import convert
 from curvescan.cli.demo import demo
 from curvescan.cli.evaluate import evaluate
 from curvescan.cli.experiments import experiments
+from curvescan.cli.flags import with_flags
+from curvescan.cli.help import overview, short_help
 from curvescan.cli.info import info
+from curvescan.cli.live import live
+from curvescan.cli.localize import localize
 from curvescan.cli.match import match
 from curvescan.cli.odometry import odometry
-from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.cli.slam import slam
 from curvescan.errors import CurvescanError
+from curvescan.mapping.config import OccupancyConfig
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,
     "info": info,
     "convert": convert,
     "odometry": odometry,
+    "slam": slam,
+    "localize": localize,
+    "live": live,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,
@@ -37,8 +46,23 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "bench": bench,
 }
 
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {"configs": MethodConfigs, "chain_config": ChainConfigs}
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {
+    "configs": MethodConfigs,
+    "chain_config": ChainConfigs,
+    "slam_config": SlamConfigs,
+}
 """Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
+
+HELP_ALL = "--help-all"
+FIRST_STEPS = """\
+curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three commands to try:
+
+  curvescan live                    a simulated robot drives round a building; watch it on a page in the browser
+  curvescan demo                    the same as files: trajectory, map and a table of errors, in ./demo
+  curvescan odometry LOG --out DIR  a log of yours (ROS bag, CARMEN, CSV, NPZ): trajectory and map
+
+All commands: curvescan -h"""
+"""What is printed without arguments."""
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -56,10 +80,18 @@ def run(arguments: list[str]) -> int:
     if arguments in (["--version"], ["-V"]):
         print(f"curvescan {__version__}")
         return DONE
+    if (text := _help(arguments)) is not None:
+        print(text)
+        return DONE
+    if HELP_ALL in arguments:
+        arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
+    if not arguments:
+        print(FIRST_STEPS)
+        return DONE
     try:
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
-        print(f"curvescan: {error}", file=sys.stderr)
+        print(f"curvescan: {with_flags(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("curvescan: interrupted, nothing written", file=sys.stderr)
@@ -68,6 +100,15 @@ def run(arguments: list[str]) -> int:
         # the reader of our output (head, less) has gone: nobody is left to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+
+
+def _help(arguments: list[str]) -> str | None:
+    """Return the help on one screen that is asked for; None where none is, or --help-all."""
+    if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
+        return None
+    if arguments[0] in COMMANDS:
+        return short_help(arguments[0], COMMANDS[arguments[0]])
+    return overview(COMMANDS)
 
 
 def _parse_and_call(arguments: list[str]) -> Any:
@@ -96,11 +137,12 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
         for group in CONFIG_ARGUMENTS.values()
         for field in fields(group)
     }
-    read = read_config(path, defaults)
-    configs = {
+    read = read_config(path, {**defaults, "map": OccupancyConfig()})
+    configs: dict[str, object] = {
         argument: group(**{field.name: read[field.name] for field in fields(group)})
         for argument, group in CONFIG_ARGUMENTS.items()
     }
+    configs["occupancy"] = read["map"]
     return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
 
 

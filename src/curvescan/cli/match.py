@@ -12,13 +12,13 @@ from curvescan.cli.options import (
     Configs,
     Laser,
     LogPath,
-    Method,
     MethodConfigs,
     ScanNumber,
     SensorFlags,
     Topic,
     open_log,
 )
+from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.matchers.cfsma.trace import CfSmaTrace

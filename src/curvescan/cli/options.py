@@ -20,7 +20,9 @@ from curvescan.matchers.baselines.config import (
 )
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.registry import MatcherConfig, Method
 from curvescan.odometry.config import OdometryConfig
+from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
     from curvescan.io import Log
@@ -31,9 +33,6 @@ LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar
 
 ScanNumber: TypeAlias = tyro.conf.Positional[int]
 """Number of a scan in its log."""
-
-Method: TypeAlias = Literal["curvescan", "cfsma", "idc", "cox", "histogram", "icp", "plicp"]
-"""Names of the table of matchers, written out so that --help loads none of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,9 +54,10 @@ class MethodConfigs:
     plicp: PlIcpConfig = field(default_factory=PlIcpConfig)
     """Point to line ICP (Censi 2008)."""
 
-    def of(self, method: Method) -> object:
+    def of(self, method: Method) -> MatcherConfig:
         """Return the parameters of one method."""
-        return getattr(self, method)
+        config: MatcherConfig = getattr(self, method)
+        return config
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +66,14 @@ class ChainConfigs:
 
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Key scans, what is expected of the next scan, and how far each is believed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlamConfigs:
+    """Parameters of SLAM."""
+
+    slam: SlamConfig = field(default_factory=SlamConfig)
+    """Keyframes, loop closures, the optimizer, and the odometry in front."""
 
 
 Chain: TypeAlias = Literal["auto", "keys", "last"]
@@ -79,6 +87,9 @@ Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
 
 ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
 """Parameters of the odometry, as flags --odometry.PARAMETER."""
+
+SlamFlags: TypeAlias = Annotated[SlamConfigs, tyro.conf.arg(name="")]
+"""Parameters of SLAM, as flags --slam.PARAMETER."""
 
 Topic: TypeAlias = str | None
 """Topic of a ROS bag; None for the only one with laser scans."""

@@ -29,8 +29,12 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
         result.add_row(f"  {outcome.value}", f"{count:,}", f"{100 * count / n_steps:.1f} %")
     if run.n_rejected:
         share = f"{100 * run.n_rejected / n_steps:.1f} %"
-        sentence = "  A match that contradicts what was expected was rejected."
+        sentence = "  A match contradicts what was expected, or joins nothing known before."
         result.add_row(sentence, f"{run.n_rejected:,}", share)
+    if run.n_prior_rejected:
+        share = f"{100 * run.n_prior_rejected / n_steps:.1f} %"
+        sentence = "The log's odometry contradicts a match, and was left out."
+        result.add_row(sentence, f"{run.n_prior_rejected:,}", share)
     x, y, theta = run.trajectory.poses[-1]
     result.add_section()
     result.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")

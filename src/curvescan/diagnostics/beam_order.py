@@ -12,12 +12,10 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
 from curvescan.deskew import deskew, sweep_shift
-from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
@@ -57,20 +55,6 @@ class BeamOrder:
     def is_forwards(self) -> bool:
         """Whether the log certainly has the beams in the order in which they were swept."""
         return self.gain > _CERTAIN * self.standard_error
-
-
-def lists_beams_reversed(log: Log, n_scans: int = 300) -> bool:
-    """Return whether the first scans of a log show that its beams are listed against the order they were swept in.
-
-    Parameters
-    ----------
-    log : Log
-        Its first scans are read once more; False where they give no times of their beams.
-    n_scans : int
-        How many scans are used.
-    """
-    first = next(iter(log))
-    return first.time_increment > 0.0 and judge_beam_order(islice(log, n_scans)).is_reversed_order
 
 
 def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:

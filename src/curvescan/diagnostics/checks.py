@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.diagnostics.report import LogReport, TimeSummary
+from curvescan.diagnostics.rotation_direction import RotationDirection
 
 
 class Problem(NamedTuple):
@@ -69,7 +71,23 @@ def on_beams(report: LogReport) -> Iterator[Problem]:
         )
     if report.fixed_beams:
         yield _on_fixed_beams(report)
-    if (sense := report.sense) is None:
+    yield from _on_beam_order(report.beam_order)
+    yield from _on_rotation(report.sense, is_upside_down=report.is_upside_down)
+
+
+def _on_beam_order(order: BeamOrder | None) -> Iterator[Problem]:
+    if order is not None and order.is_reversed_order:
+        yield Problem(
+            "beams_reversed",
+            f"in {_counted(order.n_pairs, 'pair')} of scans the beams agree better in the reverse of the order in which "
+            "the log lists them",
+            "sweeps are not deskewed",
+            "--backwards",
+        )
+
+
+def _on_rotation(sense: RotationDirection | None, *, is_upside_down: bool) -> Iterator[Problem]:
+    if sense is None:
         return
     if sense.is_reversed:
         doubt = ", or the gyroscope's z axis points down" * (sense.reference == "gyroscope")
@@ -78,13 +96,13 @@ def on_beams(report: LogReport) -> Iterator[Problem]:
             f"the scans turn against the {sense.reference} in {sense.n_reversed} of {sense.n_turns} sharp turns",
             "the beams run the other way than the log says (a clockwise or upside-down sensor)"
             f"{doubt}, and motion and map come out as in a mirror",
-            "--upright" if report.is_upside_down else "--clockwise",
+            "--upright" if is_upside_down else "--clockwise",
         )
     if sense.is_in_degrees:
         yield Problem(
             "gyro_in_degrees",
             f"the gyroscope turns {sense.ratio:.0f} times as far as the scans",
-            "it gives degrees where REP-103 requires radians; --odometry-prior takes them for what they are",
+            "it gives degrees where REP-103 requires radians; as a motion prior they are taken for what they are",
         )
 
 
@@ -212,11 +230,19 @@ def on_odometry(report: LogReport) -> Iterator[Problem]:
             "the log has no odometry",
             "motion is estimated from the scans alone",
         )
-    elif report.odometry.n_missing:
+        return
+    if report.odometry.n_missing:
         yield Problem(
             "odometry_gaps",
             f"{_of(report.odometry.n_missing, report.n_scans, 'scan')} have no odometry pose",
             "odometry cannot help to match them",
+        )
+    if report.odometry.lag:
+        late = "late" if report.odometry.lag > 0.0 else "early"
+        yield Problem(
+            "odometry_lag",
+            f"the odometry turns {abs(report.odometry.lag):.2g} s too {late} against the scans",
+            "it has another clock; --odometry-prior takes the lag out",
         )
 
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from curvescan import se2
+from curvescan.diagnostics.odometry_lag import odometry_lag
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
-from curvescan.diagnostics.rotation_direction import rotation_of_log
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io.log import Log
-from curvescan.io.sensor_setup import MountedLog
+from curvescan.io.log import Log, MountedLog
 from curvescan.types import Floats, Trajectory
 
 _MIN_CODE_SHARE = 0.001
@@ -28,7 +28,7 @@ _MISSING = 1.6
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
-def inspect_log(log: Log) -> LogReport:
+def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
     Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns; memory grows by 8 bytes a
@@ -38,6 +38,8 @@ def inspect_log(log: Log) -> LogReport:
     ----------
     log : Log
         Any source of scans, a simulated one too; it may be empty.
+    sensor : SensorJudgement or None
+        What its scans say of the sensor, where that was judged before.
 
     Returns
     -------
@@ -54,6 +56,7 @@ def inspect_log(log: Log) -> LogReport:
     for (n, *_), n_scans in sorted(statistics.layouts.items()):
         beam_counts[n] = beam_counts.get(n, 0) + n_scans
     odometry = log.odometry
+    sensor = sensor or judge_sensor(log)
     return LogReport(
         name=log.name,
         format=log.format,
@@ -79,10 +82,13 @@ def inspect_log(log: Log) -> LogReport:
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
-        odometry=None if odometry is None else _summarise_odometry(odometry),
+        odometry=None
+        if odometry is None
+        else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
-        sense=rotation_of_log(log),
+        sense=sensor.rotation,
+        beam_order=sensor.beam_order,
         tag_counts=dict(log.tag_counts),
         read_errors=log.read_errors,
         notes=log.notes,
@@ -148,13 +154,14 @@ def _mount(log: Log, odometry: Trajectory | None) -> tuple[float, float, float] 
     return x, y, theta
 
 
-def _summarise_odometry(odometry: Trajectory) -> OdometrySummary:
+def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:
     poses = odometry.poses[np.all(np.isfinite(odometry.poses), axis=1)]
     moves = np.diff(poses, axis=0)
     return OdometrySummary(
         path_length=float(np.sum(np.hypot(moves[:, 0], moves[:, 1]))),
         turned_deg=math.degrees(float(np.sum(np.abs(se2.wrap(moves[:, 2]))))),
         n_missing=len(odometry) - len(poses),
+        lag=lag,
     )
 
 

@@ -46,10 +46,29 @@ class Issue:
     option: str = ""
 
     @property
+    def argument(self) -> str:
+        """The same for :func:`curvescan.read_log`: ``"range_max=8.1"``; empty where there is none."""
+        if not self.option:
+            return ""
+        flag, *values = self.option.split()
+        if flag == "--upright":
+            return "upside_down=False"
+        value = f"({', '.join(values)})" if len(values) > 1 else "".join(values) or "True"
+        return f"{flag.removeprefix('--').replace('-', '_')}={value}"
+
+    @property
     def sentence(self) -> str:
-        """All of it in one sentence."""
+        """All of it in one sentence, with the argument that handles it."""
+        return self._sentence(self.argument)
+
+    @property
+    def sentence_with_option(self) -> str:
+        """The same with the option of the commands."""
+        return self._sentence(self.option)
+
+    def _sentence(self, remedy: str) -> str:
         consequence = f": {self.consequence}" if self.consequence else ""
-        return f"{self.what}{consequence}" + (f"; try {self.option}" if self.option else "")
+        return f"{self.what}{consequence}" + (f"; try {remedy}" if remedy else "")
 
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:

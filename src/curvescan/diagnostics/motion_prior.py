@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.diagnostics.rotation_direction import compare_rotation
+from curvescan.diagnostics.odometry_lag import odometry_lag, without_lag
+from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
 from curvescan.types import Floats, Pose
@@ -13,7 +14,7 @@ _FASTEST = 20.0
 """No robot turns by this much, radians a second."""
 
 
-def motion_prior(log: Log) -> Pose:
+def motion_prior(log: Log, sense: RotationDirection | None = None) -> Pose:
     """Return the pose of the sensor at each scan by the log's own odometry.
 
     Parameters
@@ -30,23 +31,25 @@ def motion_prior(log: Log) -> Pose:
     Raises
     ------
     InvalidArgumentError
-        When the log has neither, or its gyroscope turns against its scans.
+        When the log has neither, or it turns against the scans.
     """
-    if log.odometry is not None:
-        return log.odometry.poses
-    turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
-    if turned is None:
+    turned = log.turned_by_gyro() if log.odometry is None and isinstance(log, GyroLog) else None
+    if log.odometry is None and turned is None:
         raise InvalidArgumentError(
-            f"{log.name} holds neither wheel odometry nor a gyroscope that --odometry-prior could "
-            "take: leave it out"
+            f"{log.name} holds neither wheel odometry nor a gyroscope that could serve as motion prior: leave "
+            "odometry_prior=True out"
         )
-    sense = compare_rotation(log, turned, "gyroscope")
+    sense = sense or rotation_of_log(log)
     if sense is not None and sense.is_reversed:
         raise InvalidArgumentError(
-            f"the gyroscope of {log.name} turns against its scans in {sense.n_reversed} of "
-            f"{sense.n_turns} sharp turns: give --clockwise if the sensor does, or leave "
-            "--odometry-prior out"
+            f"the {sense.reference} of {log.name} turns against its scans in {sense.n_reversed} of "
+            f"{sense.n_turns} sharp turns: give clockwise=True if the sensor does, or leave odometry_prior=True out"
         )
+    if log.odometry is not None:
+        poses = log.odometry.poses
+        lag = odometry_lag(log, poses[:, 2])
+        return without_lag(log.odometry.stamps, poses, lag) if lag else poses
+    assert turned is not None
     if (sense is not None and sense.is_in_degrees) or _is_too_fast(turned, log):
         turned = np.radians(turned)
     nowhere = np.full(turned.size, np.nan)

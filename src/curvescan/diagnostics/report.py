@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.io.log import ReadError
 
@@ -83,11 +84,14 @@ class OdometrySummary:
         Sum of the turns, either way, degrees.
     n_missing : int
         Scans without a pose.
+    lag : float
+        Seconds by which its headings are late against the scans; 0 where no lag is found.
     """
 
     path_length: float
     turned_deg: float
     n_missing: int
+    lag: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +147,8 @@ class LogReport:
         Whether the log says that the laser hangs upside down.
     sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
+    beam_order : BeamOrder or None
+        In which order the beams of a sweep were swept; None where the scans have no beam times.
     tag_counts : mapping of str to int
         Messages by kind, where the format has kinds.
     read_errors : tuple of ReadError
@@ -177,6 +183,7 @@ class LogReport:
     mount: tuple[float, float, float] | None
     is_upside_down: bool
     sense: RotationDirection | None
+    beam_order: BeamOrder | None
     tag_counts: Mapping[str, int]
     read_errors: tuple[ReadError, ...]
     notes: tuple[str, ...]

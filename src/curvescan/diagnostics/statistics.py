@@ -121,7 +121,7 @@ class LogStatistics:
     def _add_codes(self, values: Floats) -> None:
         for value, count in zip(*_counted(values), strict=True):
             # NaN equals nothing, but a dict finds it again when it is the same object
-            key = math.nan if value != value else value
+            key = math.nan if value != value else value + 0.0  # -0.0 is 0.0
             if key in self.codes or len(self.codes) < _MAX_CODES:
                 self.codes[key] += count
 

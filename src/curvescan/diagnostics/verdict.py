@@ -11,6 +11,7 @@ import numpy as np
 
 from curvescan.diagnostics.issues import Issue
 from curvescan.odometry.run import OdometryRun
+from curvescan.odometry.step import StepOutcome
 from curvescan.types import Bools
 
 MAX_UNMATCHED_SHARE = 0.02
@@ -18,6 +19,9 @@ MAX_UNMATCHED_SHARE = 0.02
 
 MAX_UNMATCHED = 2
 """So many scans without a match are bridged on any path, however short."""
+
+MAX_REJECTED_SHARE = 0.1
+"""Wheels that contradict more of the matches than this share lag, slip or are another robot's."""
 
 MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
@@ -68,8 +72,10 @@ def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
         With every reason, the gravest first.
     """
     reasons = [
+        *_on_lost_tracks(run),
         *_on_matches(run),
         *_on_uncertainty(run),
+        *_on_prior(run),
         *(issue.what for issue in issues if issue.kind in _SPOILING),
     ]
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
@@ -110,7 +116,20 @@ def _on_matches(run: OdometryRun) -> list[str]:
     ]
 
 
+def _on_lost_tracks(run: OdometryRun) -> list[str]:
+    n_lost = run.outcomes.count(StepOutcome.LOST)
+    if not n_lost:
+        return []
+    first = run.outcomes.index(StepOutcome.LOST)
+    return [
+        f"the track was lost {f'{n_lost:,} times, first' if n_lost > 1 else 'once,'} at scan {first:,}, and started anew: "
+        "where the parts lie to each other is unknown"
+    ]
+
+
 def _on_uncertainty(run: OdometryRun) -> list[str]:
+    if StepOutcome.LOST in run.outcomes:  # which says more than any figure
+        return []
     covariances = run.trajectory.covariances
     if covariances is None or len(covariances) < 2:
         return []
@@ -128,6 +147,15 @@ def _on_uncertainty(run: OdometryRun) -> list[str]:
     return [
         f"the position is uncertain by up to {sigma:.1f} m (standard deviation)"
         + cause * (n_open > 0)
+    ]
+
+
+def _on_prior(run: OdometryRun) -> list[str]:
+    n_steps = len(run.outcomes) - 1
+    if run.n_prior_rejected <= MAX_REJECTED_SHARE * n_steps:
+        return []
+    return [
+        f"the log's odometry contradicts the matches in {run.n_prior_rejected:,} of {n_steps:,} scans, where it was left out"
     ]
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from itertools import islice
+from typing import Protocol, cast, overload, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
@@ -72,6 +73,27 @@ class Log(Protocol):
         """Yield the scans in file order, one in memory at a time."""
         ...
 
+    @overload
+    def __getitem__(self, i: int) -> LaserScan: ...
+    @overload
+    def __getitem__(self, i: slice) -> Log: ...
+    def __getitem__(self, i: int | slice) -> LaserScan | Log:
+        """Return scan i, or a view of a slice; negative numbers count from the end. See :class:`ScanAccess`."""
+        ...
+
+
+@runtime_checkable
+class MountedLog(Protocol):
+    """A log that knows how its laser is mounted, and so tells the robot's motion from the laser's."""
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the *robot* at each scan; None without."""
+        ...
+
+    def hangs_upside_down(self) -> bool:
+        """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
+        ...
+
 
 @runtime_checkable
 class GyroLog(Protocol):
@@ -85,8 +107,129 @@ class GyroLog(Protocol):
         ...
 
 
+class ScanAccess:
+    """What makes ``log[i]``, ``log[a:b]`` and the ``repr`` of every log; a log inherits it and defines `_scan_at`."""
+
+    @overload
+    def __getitem__(self, i: int) -> LaserScan: ...
+    @overload
+    def __getitem__(self, i: slice) -> Log: ...
+    def __getitem__(self, i: int | slice) -> LaserScan | Log:
+        """Return scan i, or a view of a slice of the log; negative numbers count from the end.
+
+        Raises
+        ------
+        IndexError
+            When there is no scan of this number.
+        """
+        log = cast(Log, self)
+        if isinstance(i, slice):
+            return LogSlice(log, range(len(log))[i])
+        try:
+            number = range(len(log))[i]
+        except IndexError:
+            raise IndexError(
+                f"there is no scan {i}: {log.name} has {len(log):,} scans, numbered 0 to {len(log) - 1}"
+            ) from None
+        return self._scan_at(number)
+
+    def __repr__(self) -> str:
+        log = cast(Log, self)
+        return f"Log({log.name!r}: {log.format}, {len(log):,} scans)"
+
+    def _scan_at(self, i: int) -> LaserScan:
+        """Return scan i, 0 <= i < len(self); a log that has an index of its file reads this scan alone."""
+        return next(islice(iter(cast(Log, self)), i, None))
+
+
+class LogSlice(ScanAccess):
+    """Some scans of a log, as a log: a view that holds none of them.
+
+    Parameters
+    ----------
+    log : Log
+        The whole.
+    numbers : range
+        Which of its scans.
+    """
+
+    def __init__(self, log: Log, numbers: range) -> None:
+        self._log, self._numbers = log, numbers
+
+    @property
+    def name(self) -> str:
+        """Name of the whole log, and which scans."""
+        r = self._numbers
+        step = "" if r.step == 1 else f":{r.step}"
+        return f"{self._log.name}[{r.start}:{r.stop}{step}]"
+
+    @property
+    def format(self) -> str:
+        """Format of the whole log."""
+        return self._log.format
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry at these scans."""
+        return self._rows(self._log.odometry)
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the robot at these scans, where the log knows the laser's mount."""
+        log = self._log
+        return self._rows(log.robot_odometry() if isinstance(log, MountedLog) else log.odometry)
+
+    def hangs_upside_down(self) -> bool:
+        """Return what the whole log says."""
+        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return the angle that the log's gyroscope has turned by at these scans; None without one."""
+        turned = self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+        return None if turned is None else turned[list(self._numbers)]
+
+    @property
+    def read_errors(self) -> tuple[ReadError, ...]:
+        """Faults of the whole log."""
+        return self._log.read_errors
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Messages of the whole log."""
+        return self._log.tag_counts
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the whole log."""
+        return self._log.notes
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        r = self._numbers
+        is_far = len(r) * _SCANS_A_LOOKUP < (r.stop if r.step > 0 else 0)
+        if r.step < 0 or is_far:
+            return (self._log[i] for i in r)
+        return islice(iter(self._log), r.start, r.stop, r.step)
+
+    def _scan_at(self, i: int) -> LaserScan:
+        return self._log[self._numbers[i]]
+
+    def _rows(self, trajectory: Trajectory | None) -> Trajectory | None:
+        if trajectory is None:
+            return None
+        return Trajectory(
+            stamps=trajectory.stamps[list(self._numbers)],
+            poses=trajectory.poses[list(self._numbers)],
+        )
+
+
+_SCANS_A_LOOKUP = 10
+"""To look a scan up takes about as long as to read so many in their order."""
+
+
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
-    """Return the scans of these numbers, in the order given; one pass over the log.
+    """Return the scans of these numbers, in the order given.
 
     Parameters
     ----------
@@ -106,13 +249,7 @@ def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
                 f"there is no scan {number}: {log.name} has {len(log):,} scans, "
                 f"numbered 0 to {len(log) - 1}"
             )
-    found: dict[int, LaserScan] = {}
-    for number, scan in enumerate(log):
-        if number in numbers:
-            found[number] = scan
-        if len(found) == len(set(numbers)):
-            break
-    return [found[number] for number in numbers]
+    return [log[number] for number in numbers]
 
 
 def scans_with_poses(log: Log) -> Iterator[tuple[LaserScan, Pose | None]]:

@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import GyroLog, Log, ReadError
+from curvescan.io.log import GyroLog, Log, MountedLog, ReadError, ScanAccess
 from curvescan.scan import LaserScan, mirrored, swept_backwards
 from curvescan.types import Floats, Trajectory
 
@@ -68,19 +67,6 @@ class SensorSetup:
             )
 
 
-@runtime_checkable
-class MountedLog(Protocol):
-    """A log that knows how its laser is mounted, and so can give the motion of the robot as well as of the laser."""
-
-    def robot_odometry(self) -> Trajectory | None:
-        """Return the wheel odometry of the *robot* at each scan; None without."""
-        ...
-
-    def hangs_upside_down(self) -> bool:
-        """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
-        ...
-
-
 def apply_setup(log: Log, setup: SensorSetup) -> Log:
     """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes.
 
@@ -106,7 +92,7 @@ def apply_setup(log: Log, setup: SensorSetup) -> Log:
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
 
 
-class _LogSetUp:
+class _LogSetUp(ScanAccess):
     """A log as its user has set it up; a Log."""
 
     def __init__(self, log: Log, setup: SensorSetup, *, is_mirrored: bool) -> None:
@@ -189,6 +175,12 @@ class _LogSetUp:
     def __iter__(self) -> Iterator[LaserScan]:
         scans = fresh(self._log) if self._setup.drop_stale else self._log
         return map(self._seen, scans)
+
+    def _scan_at(self, i: int) -> LaserScan:
+        scan = self._log[i]
+        if self._setup.drop_stale and i > 0:
+            *_, scan = fresh((self._log[i - 1], scan))
+        return self._seen(scan)
 
     def _seen(self, scan: LaserScan) -> LaserScan:
         first, last = self._setup.ignore_beams

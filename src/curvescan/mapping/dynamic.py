@@ -4,7 +4,7 @@ A reading that lies where an earlier scan looked through is of something that wa
 less than his own width from one scan to the next, so scans of about the last second are compared, not the last one alone;
 and a segment of which a part was not there before is taken to move as a whole.
 
-After Núñez et al. 2009, section 2: the segments without a partner are the dynamic ones. A free-space violation
+After Núñez et al. 2009, section 2.2: the segments without a partner are the dynamic ones. A free-space violation
 separates what moved from what only came into view.
 """
 
@@ -33,7 +33,7 @@ LAGS = (1, 3, 6)
 _HOLE = 3.5
 """Steps between two unevenly spaced beams from which on the sensor looked away between them."""
 
-_SEGMENTS = SegmentationConfig(min_readings=3)
+_SEGMENTS = SegmentationConfig(range_sigma=0.01, min_readings=3)
 
 
 def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:

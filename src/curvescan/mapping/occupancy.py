@@ -9,12 +9,15 @@ clamped, so that the map follows a changing place.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from curvescan import se2
+from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.traversal import mark_scan
@@ -46,6 +49,14 @@ class OccupancyGrid:
     log_odds: NDArray[np.float32]
     origin: Floats
     config: OccupancyConfig
+
+    def __repr__(self) -> str:
+        n_rows, n_columns = self.log_odds.shape
+        n_occupied, n_free = np.count_nonzero(self.is_occupied), np.count_nonzero(self.is_free)
+        return (
+            f"OccupancyGrid({n_columns} x {n_rows} cells of {self.resolution:g} m: {n_occupied:,} occupied, "
+            f"{n_free:,} free)"
+        )
 
     @property
     def resolution(self) -> float:
@@ -80,18 +91,21 @@ class OccupancyBuilder:
 
     Parameters
     ----------
-    config : OccupancyConfig or None
-        None for the defaults.
+    config : OccupancyConfig, mapping or None
+        How to make the map, or a mapping of the fields that differ from the defaults.
     """
 
-    def __init__(self, config: OccupancyConfig | None = None) -> None:
-        self.config = config or OccupancyConfig()
+    def __init__(self, config: OccupancyConfig | Mapping[str, Any] | None = None) -> None:
+        self.config = as_config(config, OccupancyConfig())
         c = self.config
         self._steps = np.array([_log_odds(p) for p in (c.hit, c.miss, c.lowest, c.highest)])
         self._corner = np.zeros(2, dtype=np.int64)  # of the grid, in cells from the frame's origin
         self._log_odds = np.zeros((0, 0), dtype=np.float32)
         self._marks = np.zeros((0, 0), dtype=np.int32)
         self._n_scans = 0
+
+    def __repr__(self) -> str:
+        return f"OccupancyBuilder({self._n_scans:,} scans in cells of {self.config.resolution:g} m)"
 
     def add(self, scan: LaserScan, pose: ArrayLike, ignored: Bools | None = None) -> None:
         """Enter a scan.
@@ -206,8 +220,8 @@ class OccupancyBuilder:
             width, height = n_cells * self.config.resolution
             raise MapTooLargeError(
                 f"an occupancy map may take {MAX_BYTES >> 30} GiB, and {width:,.0f} m by {height:,.0f} m in cells of "
-                f"{self.config.resolution:g} m take more: choose larger cells (--map.resolution) or a smaller "
-                "--range-max; if the place is not that large, the trajectory has gone astray"
+                f"{self.config.resolution:g} m take more: choose larger cells (the resolution of OccupancyConfig) or a "
+                "smaller range_max; if the place is not that large, the trajectory has gone astray"
             )
 
 

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
-from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, find_matcher
+from curvescan.matchers.registry import (
+    DEFAULT_METHOD,
+    MATCHERS,
+    Matcher,
+    MatcherConfig,
+    Method,
+    find_matcher,
+)
 from curvescan.matchers.result import Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -20,6 +28,8 @@ __all__ = [
     "Label",
     "MatchResult",
     "Matcher",
+    "MatcherConfig",
+    "Method",
     "Outcome",
     "PreparedScan",
     "find_matcher",
@@ -46,9 +56,16 @@ class PreparedScan:
     matcher: Matcher
     features: Any
 
+    def __repr__(self) -> str:
+        kind = type(self.matcher).__name__.removesuffix("Matcher")
+        return f"PreparedScan({self.scan!r} with the features of {kind})"
+
 
 def prepare(
-    scan: LaserScan, *, method: str = DEFAULT_METHOD, config: object | None = None
+    scan: LaserScan,
+    *,
+    method: Method | str = DEFAULT_METHOD,
+    config: MatcherConfig | None = None,
 ) -> PreparedScan:
     """Return a scan with its features computed, ready to be matched as reference and as current scan.
 
@@ -58,8 +75,9 @@ def prepare(
         Any scan, also one without valid readings.
     method : str
         Name of the matcher.
-    config : object or None
-        Its configuration; None for the defaults.
+    config : dataclass, mapping or None
+        The matcher's configuration, or a mapping of the fields that differ from the defaults, nested as its classes
+        are; None for the defaults.
 
     Raises
     ------
@@ -73,9 +91,9 @@ def match(
     reference: LaserScan | PreparedScan,
     current: LaserScan | PreparedScan,
     *,
-    method: str = DEFAULT_METHOD,
+    method: Method | str = DEFAULT_METHOD,
     guess: ArrayLike | None = None,
-    config: object | None = None,
+    config: MatcherConfig | None = None,
 ) -> MatchResult:
     """Return the pose of `current` seen from `reference`, with its covariance.
 
@@ -90,8 +108,9 @@ def match(
         Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
         faster with a good one and no worse with a wrong one, and follows it along a direction that the scans leave
         open; "cfsma" uses none.
-    config : object or None
-        The matcher's configuration; None for its defaults.
+    config : dataclass, mapping or None
+        The matcher's configuration (``cs.CurvescanConfig`` for "curvescan"), or a mapping of the fields that differ
+        from the defaults: ``{"refinement": {...}}``; None for its defaults.
 
     Returns
     -------
@@ -105,11 +124,10 @@ def match(
         When an argument is not of the kinds above.
     """
     matcher = find_matcher(method, config)
-    return matcher.match(
-        _prepared(reference, matcher, "reference").features,
-        _prepared(current, matcher, "current").features,
-        None if guess is None else _as_guess(guess),
-    )
+    ref, cur = _prepared(reference, matcher, "reference"), _prepared(current, matcher, "current")
+    result = matcher.match(ref.features, cur.features, None if guess is None else _as_guess(guess))
+    watch.report()
+    return replace(result, reference=ref.scan, current=cur.scan)
 
 
 def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:

@@ -5,15 +5,42 @@ A row is all it takes to add one; nothing is imported until its name is used.
 
 from __future__ import annotations
 
-import difflib
 import importlib
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, Union, cast
 
+from curvescan.configs import as_config, nearest
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
+
+if TYPE_CHECKING:
+    from curvescan.matchers.baselines.config import (
+        CoxConfig,
+        HistogramConfig,
+        IcpConfig,
+        IdcConfig,
+        PlIcpConfig,
+    )
+    from curvescan.matchers.cfsma.config import CfSmaConfig
+    from curvescan.matchers.curvescan.config import CurvescanConfig
+
+Method: TypeAlias = Literal["curvescan", "cfsma", "idc", "cox", "histogram", "icp", "plicp"]
+"""Names of the table MATCHERS, written out for editors and type checkers."""
+
+MatcherConfig: TypeAlias = Union[
+    "CurvescanConfig",
+    "CfSmaConfig",
+    "IdcConfig",
+    "CoxConfig",
+    "HistogramConfig",
+    "IcpConfig",
+    "PlIcpConfig",
+    Mapping[str, Any],
+]
+"""What configures a matcher: an instance of its config class, or a mapping of the fields that differ."""
 
 MATCHERS: dict[str, tuple[str, str]] = {
     "curvescan": (
@@ -71,39 +98,48 @@ class Matcher(Protocol):
         ...
 
 
-def find_matcher(method: str, config: object | None = None) -> Matcher:
+def find_matcher(
+    method: Method | str, config: MatcherConfig | None = None, *, name: str = "config"
+) -> Matcher:
     """Return the matcher of a name with a configuration, or with its defaults.
 
     Parameters
     ----------
     method : str
         A name of the table MATCHERS.
-    config : object or None
-        An instance of that matcher's config class.
+    config : dataclass, mapping or None
+        An instance of that matcher's config class, or a mapping of the fields that differ.
+    name : str
+        Name of the argument that `config` was given as, for messages.
 
     Raises
     ------
     InvalidArgumentError
-        When the name is unknown, or the config is another matcher's.
+        When the name is unknown, or the config is another matcher's or has an unknown key.
     """
-    if method not in MATCHERS:
-        near = difflib.get_close_matches(str(method), MATCHERS, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+    if not isinstance(method, str) or method not in MATCHERS:
         raise InvalidArgumentError(
-            f"unknown method {method!r}: {hint}known are {', '.join(sorted(MATCHERS))}"
+            f"unknown method {method!r}: {nearest(method, MATCHERS)}known are {', '.join(sorted(MATCHERS))}"
         )
-    return _build(method, config)
+    if config is None:  # not asked of _build: the hash of a configuration takes a while
+        return _with_defaults(method)
+    hint = f"method {method!r} takes no other"
+    return _build(method, as_config(config, default_config(method), name=name, hint=hint))
+
+
+@lru_cache(maxsize=len(MATCHERS))
+def default_config(method: str) -> Any:
+    """Return the configuration of a method that holds where none is given."""
+    return _load(MATCHERS[method][1])()
+
+
+@lru_cache(maxsize=len(MATCHERS))
+def _with_defaults(method: str) -> Matcher:
+    return _build(method, default_config(method))
 
 
 @lru_cache(maxsize=64)
-def _build(method: str, config: object | None) -> Matcher:
-    config_class = _load(MATCHERS[method][1])
-    if config is None:
-        config = config_class()
-    elif not isinstance(config, config_class):
-        raise InvalidArgumentError(
-            f"method {method!r} takes a {config_class.__name__}, got {type(config).__name__}"
-        )
+def _build(method: str, config: object) -> Matcher:
     return cast(Matcher, _load(MATCHERS[method][0])(config))
 
 

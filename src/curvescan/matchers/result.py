@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
+from curvescan.scan import LaserScan
 from curvescan.types import Codes, Cov, Floats, Pose
 
 
@@ -77,6 +78,15 @@ class MatchResult:
     score, runner_up : float
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not tell.
+    confidence : float
+        Probability, 0 to 1, that the pose is right within what its covariance says: calibrated on several generators of
+        places and on real logs, also on scans that share nothing. Of the matches with 0.99 about 99 in 100 are
+        right. 0 without a pose; NaN for matchers that do not tell. Two matches of one pair of places err
+        together: do not multiply their confidences.
+    is_guess_decisive : bool
+        Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.
+    reference, current : LaserScan or None
+        The scans, for figures; None in the results within an odometry, which are kept by the thousand.
     """
 
     method: str
@@ -90,6 +100,10 @@ class MatchResult:
     degenerate_direction: Floats | None = None
     score: float = math.nan
     runner_up: float = math.nan
+    confidence: float = math.nan
+    is_guess_decisive: bool = False
+    reference: LaserScan | None = None
+    current: LaserScan | None = None
 
     @property
     def ok(self) -> bool:

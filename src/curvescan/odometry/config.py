@@ -31,6 +31,9 @@ class KeyframesConfig:
     for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_searches: int = 20
     """After a failure, scans for which earlier keyframes are asked at once, and not only when one is left behind."""
+    max_gap: int = 3
+    """Scans in a row that the expected motion may carry; if then still none matches what was known before the failure,
+    the track is lost and starts anew. 0: never."""
     max_tries: int = 3
     """Earlier keyframes tried for a scan, at most."""
     drift: float = 2.0
@@ -61,7 +64,7 @@ class KeyframesConfig:
             score = getattr(self, name)
             require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
         require(self.max_keyframes >= 1, "max_keyframes must be at least 1", self.max_keyframes)
-        for name in ("max_searches", "max_tries"):
+        for name in ("max_searches", "max_gap", "max_tries"):
             require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))
         require(
             0.0 < self.variance_retained <= 1.0, "kept must lie in (0, 1]", self.variance_retained
@@ -144,7 +147,12 @@ class OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
         return cls(
             keyframes=KeyframesConfig(
-                distance=0.0, turn=0.0, max_keyframes=1, max_tries=0, variance_retained=1.0
+                distance=0.0,
+                turn=0.0,
+                max_keyframes=1,
+                max_gap=0,
+                max_tries=0,
+                variance_retained=1.0,
             ),
             motion=MotionConfig(is_fused=False),
         )

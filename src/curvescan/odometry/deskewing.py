@@ -14,6 +14,12 @@ from curvescan.types import Floats, Pose, Trajectory
 
 _N_STAMPS = 12
 
+_HYSTERESIS = 0.02
+"""The time between two scans is taken anew when it changes by more than this share: stamps that jitter change nothing."""
+
+_DECIMALS = 4
+"""Of the time between two scans, seconds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Deskewer:
@@ -37,7 +43,9 @@ class Deskewer:
         stamps = (*self.stamps, scan.stamp)[-_N_STAMPS:]
         is_timed = scan.time_increment != 0.0
         seconds = step_seconds(stamps, scan.scan_time) if is_timed else self.seconds
-        return Deskewer(stamps=stamps, seconds=seconds)
+        if abs(seconds - self.seconds) > _HYSTERESIS * self.seconds:
+            return Deskewer(stamps=stamps, seconds=round(seconds, _DECIMALS))
+        return Deskewer(stamps=stamps, seconds=self.seconds)
 
     def velocity(self, motion: Pose) -> Floats:
         """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""

@@ -1,4 +1,4 @@
-"""Attempts: one match of the odometry, held against what was expected, and which of two is to be believed."""
+"""Gating: one match of the odometry compared with what was expected, and which of two is preferred."""
 
 from __future__ import annotations
 
@@ -21,24 +21,27 @@ class GatedMatch(NamedTuple):
     ----------
     result : MatchResult
         How it went.
-    seen : UncertainPose
+    pose_keyframe_scan : UncertainPose
         The scan seen from the reference: the match fused with what was expected; what was expected where the match
         failed.
     is_plausible : bool
         Whether the match is about where it was expected.
+    is_prior_rejected : bool
+        Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out.
     """
 
     result: MatchResult
     pose_keyframe_scan: UncertainPose
     is_plausible: bool
+    is_prior_rejected: bool = False
 
     @property
     def is_fully_observed(self) -> bool:
-        """Whether the match tells all of the motion, with no direction left open."""
+        """Whether the match measures all of the motion, with no direction left open."""
         return self.result.ok and self.result.degenerate_direction is None
 
     def is_confident(self, min_score: float) -> bool:
-        """Return whether nothing speaks against the match. A matcher that tells no score is taken at its word."""
+        """Return whether nothing speaks against the match. A matcher without a score is trusted."""
         return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
     def is_accepted(self, least_score: float) -> bool:
@@ -71,11 +74,28 @@ def as_measurement(result: MatchResult) -> UncertainPose:
     return UncertainPose(result.pose, cov)
 
 
-def gate(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
-    """Return a match held against what was expected.
+def gate(
+    result: MatchResult,
+    expected: UncertainPose,
+    config: MotionConfig,
+    repeated: UncertainPose | None = None,
+) -> GatedMatch:
+    """Return a match compared with what was expected.
 
     The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they contradict
-    each other, what was expected is believed as little as after a failure.
+    each other, what was expected counts as little as after a failure.
+
+    Parameters
+    ----------
+    result : MatchResult
+        The match.
+    expected : UncertainPose
+        What was expected of it.
+    config : MotionConfig
+        The odometry's.
+    repeated : UncertainPose or None
+        What the last motion alone leads to expect, where `expected` is another odometry's. That odometry is of use where
+        the match leaves a direction open; a match that leaves none is fused with the last motion, as without it.
     """
     if not result.ok:
         return GatedMatch(result, expected, False)
@@ -84,6 +104,10 @@ def gate(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> 
     found = as_measurement(result)
     fused, distance = fuse(expected, found)
     is_plausible = distance <= config.motion_gate_chi2
+    if repeated is not None and (result.degenerate_direction is None or not is_plausible):
+        by_last, last_distance = fuse(repeated, found)
+        if last_distance <= config.motion_gate_chi2:
+            return GatedMatch(result, by_last, True, is_prior_rejected=not is_plausible)
     if not is_plausible:
         fused, _ = fuse(
             UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found

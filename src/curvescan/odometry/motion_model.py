@@ -20,6 +20,9 @@ from curvescan.types import Pose
 _MAX_STRETCH = 20.0
 """A longer pause than this many scans tells no more."""
 
+_LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
+"""Limits of the variance of another odometry, in those of the configuration."""
+
 _N_UNUSUAL = 10
 """So many steps of the clock are averaged before one is called long."""
 
@@ -32,7 +35,10 @@ class Clock(NamedTuple):
     n_steps: int = 0
 
     def ticked(self, stamp: float, memory: float) -> tuple[Clock, float]:
-        """Return the clock after the next stamp, and how many times longer than usual that took, at least 1."""
+        """Return the clock after the next stamp, and how many usual periods that took, a whole number of at least 1.
+
+        A whole number, so that stamps that jitter change nothing at all.
+        """
         elapsed = stamp - self.stamp
         if not elapsed > 0.0:  # the first one, a clock that stands or goes back
             return self._replace(stamp=stamp), 1.0
@@ -40,7 +46,7 @@ class Clock(NamedTuple):
         if n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
             return Clock(stamp, usual + (elapsed - usual) / n_steps, n_steps), 1.0
         period = usual + (min(elapsed, 3.0 * usual) - usual) / memory
-        return Clock(stamp, period, n_steps), min(max(elapsed / usual, 1.0), _MAX_STRETCH)
+        return Clock(stamp, period, n_steps), min(max(round(elapsed / usual), 1.0), _MAX_STRETCH)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,8 +57,10 @@ class Prediction:
     ----------
     motion : UncertainPose
         The sensor seen from where it was at the last scan.
+    repeated : UncertainPose
+        The last motion repeated: the same as `motion` without another odometry.
     is_measured : bool
-        Whether the translation is that of another odometry, and not that of the last motion.
+        Whether the translation of `motion` is that of another odometry.
     clock : Clock
         The clock of the stream at this scan.
     odometry_pose : (3,) float64 or None
@@ -60,6 +68,7 @@ class Prediction:
     """
 
     motion: UncertainPose
+    repeated: UncertainPose
     is_measured: bool
     clock: Clock
     odometry_pose: Pose | None
@@ -91,6 +100,9 @@ class MotionModel:
         The clock of the stream.
     n_failures : int
         Scans without a match in a row.
+    odometry_noise : tuple of float
+        Variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
+        the last steps that a match measured.
     """
 
     config: MotionConfig
@@ -100,6 +112,7 @@ class MotionModel:
     odometry_pose: Pose | None = None
     clock: Clock = field(default_factory=Clock)
     n_failures: int = 0
+    odometry_noise: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def at_start(cls, config: MotionConfig) -> MotionModel:
@@ -128,9 +141,11 @@ class MotionModel:
         cov[0, 0] += stretch**2 * self.variance_translation
         cov[1, 1] += stretch**2 * self.variance_translation
         cov[2, 2] += stretch**2 * self.variance_turn
+        repeated = UncertainPose(pose.copy(), cov.copy())
         is_measured = self._measure(pose, cov, odometry_pose)
         return Prediction(
             motion=UncertainPose(pose, cov),
+            repeated=repeated,
             is_measured=is_measured,
             clock=clock,
             odometry_pose=odometry_pose,
@@ -167,7 +182,9 @@ class MotionModel:
             else self._inflated_variances()
         )
         last = motion if is_plausible else identity()
-        return self._changed(prediction, last, variances, n_failures=0)
+        noise = self._learned_noise(prediction, motion.pose) if is_fully_observed else None
+        changed = self._changed(prediction, last, variances, n_failures=0)
+        return changed if noise is None else replace(changed, odometry_noise=noise)
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
@@ -190,14 +207,33 @@ class MotionModel:
         if is_measured:
             pose[:2] = by_wheels[:2]
             cov[:2, :] = cov[:, :2] = 0.0
-            cov[0, 0] = cov[1, 1] = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
+            variance = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
+            cov[0, 0] = cov[1, 1] = self.odometry_noise[0] * variance
         if math.isfinite(turn):
             pose[2] = turn
             drift = config.wheel_drift * path if is_measured else 0.0
             share = config.wheel_turn_share * turn
             cov[2, :] = cov[:, 2] = 0.0
-            cov[2, 2] = config.wheel_floor_rad**2 + share**2 + drift**2
+            variance = config.wheel_floor_rad**2 + share**2 + drift**2
+            cov[2, 2] = self.odometry_noise[1] * variance
         return is_measured
+
+    def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float] | None:
+        """Return the noise of the other odometry after one more error of it; None without one."""
+        if not prediction.is_measured:
+            return None
+        x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
+        cov = prediction.motion.cov
+        errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
+        most = self.config.motion_gate_chi2  # one slip is not a habit
+        translation, turn = (
+            old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
+            for old, error in zip(self.odometry_noise, errors, strict=True)
+        )
+        return (
+            min(max(translation, _LEAST_NOISE), _MOST_NOISE),
+            min(max(turn, _LEAST_NOISE), _MOST_NOISE),
+        )
 
     def _changed(
         self,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from curvescan.matchers import MatchResult, PreparedScan, prepare
-from curvescan.matchers.registry import Matcher
+from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.gating import GatedMatch, gate
@@ -26,8 +26,8 @@ class Matching:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
-        The matcher's configuration; None for its defaults.
+    matcher_config : dataclass, mapping or None
+        The matcher's configuration as it was given; None for its defaults.
     matcher : Matcher
         The matcher.
     config : OdometryConfig
@@ -35,7 +35,7 @@ class Matching:
     """
 
     method: str
-    matcher_config: object | None
+    matcher_config: MatcherConfig | None
     matcher: Matcher
     config: OdometryConfig
 
@@ -44,15 +44,37 @@ class Matching:
         return prepare(scan, method=self.method, config=self.matcher_config)
 
     def match(
-        self, reference: PreparedScan, current: PreparedScan, expected: UncertainPose
+        self,
+        reference: PreparedScan,
+        current: PreparedScan,
+        origin: UncertainPose,
+        prediction: Prediction,
     ) -> GatedMatch:
-        """Return a match held against what is expected of it."""
+        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference."""
+        expected = compose(origin, prediction.motion)
+        repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
         result = self.matcher.match(reference.features, current.features, expected.pose)
-        return gate(result, expected, self.config.motion)
+        return gate(result, expected, self.config.motion, repeated)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
         """Return a scan that others can be matched with, else None."""
         return scan if self.matcher.can_be_reference(scan.features) else None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gap:
+    """Scans since the last one that was placed by a match with what was known before.
+
+    Attributes
+    ----------
+    before : tuple of Keyframe
+        The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
+    n_scans : int
+        Scans in the gap that have readings enough to be matched.
+    """
+
+    before: tuple[Keyframe, ...]
+    n_scans: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,6 +97,8 @@ class State:
         The first scan, until the second shows the velocity with which its sweep is deskewed.
     n_searches : int
         Scans for which earlier keyframes are still tried at once, after a failure.
+    gap : Gap or None
+        A failure that no match has bridged yet.
     """
 
     motion: MotionModel
@@ -84,6 +108,7 @@ class State:
     deskewer: Deskewer = field(default_factory=Deskewer)
     first: LaserScan | None = None
     n_searches: int = 0
+    gap: Gap | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -182,8 +207,14 @@ class Placement:
         The motion model after it.
     n_searches : int
         Scans for which earlier keyframes are still to be tried at once.
+    step_motion : UncertainPose
+        The scan seen from the previous one, without any leap.
+    gap : Gap or None
+        A failure that is not bridged yet.
     match : MatchResult or None
         The match behind it.
+    is_prior_rejected : bool
+        Whether another odometry was left out because the match contradicts it.
     reference : int or None
         Number of the scan it was matched with.
     used : tuple of Keyframe
@@ -201,7 +232,10 @@ class Placement:
     current: PreparedScan
     motion: MotionModel
     n_searches: int
+    step_motion: UncertainPose
+    gap: Gap | None = None
     match: MatchResult | None = None
+    is_prior_rejected: bool = False
     reference: int | None = None
     used: tuple[Keyframe, ...] = ()
     new_keyframes: tuple[Keyframe, ...] = ()
@@ -212,18 +246,18 @@ class Placement:
 def try_references(observation: Observation, last: Localization) -> Attempt:
     """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan."""
     matching, previous = observation.matching, observation.state.previous
-    current, motion = observation.current, observation.expected
+    current, prediction = observation.current, observation.prediction
     min_score = matching.config.keyframes.min_score
     attempt = Attempt(
         last=last,
-        gated=matching.match(last.keyframe.scan, current, compose(last.pose_keyframe_scan, motion)),
+        gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
         outcome=StepOutcome.MATCHED,
         reference=last.keyframe.scan,
         origin=last.pose_keyframe_scan,
     )
     if previous is None or previous is attempt.reference or attempt.gated.is_confident(min_score):
         return attempt
-    second = matching.match(previous, current, motion)
+    second = matching.match(previous, current, identity(), prediction)
     if not second.is_better_than(attempt.gated, min_score):
         return attempt
     return Attempt(

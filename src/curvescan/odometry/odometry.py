@@ -6,12 +6,17 @@ at rest does not drift; a new keyframe is made when the one in use is left behin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
+from curvescan.configs import as_config
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
-from curvescan.matchers.registry import Matcher, find_matcher
+from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.keyframes import KeyframeGraph
 from curvescan.odometry.motion_model import MotionModel
@@ -40,10 +45,11 @@ class Odometry:
     ----------
     method : str
         Name of the matcher.
-    matcher_config : object or None
-        The matcher's configuration; None for its defaults.
-    config : OdometryConfig or None
-        None for what suits the method: see :meth:`OdometryConfig.of_method`.
+    config : OdometryConfig, mapping or None
+        Configuration of the odometry, or a mapping of the fields that differ; None for what suits the method: see
+        :meth:`OdometryConfig.of_method`. In every call ``config=`` configures what is called.
+    matcher : dataclass, mapping or None
+        Configuration of the matcher within: what ``config=`` is for :func:`curvescan.match`.
 
     Attributes
     ----------
@@ -53,27 +59,27 @@ class Odometry:
     Raises
     ------
     InvalidArgumentError
-        When the method is unknown or the config is another method's.
+        When the method is unknown, or a configuration is of another class or has an unknown key.
     """
 
     def __init__(
         self,
-        method: str = DEFAULT_METHOD,
+        method: Method | str = DEFAULT_METHOD,
         *,
-        matcher_config: object | None = None,
-        config: OdometryConfig | None = None,
+        config: OdometryConfig | Mapping[str, Any] | None = None,
+        matcher: MatcherConfig | None = None,
     ) -> None:
-        config = config or OdometryConfig.of_method(method)
+        found = find_matcher(method, matcher, name="matcher")
+        hint = "the configuration of the matcher is given as matcher="
         self._matching = Matching(
             method=method,
-            matcher_config=matcher_config,
-            matcher=find_matcher(method, matcher_config),
-            config=config,
+            matcher_config=matcher,
+            matcher=found,
+            config=as_config(config, OdometryConfig.of_method(method), hint=hint),
         )
-        self._state = State(motion=MotionModel.at_start(config.motion))
-        self.keyframes = KeyframeGraph(
-            config.keyframes.max_keyframes, config.keyframes.variance_retained
-        )
+        self._state = State(motion=MotionModel.at_start(self.config.motion))
+        keyframes = self.config.keyframes
+        self.keyframes = KeyframeGraph(keyframes.max_keyframes, keyframes.variance_retained)
 
     @property
     def method(self) -> str:
@@ -89,6 +95,9 @@ class Odometry:
     def matcher(self) -> Matcher:
         """The matcher."""
         return self._matching.matcher
+
+    def __repr__(self) -> str:
+        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans, {len(self.keyframes):,} keyframes)"
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
         """Return where the sensor was at this scan.
@@ -125,6 +134,7 @@ class Odometry:
         )
         placement = _place(observation)
         self._commit(observation, placement)
+        watch.report()
         return _as_step(observation, placement)
 
     def _commit(self, observation: Observation, placement: Placement) -> None:
@@ -146,6 +156,7 @@ class Odometry:
             deskewer=observation.deskewer,
             first=observation.scan if index == 0 else None,
             n_searches=placement.n_searches,
+            gap=placement.gap,
         )
 
 
@@ -166,9 +177,12 @@ def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.cov,
+        motion=placement.step_motion.pose,
+        motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,
         match=placement.match,
         reference=placement.reference,
+        is_prior_rejected=placement.is_prior_rejected,
     )
 
 

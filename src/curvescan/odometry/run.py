@@ -33,8 +33,10 @@ class OdometryRun:
     failures : dict of Outcome to int
         Failed matches by reason, most frequent first.
     n_rejected : int
-        Scans without a match though the matcher gave a pose: too far from what was expected, and sharing too little with
-        its reference. With `failures` they add up to the scans that are not matched.
+        Scans that a match did not place though the matcher gave a pose: too far from what was expected, or with nothing
+        known before the track was lost. With `failures` they add up to the scans that are not matched.
+    n_prior_rejected : int
+        Scans at which wheels or a gyroscope contradicted a match that the last motion supports, and were left out.
     n_matched : (n,) int64
         Matched pairs of readings behind each pose; 0 where there was no match.
     is_degenerate : (n,) bool
@@ -57,6 +59,13 @@ class OdometryRun:
     seconds: Floats
     is_partial: bool
     has_prior: bool = False
+    n_prior_rejected: int = 0
+
+    def __repr__(self) -> str:
+        n = len(self.outcomes)
+        n_failed = int(np.count_nonzero(self.is_failed))
+        partial = ", interrupted" if self.is_partial else ""
+        return f"OdometryRun({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
 
     @property
     def is_matched(self) -> Bools:
@@ -118,7 +127,7 @@ def run_odometry(
     stamps, poses, covariances, seconds = (array("d") for _ in range(4))
     outcomes: list[StepOutcome] = []
     n_matched, is_degenerate = array("q"), array("b")
-    n_rejected = 0
+    n_rejected = n_prior_rejected = 0
     failures: Counter[Outcome] = Counter()
     is_partial = False
     try:
@@ -138,6 +147,7 @@ def run_odometry(
                     n_rejected += 1
                 else:
                     failures[step.match.outcome] += 1
+            n_prior_rejected += step.is_prior_rejected
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
@@ -159,4 +169,5 @@ def run_odometry(
         seconds=np.array(seconds[:n]),
         is_partial=is_partial,
         has_prior=odometry_poses is not None,
+        n_prior_rejected=n_prior_rejected,
     )

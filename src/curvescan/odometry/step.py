@@ -1,4 +1,4 @@
-"""What the odometry tells of each scan."""
+"""What the odometry returns for each scan."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ class StepOutcome(Enum):
     MATCHED = "Matched with the keyframe in use."
     CHAINED = "Matched with the scan before it, which became the keyframe."
     LOOP_CLOSED = "Matched with an earlier keyframe as well: the place is known."
-    RELOCALIZED = (
-        "Lost by the keyframe in use and by the scan before it, found by an earlier keyframe."
-    )
+    RELOCALIZED = "Not matched to the current keyframe or the previous scan; relocalized on an earlier keyframe."
     PREDICTED = "No match: the expected motion was taken."
     HELD = "Matches keep failing: the sensor is taken to stand still."
+    LOST = "Lost: nothing known before matches; the track starts anew, its place in the old one is unknown."
 
 
 MATCHES = (
@@ -47,18 +46,35 @@ class OdometryStep:
         where the scan tells the times of its beams.
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta; zero at the first scan.
+    motion : (3,) float64
+        Pose of the sensor seen from where it was at the previous scan, without the leaps of loop closures and
+        relocalizations: chained, it is a continuous track (`odom` of REP-105). Zero at the first scan.
+    motion_covariance : (3, 3) float64
+        Covariance of the motion; very wide where the outcome is LOST.
     outcome : StepOutcome
         How the pose came about.
     match : MatchResult or None
         The match behind it, also where it failed; None at the first scan.
     reference : int or None
         Number of the scan that `match` was tried with; None at the first scan.
+    is_prior_rejected : bool
+        Whether `odometry_pose` was left out of this step because a match, which the last motion supports, contradicts it.
     """
 
     index: int
     stamp: float
     pose: Pose
     covariance: Cov
+    motion: Pose
+    motion_covariance: Cov
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
+    is_prior_rejected: bool = False
+
+    def __repr__(self) -> str:
+        x, y, theta = self.pose
+        return (
+            f"OdometryStep({self.index}: {self.outcome.name}, x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad, "
+            f"stamp={self.stamp!r})"
+        )

@@ -2,8 +2,9 @@
 
 0. ``start``: the first scan is the origin.
 1. ``track``: matched with the keyframe in use or with the previous scan.
-2. ``relocalize``: matched with earlier keyframes, without a guess.
-3. ``extrapolate``: the expected motion is taken.
+2. ``bridge``: matched with what was in use before the last failure.
+3. ``relocalize``: matched with earlier keyframes, without a guess.
+4. ``extrapolate``: the expected motion is taken; after a few such scans the track is lost, and starts anew.
 
 Each takes the observation and what its first matches gave, and returns a placement or None; none changes any state.
 """
@@ -20,6 +21,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
+from curvescan.odometry.gaps import close_gap, open_gap, widen_gap, with_keyframe
 from curvescan.odometry.gating import GatedMatch, as_measurement
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.observation import Attempt, Observation, Placement
@@ -48,6 +50,7 @@ def start(observation: Observation) -> Placement:
         current=o.current,
         motion=o.state.motion.advanced(o.prediction),
         n_searches=0,
+        step_motion=identity(),
         new_keyframes=(keyframe,),
     )
 
@@ -64,7 +67,8 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         new_keyframes = (keyframe,)
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
-    motion = compose(inverse(attempt.origin), as_measurement(result))
+    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
+    motion = fuse(expected, compose(inverse(attempt.origin), as_measurement(result)))[0]
     localization = Localization(
         keyframe=keyframe,
         pose_keyframe_scan=gated.pose_keyframe_scan,
@@ -76,19 +80,48 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         current=sweep.current,
         motion=o.state.motion.updated(
             o.prediction,
-            fuse(o.expected, motion)[0],
+            motion,
             is_plausible=gated.is_plausible,
             is_fully_observed=gated.is_fully_observed,
         ),
         n_searches=max(o.state.n_searches - 1, 0),
+        step_motion=_step_motion(o, attempt, gated),
+        gap=o.state.gap,
         match=result,
+        is_prior_rejected=gated.is_prior_rejected,
         reference=keyframe.index,
         used=(keyframe,),
         new_keyframes=new_keyframes,
         first_keyframe_scan=sweep.first,
     )
     is_due = _is_leaving(localization, result.score, config)
+    if placement.gap is not None:
+        joined = close_gap(o, placement)
+        if joined is not None:
+            return joined
+        placement = widen_gap(o, placement)
+        if placement.outcome is StepOutcome.LOST:
+            return with_keyframe(o, placement)
     return _close_loop(o, placement, is_due) if is_due or o.state.n_searches > 0 else placement
+
+
+def bridge(observation: Observation, attempt: Attempt) -> Placement | None:
+    """Return where the references from before the last failure show a scan; None where nothing has failed."""
+    o, gap = observation, observation.state.gap
+    if gap is None:
+        return None
+    placement = Placement(
+        outcome=StepOutcome.RELOCALIZED,
+        localization=attempt.last.moved(o.expected),
+        current=o.current,
+        motion=o.state.motion.updated(
+            o.prediction, identity(), is_plausible=False, is_fully_observed=False
+        ),
+        n_searches=o.state.n_searches,
+        step_motion=o.expected,
+        gap=gap,
+    )
+    return close_gap(o, placement)
 
 
 def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
@@ -111,6 +144,7 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
             o.prediction, identity(), is_plausible=False, is_fully_observed=False
         ),
         n_searches=o.state.n_searches,
+        step_motion=o.prediction.inflated(config.motion),
         match=result,
         reference=localization.keyframe.index,
         used=(localization.keyframe,),
@@ -125,29 +159,30 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
     is_held = o.state.motion.is_exhausted(o.prediction)
     if is_held:
         motion = UncertainPose(np.zeros(3), motion.cov)
+    gap, new_keyframes = open_gap(o, last)
     placement = Placement(
         outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
         localization=last.moved(motion),
         current=o.current,
         motion=o.state.motion.updated_without_match(o.prediction, motion),
         n_searches=o.config.keyframes.max_searches,
+        step_motion=motion,
+        gap=gap,
         match=failed,
         reference=last.keyframe.index,
+        new_keyframes=new_keyframes,
     )
     if o.matching.as_reference(o.current) is None:
         return placement
     # a robot is never stuck on an old reference; but predicted keyframes must not push out measured ones
     is_unused = last.keyframe.is_predicted and last.keyframe.used == last.keyframe.index
-    keyframe = o.keyframes.make(o.current, o.index, placement.localization, is_predicted=True)
-    return replace(
-        placement,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
-        new_keyframes=(keyframe,),
-        obsolete=last.keyframe if is_unused else None,
-    )
+    placement = replace(placement, obsolete=last.keyframe if is_unused else None)
+    if gap is not None and not o.prediction.is_measured:
+        placement = widen_gap(o, placement)
+    return with_keyframe(o, placement, is_predicted=True)
 
 
-STRATEGIES: tuple[Strategy, ...] = (track, relocalize, extrapolate)
+STRATEGIES: tuple[Strategy, ...] = (track, bridge, relocalize, extrapolate)
 """In the order they are tried; the last one always places the scan."""
 
 
@@ -170,7 +205,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     better, reference, first = o.prepared(found), keyframe.scan, None
     if o.state.first is not None:  # its velocity was not known
         reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
-    again = o.matching.match(reference, better, compose(attempt.origin, o.expected))
+    again = o.matching.match(reference, better, attempt.origin, o.prediction)
     if again.is_as_good_as(gated):
         return _Sweep(again, better, first)
     return _Sweep(gated, o.current, first)
@@ -183,6 +218,16 @@ def _is_leaving(
     x, y, theta = localization.pose_keyframe_scan.pose.tolist()
     is_far = math.hypot(x, y) >= share * config.distance or abs(theta) >= share * config.turn
     return is_far or score < config.min_score
+
+
+def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
+    """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
+    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
+    if not gated.is_plausible:
+        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+    measured = compose(inverse(attempt.origin), as_measurement(gated.result))
+    pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
+    return UncertainPose(pose, fuse(expected, measured)[0].cov)
 
 
 def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement:
@@ -204,11 +249,4 @@ def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement
             used=(*placement.used, localization.keyframe),
         )
         is_due = _is_leaving(localization, result.score, config, _SHARE_AFTER_CLOSURE)
-    if not is_due:
-        return placement
-    keyframe = o.keyframes.make(placement.current, o.index, placement.localization)
-    return replace(
-        placement,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
-        new_keyframes=(*placement.new_keyframes, keyframe),
-    )
+    return with_keyframe(o, placement) if is_due else placement

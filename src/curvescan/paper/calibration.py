@@ -1,8 +1,8 @@
-"""The paper's way of finding its parameters, from scans of plane surfaces and of corners (section 4).
+"""The paper's way of finding its parameters, from scans of plane surfaces and of corners (the paper's section 3.1).
 
-sigma_rho: how far readings lie from the plane they are on. U_k: the least tolerance at which no false peak shows on a
-plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: most corners are found, and
-planes show none.
+sigma_rho: the least margin at which a wall that is seen at a grazing angle stays one segment. U_k: the least tolerance at which no false peak shows on a
+plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: the least at which
+planes show none, as it finds most corners. n and S_min: see :mod:`curvescan.paper.calibration_pairs`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from curvescan.matchers.cfsma.curvature import curvature_functions
 from curvescan.matchers.cfsma.functions import correlations, spectra
 from curvescan.matchers.cfsma.landmarks import characteristic_points
 from curvescan.matchers.cfsma.segmentation import segment
+from curvescan.paper.calibration_pairs import PairCalibration, calibrate_on_pairs
 from curvescan.paper.planes import wall_scans
 from curvescan.scan import LaserScan, valid_readings
 from curvescan.simulation import Sensor
@@ -29,6 +30,15 @@ TOLERANCES: Floats = np.array(
 )
 """U_k tried, metres."""
 
+SIGMAS: Floats = np.array([0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2])
+"""sigma_rho tried, metres."""
+
+WALL, REACH = 0.9, 8.0
+"""A wall this far beside the sensor, as of a corridor 1.8 m wide, shall stay whole out to this range, metres."""
+
+_WHOLE = 0.9
+"""Share of the scans in which such a wall shall be whole."""
+
 CURVATURES: Floats = np.arange(0.05, 1.01, 0.05)
 """U_p tried, radians."""
 
@@ -37,6 +47,9 @@ CORNER_ANGLES: Floats = np.radians([30.0, 45.0, 60.0, 75.0, 90.0])
 
 _FREE = 0.1
 """Mean number of peaks a plane may show where none is said to show."""
+
+_QUIET = 0.01
+"""Share of the planes that may show a peak at the chosen U_p: the least such U_p finds most corners."""
 
 _LEAST_PLANE = 20
 """Readings that a surface must have to be judged a plane."""
@@ -72,6 +85,12 @@ class Calibration:
     ----------
     config : CfSmaConfig
         The parameters found; the others keep their defaults.
+    noise : float
+        Range noise that the planes show, metres.
+    whole : (len(SIGMAS),) float64
+        Share of the scans in which a wall beside the sensor is one segment, for each sigma_rho.
+    pairs : PairCalibration
+        How n and S_min were found.
     groups : tuple of PlaneGroup
         The planes.
     false_peaks : (g, len(TOLERANCES)) float64
@@ -85,6 +104,9 @@ class Calibration:
     """
 
     config: CfSmaConfig
+    noise: float
+    whole: Floats
+    pairs: PairCalibration
     groups: tuple[PlaneGroup, ...]
     false_peaks: Floats
     is_free: Bools
@@ -121,7 +143,7 @@ def planes_of_log(scans: Iterable[LaserScan], name: str) -> tuple[PlaneGroup, ..
         When there are none.
     """
     planes: list[Points] = []
-    config = CfSmaConfig().segmentation
+    config = replace(CfSmaConfig().segmentation, range_sigma=0.01)
     for scan in scans:
         readings = valid_readings(scan)
         segments = segment(readings, config)
@@ -157,7 +179,7 @@ def sensor_of_log(log: Log) -> Sensor:
 def calibrate(
     groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 40, seed: int = 0
 ) -> Calibration:
-    """Return the four parameters that planes and corners decide.
+    """Return the six parameters that planes, corners and pairs of scans decide; lambda is the paper's.
 
     Parameters
     ----------
@@ -166,13 +188,17 @@ def calibrate(
     sensor : Sensor
         Whose corners are simulated for U_p, with the noise that the planes show.
     n_scans : int
-        Scans of each corner.
+        Scans of each corner and wall.
     seed : int
         Of the simulated noise.
     """
     sigma = float(np.median([_sigma(plane) for group in groups for plane in group.planes]))
     base = CfSmaConfig()
-    base = replace(base, segmentation=replace(base.segmentation, range_sigma=round(sigma, 5)))
+    noisy = replace(sensor, sigma_range=sigma)
+    whole = np.array([_share_whole(noisy, base, s, n_scans, seed) for s in SIGMAS])
+    # a wall that no margin keeps whole lies beyond what the sensor can see: the widest margin is taken
+    sigma_rho = float(SIGMAS[np.argmax(whole >= _WHOLE)] if (whole >= _WHOLE).any() else SIGMAS[-1])
+    base = replace(base, segmentation=replace(base.segmentation, range_sigma=sigma_rho))
 
     false_peaks = np.array(
         [[_mean_peaks(g, _with(base, u_k=u_k)) for u_k in TOLERANCES] for g in groups]
@@ -200,9 +226,17 @@ def calibrate(
             for u_p in CURVATURES
         ]
     )
-    config = _with(config, u_p=float(CURVATURES[np.argmax(detection - false_alarms)]))
+    is_quiet = false_alarms <= _QUIET
+    config = _with(config, u_p=float(CURVATURES[np.argmax(is_quiet)] if is_quiet.any() else 1.0))
+    pairs = calibrate_on_pairs(config, noisy, n_pairs=5 * n_scans, seed=seed + 2000)
+    landmarks = replace(
+        config.landmarks, n_neighbours=pairs.n_neighbours, min_similarity=pairs.min_similarity
+    )
     return Calibration(
-        config=config,
+        config=replace(config, landmarks=landmarks),
+        noise=sigma,
+        whole=whole,
+        pairs=pairs,
         groups=groups,
         false_peaks=false_peaks,
         is_free=is_free,
@@ -210,6 +244,29 @@ def calibrate(
         detection=detection,
         false_alarms=false_alarms,
     )
+
+
+def _share_whole(
+    sensor: Sensor, config: CfSmaConfig, range_sigma: float, n_scans: int, seed: int
+) -> float:
+    """Return the share of scans in which a wall WALL beside the sensor is one segment out to REACH."""
+    segmentation = replace(config.segmentation, range_sigma=range_sigma)
+    limit = np.arcsin(WALL / max(min(sensor.range_max, REACH), 2.0 * WALL))
+    bearings = sensor.angle_min + sensor.angle_increment * np.arange(sensor.n_beams)
+    # the wall runs along x: a beam's bearing is its angle of incidence
+    incidence = np.sort(bearings[(bearings > limit) & (bearings < np.pi / 2)])
+    exact = WALL / np.sin(incidence)
+    rng = np.random.default_rng(seed)
+    n_whole = 0
+    for _ in range(n_scans):
+        scan = LaserScan(
+            exact + sensor.sigma_range * rng.standard_normal(exact.size),
+            angle_min=float(incidence[0]),
+            angle_increment=abs(sensor.angle_increment),
+        )
+        segments = segment(valid_readings(scan), segmentation)
+        n_whole += int(len(segments) == 1 and segments.stops[0] - segments.starts[0] == exact.size)
+    return n_whole / n_scans
 
 
 def _with(

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan.paper.calibration import CURVATURES, TOLERANCES, Calibration
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.paper.calibration import CURVATURES, SIGMAS, TOLERANCES, Calibration
+from curvescan.paper.calibration_pairs import NEIGHBOURS, SIMILARITIES
 from curvescan.plots.canvas import DARK, PATH, drawing, segment_colour
 from curvescan.runs.table import ResultTable
 
@@ -51,16 +53,49 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
 
 
 def calibration_table(calibration: Calibration) -> ResultTable:
-    """Return what was found beside the paper's values."""
-    config = calibration.config
+    """Return what was found beside the defaults and the paper's values."""
+    config, default = calibration.config, CfSmaConfig()
     return ResultTable(
         title="Parameters found",
-        columns=("parameter", "found", "paper"),
+        columns=("parameter", "found", "default", "paper"),
         rows=[
-            ("sigma_rho, range noise", f"{config.segmentation.range_sigma:.4f} m", "lost"),
-            ("U_k, arc minus chord", f"{config.curvature.arc_tolerance:g} m", "1.0, unit unknown"),
-            ("U_c, correlation of functions", f"{config.functions.min_correlation:g}", "0.4"),
-            ("U_p, curvature of a corner", f"{config.landmarks.min_curvature:g} rad", "0.2 rad"),
+            ("range noise of the planes", f"{calibration.noise:.4f} m", "-", "-"),
+            (
+                "sigma_rho, eq. 2",
+                f"{config.segmentation.range_sigma:g} m",
+                f"{default.segmentation.range_sigma:g} m",
+                "lost",
+            ),
+            (
+                "U_k, arc minus chord",
+                f"{config.curvature.arc_tolerance:g} m",
+                f"{default.curvature.arc_tolerance:g} m",
+                "1.0, unit unknown",
+            ),
+            (
+                "U_c, correlation of functions",
+                f"{config.functions.min_correlation:g}",
+                f"{default.functions.min_correlation:g}",
+                "0.4",
+            ),
+            (
+                "U_p, curvature of a corner",
+                f"{config.landmarks.min_curvature:g} rad",
+                f"{default.landmarks.min_curvature:g} rad",
+                "0.2 rad",
+            ),
+            (
+                "n, neighbours",
+                f"{config.landmarks.n_neighbours}",
+                f"{default.landmarks.n_neighbours}",
+                "30",
+            ),
+            (
+                "S_min, Pearson similarity",
+                f"{config.landmarks.min_similarity:g}",
+                f"{default.landmarks.min_similarity:g}",
+                "0.2",
+            ),
         ],
     )
 
@@ -73,5 +108,45 @@ def peak_table(calibration: Calibration) -> ResultTable:
         rows=[
             (f"{u_k:g}", *(f"{peaks:.2f}" for peaks in column))
             for u_k, column in zip(TOLERANCES, calibration.false_peaks.T, strict=True)
+        ],
+    )
+
+
+def wall_table(calibration: Calibration) -> ResultTable:
+    """Return how often a wall 0.9 m beside the sensor is whole for each sigma_rho."""
+    return ResultTable(
+        title="A wall 0.9 m beside the sensor, out to 8 m",
+        columns=("sigma_rho [m]", "scans in which it is one segment"),
+        rows=[
+            (f"{sigma:g}", f"{100 * share:.0f} %")
+            for sigma, share in zip(SIGMAS, calibration.whole, strict=True)
+        ],
+    )
+
+
+def neighbour_table(calibration: Calibration) -> ResultTable:
+    """Return accuracy and time for each n, on consecutive scans of known motion."""
+    pairs = calibration.pairs
+    return ResultTable(
+        title="n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
+        columns=("n", "right within 0.1 m, 2 deg", "time of a match"),
+        rows=[
+            (f"{n}", f"{100 * share:.1f} %", f"{1e3 * seconds:.2f} ms")
+            for n, share, seconds in zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True)
+        ],
+    )
+
+
+def similarity_table(calibration: Calibration) -> ResultTable:
+    """Return the shares of wrong and right pairs of characteristic points on either side of each S_min."""
+    pairs = calibration.pairs
+    return ResultTable(
+        title="S_min: pairs of characteristic points of the same scans",
+        columns=("S_min", "wrong pairs rejected", "right pairs kept"),
+        rows=[
+            (f"{s_min:.2f}", f"{100 * rejected:.1f} %", f"{100 * kept:.1f} %")
+            for s_min, rejected, kept in zip(
+                SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True
+            )
         ],
     )

@@ -1,4 +1,4 @@
-"""The paper's five experiments in one go (section 5): seeded, so that a rerun gives the same numbers."""
+"""The paper's five experiments in one go (its sections 3.2 and 3.3): seeded, so that a rerun gives the same numbers."""
 
 from __future__ import annotations
 
@@ -12,23 +12,39 @@ from curvescan.evaluation.real_logs import LogEvaluation, assign_relations, eval
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import MATCHERS, find_matcher
+from curvescan.matchers.baselines.config import CoxConfig
+from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.registry import MatcherConfig
 from curvescan.paper.random_transform import (
-    VARIANTS,
-    Moves,
-    RandomTransformRuns,
+    CONDITIONS,
+    N_BATCHES,
+    N_PAPER_CONDITIONS,
+    RandomTransformCondition,
+    TransformResult,
     run_random_transforms,
 )
 from curvescan.paper.scenarios import (
-    DYNAMIC,
-    RETURN_HOME,
-    STATIC,
+    DRIVES,
+    Condition,
     DriveExperiment,
     ScenarioResult,
-    run_drive,
+    run_scenario,
 )
 from curvescan.simulation import Simulation
 
-DRIVES = (RETURN_HOME, STATIC, DYNAMIC)
+N_SEEDS: dict[Condition, int] = {"paper": 3, "hard": 1}
+"""Buildings, and runs of the robot in them, for each of experiments 2 to 4."""
+
+N_RUNS = (1000, 250)
+"""Runs of experiment 1 under each of the paper's conditions, and under each harder one."""
+
+CONSISTENT = "cfsma, consistency"
+"""Name of cfsma with its consistency test among the methods of a table."""
+
+PAPER_CONFIGS: dict[str, MatcherConfig] = {
+    "cox": CoxConfig(median_readings=3, has_projection_filter=True)
+}
+"""Parameters of the methods where the paper uses them otherwise than our defaults: Cox after the filters of IDC."""
 
 Progress = Callable[[str, int], Callable[..., None]]
 """Takes what is done and how many steps it has; returns what to call after each step."""
@@ -41,11 +57,29 @@ def in_silence(what: str, total: int) -> Callable[..., None]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScenarioComparison:
-    """One drive and what each method made of it."""
+    """One experiment and what each method made of it.
+
+    Attributes
+    ----------
+    experiment : DriveExperiment
+        What was done.
+    log : Simulation
+        The scans of the first seed, for the figures.
+    results : dict of str to tuple of ScenarioResult
+        For each method one result a seed.
+    people_shares : tuple of float
+        Share of the beams that hit people, for each seed.
+    """
 
     experiment: DriveExperiment
     log: Simulation
-    results: dict[str, ScenarioResult]
+    results: dict[str, tuple[ScenarioResult, ...]]
+    people_shares: tuple[float, ...]
+
+    @property
+    def first(self) -> dict[str, ScenarioResult]:
+        """The results of the first seed."""
+        return {method: results[0] for method, results in self.results.items()}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,11 +91,11 @@ class Experiments:
     seed : int
         Seed of everything.
     is_quick : bool
-        Whether they were cut short: a tenth of the runs, a quarter of the scans.
-    random_transforms : dict of (what moved, share of people) to RandomTransformRuns
-        Experiment 1; empty where only logs were asked for.
+        Whether they were cut short: ten runs, one seed, a quarter of the scans.
+    random_transforms : dict of RandomTransformCondition to (RandomTransformRuns, RandomTransformRuns)
+        Experiment 1 by cfsma, as printed and with its consistency test; empty where only logs were asked for.
     drives : tuple of ScenarioComparison
-        Experiments 2, 3 and 4; empty likewise.
+        Experiments 2, 3 and 4, each under both conditions; empty likewise.
     n_parameters : dict of str to int
         Table VI: parameters of each method, counted from its configuration.
     logs : tuple of LogEvaluation
@@ -70,7 +104,7 @@ class Experiments:
 
     seed: int
     is_quick: bool
-    random_transforms: dict[tuple[Moves, float], RandomTransformRuns]
+    random_transforms: dict[RandomTransformCondition, TransformResult]
     drives: tuple[ScenarioComparison, ...]
     n_parameters: dict[str, int]
     logs: tuple[LogEvaluation, ...]
@@ -102,7 +136,7 @@ def run_experiments(
     only_logs : bool
         Leave out what is simulated.
     is_quick : bool
-        A tenth of the runs and a quarter of the scans, to see that all works.
+        Ten runs, one seed and a quarter of the scans, to see that all works.
     seed : int
         The same seed gives the same numbers to the last digit, times aside.
     progress : callable
@@ -116,26 +150,34 @@ def run_experiments(
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
     owned = assign_relations(logs, relations)
-    n_runs, share = (100, 0.25) if is_quick else (1000, 1.0)
-    random_transforms = {
-        (moves, people_share): run_random_transforms(
-            moves=moves,
+    share = 0.25 if is_quick else 1.0
+    n_methods = len(methods) + ("cfsma" in methods)
+    random_transforms = {}
+    for k, condition in enumerate(() if only_logs else CONDITIONS):
+        n_runs = 2 * N_BATCHES if is_quick else N_RUNS[k >= N_PAPER_CONDITIONS]
+        plain, consistent = run_random_transforms(
+            condition,
             n_runs=n_runs,
-            people_share=people_share,
             seed=seed,
-            on_run=progress(f"experiment 1, {100 * people_share:.0f} % people", n_runs),
+            configs=(None, CfSmaConfig(consistency=True)),
+            on_run=progress(f"experiment 1, {condition.title}", n_runs),
         )
-        for moves, people_share in (() if only_logs else VARIANTS)
-    }
+        random_transforms[condition] = plain, consistent
     drives = []
     for experiment in () if only_logs else DRIVES:
-        log = experiment.simulate(seed=seed, share=share)
+        n_seeds = 1 if is_quick else N_SEEDS[experiment.condition]
         advance = progress(
-            f"experiment {experiment.number}, {experiment.title}", len(log) * len(methods)
+            f"experiment {experiment.name}, {experiment.title}",
+            max(int(experiment.n_scans * share), 2) * n_methods * n_seeds,
         )
+        logs_of_seeds = [experiment.simulate(seed=seed + k, share=share) for k in range(n_seeds)]
+        by_seed = [_run_all(log, methods, advance) for log in logs_of_seeds]
         drives.append(
             ScenarioComparison(
-                experiment=experiment, log=log, results=run_drive(log, methods, on_step=advance)
+                experiment=experiment,
+                log=logs_of_seeds[0],
+                results={m: tuple(one[m] for one in by_seed) for m in by_seed[0]},
+                people_shares=tuple(float(log.is_person.mean()) for log in logs_of_seeds),
             )
         )
     judged = [
@@ -157,6 +199,19 @@ def run_experiments(
         n_parameters={method: count_parameters(find_matcher(method).config) for method in methods},
         logs=tuple(judged),
     )
+
+
+def _run_all(
+    log: Simulation, methods: Sequence[str], on_step: Callable[..., None]
+) -> dict[str, ScenarioResult]:
+    """Return what each method makes of the scans, and cfsma with its consistency test as CONSISTENT."""
+    results = run_scenario(log, methods, configs=PAPER_CONFIGS, on_step=on_step)
+    if "cfsma" in methods:
+        configs: dict[str, MatcherConfig] = {"cfsma": CfSmaConfig(consistency=True)}
+        results[CONSISTENT] = run_scenario(log, ["cfsma"], configs=configs, on_step=on_step)[
+            "cfsma"
+        ]
+    return results
 
 
 def count_parameters(config: object) -> int:

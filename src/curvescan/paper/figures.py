@@ -6,33 +6,57 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan.mapping.occupied_cells import occupied_cells
+from curvescan import se2
+from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.mapping.run_maps import build_maps
 from curvescan.paper.experiments import ScenarioComparison
-from curvescan.paper.random_transform import SUCCESS, Moves, RandomTransformRuns
-from curvescan.plots.canvas import DARK, FAILED, PATH, TRUTH, as_place, drawing, segment_colour
+from curvescan.paper.random_transform import (
+    SUCCESS,
+    RandomTransformCondition,
+    TransformResult,
+)
+from curvescan.plots.canvas import (
+    DARK,
+    FAILED,
+    GREY,
+    LIGHT,
+    PATH,
+    TRUTH,
+    as_place,
+    drawing,
+    segment_colour,
+)
 from curvescan.plots.map import draw_map, from_first
 
 
-def draw_errors(path: Path, all_runs: dict[tuple[Moves, float], RandomTransformRuns]) -> None:
+def draw_errors(
+    path: Path,
+    all_runs: dict[RandomTransformCondition, TransformResult],
+) -> None:
     """Save the histograms of the errors of experiment 1."""
     with drawing(path, 11.0, 4.5) as figure:
         left, right = figure.subplots(1, 2)
-        for k, ((moves, share), runs) in enumerate(all_runs.items()):
+        for k, (condition, (runs, _)) in enumerate(all_runs.items()):
             style = {"histtype": "step", "color": segment_colour(k), "lw": 1.3}
-            label = f"the {moves} moved, {100 * share:.0f} % people"
             for axes, errors, limits in (
                 (left, runs.translation_error, np.geomspace(1e-3, 10.0, 31)),
                 (right, np.degrees(runs.rotation_error), np.geomspace(1e-2, 180.0, 31)),
             ):
                 known = errors[~np.isnan(errors)]
-                axes.hist(np.clip(known, limits[0], limits[-1]), bins=limits, label=label, **style)
+                weights = np.full(known.size, 100.0 / errors.size)
+                axes.hist(
+                    np.clip(known, limits[0], limits[-1]),
+                    bins=limits,
+                    label=condition.title,
+                    weights=weights,
+                    **style,
+                )
         for axes, limit, name in (
             (left, SUCCESS[0], "translation error [m]"),
             (right, np.degrees(SUCCESS[1]), "rotation error [deg]"),
         ):
             axes.axvline(limit, color=PATH, ls="--", lw=0.9)
-            axes.set(xscale="log", xlabel=name, ylabel="runs")
+            axes.set(xscale="log", xlabel=name, ylabel="runs [%]")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
@@ -45,7 +69,7 @@ def draw_maps(path: Path, drive: ScenarioComparison) -> None:
         places = np.ravel(figure.subplots(n_rows, n_columns, squeeze=False))
         for axes in places:
             axes.axis("off")
-        for axes, (method, result) in zip(places, drive.results.items(), strict=False):
+        for axes, (method, result) in zip(places, drive.first.items(), strict=False):
             axes.axis("on")
             poses = result.run.trajectory.poses
             axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0.0)
@@ -64,7 +88,7 @@ def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
     truth = from_first(drive.log.truth.poses)
     with drawing(path, 9.0, 7.0) as figure:
         axes = figure.subplots()
-        for k, (method, result) in enumerate(drive.results.items()):
+        for k, (method, result) in enumerate(drive.first.items()):
             x, y = result.run.trajectory.poses[:, :2].T
             axes.plot(x, y, color=segment_colour(k), lw=1.1, label=method)
         axes.plot(*truth[:, :2].T, "--", color="black", lw=1.4, label="truth")
@@ -75,14 +99,63 @@ def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
         figure.legend(loc="outside lower center", ncols=5)
 
 
-def draw_drive_map(path: Path, drive: ScenarioComparison, method: str) -> None:
-    """Save the map of one method over the map from wheel odometry (figure 7), moved readings in grey (figure 9a)."""
-    run = drive.results[method].run
+def draw_overlay(path: Path, drive: ScenarioComparison, method: str) -> None:
+    """Save the map of one method over the map from wheel odometry (figure 7b)."""
+    run = drive.first[method].run
     draw_map(
         path,
         run,
         build_maps(drive.log, run.trajectory.poses, run.is_joined),
         title=f"experiment {drive.experiment.number}, {method}",
-        wheels=None if drive.experiment.n_people else drive.log,
+        wheels=drive.log,
         truth=drive.log.truth.poses,
     )
+
+
+def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:
+    """Save the way of one method about its start and its end, with the true one (figure 7c)."""
+    truth = from_first(drive.log.truth.poses)
+    run = drive.first[method].run
+    poses, failed = run.trajectory.poses, run.is_failed
+    with drawing(path, 7.0, 7.0) as figure:
+        axes = figure.subplots()
+        axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=1.0, label="truth")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label=method)
+        axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=4.0, label="match failed")
+        axes.plot(0.0, 0.0, "o", color="white", mec=DARK, ms=8.0, label="start")
+        axes.plot(*truth[-1, :2], "s", color="white", mec=TRUTH, ms=8.0, label="true end")
+        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, ms=8.0, label=f"end by {method}")
+        as_place(axes, f"experiment {drive.experiment.number}, {method}")
+        axes.set_aspect("equal", adjustable="datalim")
+        figure.legend(loc="outside lower center", ncols=3)
+
+
+def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
+    """Save the map of what one method matched (dark) and what it left unmatched (grey): figure 9a."""
+    result = drive.first[method]
+    poses = result.run.trajectory.poses
+    matched, unmatched, people = (OccupiedCells(0.05) for _ in range(3))
+    for k, pose in enumerate(poses):
+        scan, left = drive.log[k], result.is_discarded[k]
+        for cells, readings in (
+            (matched, scan.valid & ~left),
+            (unmatched, left & ~drive.log.is_person[k]),
+            (people, left & drive.log.is_person[k]),
+        ):
+            cells.add(se2.transform(pose, scan.points[readings]))
+    with drawing(path, 9.0, 8.0) as figure:
+        axes = figure.subplots()
+        for cells, colour, label in (
+            (unmatched, GREY, f"left unmatched by {method}"),
+            (people, LIGHT, f"left unmatched by {method}: people"),
+            (matched, DARK, f"matched by {method}"),
+        ):
+            axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0.0)
+            axes.plot([], [], "s", color=colour, ms=4.0, label=label)
+        axes.plot(
+            *from_first(drive.log.truth.poses)[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth"
+        )
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label=method)
+        as_place(axes, f"experiment {drive.experiment.number}, {method}")
+        axes.set_aspect("equal", adjustable="datalim")
+        figure.legend(loc="outside lower center", ncols=3)

@@ -1,4 +1,4 @@
-"""Planes and corners, from which the paper found its parameters (section 4)."""
+"""Planes and corners, from which the paper found its parameters (the paper's section 3.1)."""
 
 from __future__ import annotations
 

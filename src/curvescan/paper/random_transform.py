@@ -1,14 +1,14 @@
-"""The paper's experiment 1: a scan moved by a random transform, a thousand times (section 5).
+"""The paper's experiment 1: a scan moved by a random transform, a thousand times (its section 3.2).
 
-As the paper has it, both scans are taken from the same place, differ by noise and by people, and the second is
-moved on paper. A robot's scans are taken from two places, where surfaces hide and show and are sampled anew:
-that is the harder variant, ``moves="sensor"``.
+As the paper has it, both scans are taken from the same place, differ by noise and by the people who walked on between
+them, and the second is moved on paper. Harder variants stand beside it: more noise, other people at other places in the
+second scan, and a sensor that is moved itself, so that surfaces hide and show and are sampled anew.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -18,7 +18,8 @@ from curvescan import se2
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.matcher import CfSmaMatcher
 from curvescan.matchers.result import Outcome
-from curvescan.simulation import simulate_pairs
+from curvescan.scan import LaserScan
+from curvescan.simulation import simulate, simulate_pairs
 from curvescan.types import Bools, Floats, Ints, Pose
 
 TRANSLATION_MEAN, TRANSLATION_STD = 0.100, 0.050
@@ -30,12 +31,61 @@ ROTATION_MEAN, ROTATION_STD = np.radians(15.0), np.radians(5.0)
 SUCCESS = (0.1, np.radians(2.0))
 """A match counts as right within this translation, metres, and rotation, radians."""
 
+N_BATCHES = 5
+"""Seeds the runs of a condition are spread over; what differs between them is the spread told of."""
 
 Moves: TypeAlias = Literal["scan", "sensor"]
 """What is moved by the random transform: the points of the second scan, or the sensor that takes it."""
 
-VARIANTS: tuple[tuple[Moves, float], ...] = (("scan", 0.0), ("scan", 0.15), ("sensor", 0.0))
-"""What is moved, and the share of beams that hit people: the paper's two variants, and the robot's."""
+
+@dataclass(frozen=True, kw_only=True)
+class RandomTransformCondition:
+    """Circumstances of experiment 1.
+
+    Attributes
+    ----------
+    title : str
+        What they are.
+    sensor : str
+        Name of the simulated sensor.
+    moves : {"scan", "sensor"}
+        The paper's variant, both scans from one place and the points of the second moved; or the robot's, the
+        second scan taken from the other place.
+    n_walkers : int
+        People who walk on between the two scans, a sweep's period apart.
+    people_share : float
+        Share of the beams, 0 to 1, that hit people who stand at other places in each of the two scans.
+    is_one_place : bool
+        Whether all runs of a seed are at one place of one world; else each has a world of its own.
+    """
+
+    title: str
+    sensor: str = "sick-lms200-5mm"
+    moves: Moves = "scan"
+    n_walkers: int = 0
+    people_share: float = 0.0
+    is_one_place: bool = False
+
+
+CONDITIONS: tuple[RandomTransformCondition, ...] = (
+    RandomTransformCondition(title="5 mm, one place a seed", is_one_place=True),
+    RandomTransformCondition(
+        title="5 mm, one place a seed, 3 walkers", n_walkers=3, is_one_place=True
+    ),
+    RandomTransformCondition(title="5 mm"),
+    RandomTransformCondition(title="5 mm, 3 walkers", n_walkers=3),
+    RandomTransformCondition(title="10 mm", sensor="sick-lms200"),
+    RandomTransformCondition(title="5 mm, 15 % of beams on other people", people_share=0.15),
+    RandomTransformCondition(
+        title="10 mm, 15 % of beams on other people", sensor="sick-lms200", people_share=0.15
+    ),
+    RandomTransformCondition(title="5 mm, the sensor moved", moves="sensor"),
+    RandomTransformCondition(title="10 mm, the sensor moved", sensor="sick-lms200", moves="sensor"),
+)
+"""The paper's conditions first: a real LMS200's noise and few people; then harder ones."""
+
+N_PAPER_CONDITIONS = 4
+"""The first of CONDITIONS, which are the paper's."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,11 +100,14 @@ class RandomTransformRuns:
         Matched pairs of readings N_t; 0 where the match failed.
     failures : dict of Outcome to int
         Failed runs by reason, most frequent first.
+    batch : (n,) int64
+        Which seed each run belongs to, from 0.
     """
 
     errors: Floats
     n_matched: Ints
     failures: dict[Outcome, int]
+    batch: Ints
 
     @property
     def translation_error(self) -> Floats:
@@ -82,6 +135,35 @@ class RandomTransformRuns:
         """Share of all runs that ended within SUCCESS of the truth, 0 to 1."""
         return float(np.mean(self.is_right))
 
+    @property
+    def right_spread(self) -> float:
+        """Standard deviation of that share from seed to seed."""
+        return float(np.std([self.is_right[self.batch == b].mean() for b in np.unique(self.batch)]))
+
+    @property
+    def mean_of_right(self) -> Floats:
+        """(3,) mean absolute errors of x, y, theta of the right runs; NaN without any."""
+        return _mean_or_nan(self.errors[self.is_right])
+
+    @property
+    def mean_of_all(self) -> Floats:
+        """(3,) the same of all runs that gave a pose, right or wrong, which is what the paper prints."""
+        return _mean_or_nan(self.errors[~np.isnan(self.errors[:, 0])])
+
+    @property
+    def mean_n_matched(self) -> float:
+        """Mean N_t of the runs that gave a pose; NaN without any."""
+        return float(_mean_or_nan(self.n_matched[self.n_matched > 0, np.newaxis])[0])
+
+
+TransformResult: TypeAlias = tuple[RandomTransformRuns, RandomTransformRuns]
+"""Experiment 1 under one condition: by cfsma as printed, and with its consistency test."""
+
+
+def _mean_or_nan(rows: Floats | Ints) -> Floats:
+    mean: Floats = rows.mean(axis=0) if len(rows) else np.full(rows.shape[1], np.nan)
+    return mean
+
 
 def random_transforms(n: int, rng: np.random.Generator) -> Pose:
     """Return (n, 3) random poses of the paper's spread, each component of either sign."""
@@ -95,60 +177,134 @@ def random_transforms(n: int, rng: np.random.Generator) -> Pose:
     return poses
 
 
-def run_random_transforms(
-    *,
-    moves: Moves = "scan",
-    n_runs: int = 1000,
-    world: str = "office",
-    people_share: float = 0.0,
-    seed: int = 0,
-    config: CfSmaConfig | None = None,
-    on_run: Callable[[], None] | None = None,
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TransformedPair:
+    """Two scans of experiment 1 and the true pose of the second, once moved, in the first."""
+
+    reference: LaserScan
+    current: LaserScan
+    pose: Pose
+
+
+def transformed_pairs(
+    condition: RandomTransformCondition, n_pairs: int, seed: int, *, world: str = "office"
+) -> Iterator[TransformedPair]:
+    """Yield the scan pairs of one seed; where the scan is moved, that is left to :func:`match_transformed`."""
+    transforms = random_transforms(n_pairs, np.random.default_rng(seed))
+    motions = transforms if condition.moves == "sensor" else np.zeros_like(transforms)
+    pairs = simulate_pairs(
+        world,
+        sensor=condition.sensor,
+        motions=motions,
+        people_share=condition.people_share,
+        seed=seed,
+    )
+    first = pairs[0] if condition.is_one_place else None
+    for k, pose in enumerate(transforms):
+        pair = first or pairs[k]
+        if first is None and condition.n_walkers == 0:
+            yield TransformedPair(reference=pair.reference, current=pair.current, pose=pose)
+            continue
+        log = simulate(
+            pair.world,
+            sensor=condition.sensor,
+            poses=np.array([pair.reference_pose, pair.reference_pose]),
+            n_people=condition.n_walkers,
+            odometry_noise=None,
+            seed=1_000_003 * (seed + 1) + k,
+        )
+        yield TransformedPair(reference=log[0], current=log[1], pose=pose)
+
+
+def match_transformed(
+    pairs: list[TransformedPair], moves: Moves, config: CfSmaConfig | None = None, batch: int = 0
 ) -> RandomTransformRuns:
-    """Return the errors of CF-SMA over random transforms, each in a fresh world.
+    """Return the errors of CF-SMA on pairs; with `moves` "scan" the current points are moved first.
 
     Parameters
     ----------
+    pairs : list of TransformedPair
+        Of :func:`transformed_pairs`.
     moves : {"scan", "sensor"}
-        The paper's variant: both scans from one place, the points of the second moved. Or the robot's: the
-        second scan taken from the other place.
-    n_runs : int
-        Number of pairs.
-    world : str
-        Name of a simulated world; another one of its kind is built for each run.
-    people_share : float
-        Share of the beams that hit people who differ between the scans, 0 to 1.
-    seed : int
-        The same seed gives the same numbers to the last digit.
+        What the pairs were made for.
     config : CfSmaConfig or None
         None for the defaults.
-    on_run : callable or None
-        Called after each run, for a progress bar say.
+    batch : int
+        Number that the runs carry.
     """
     matcher = CfSmaMatcher(config or CfSmaConfig())
-    transforms = random_transforms(n_runs, np.random.default_rng(seed))
-    true_motions = transforms if moves == "sensor" else np.zeros_like(transforms)
-    errors = np.full((n_runs, 3), np.nan)
-    n_matched = np.zeros(n_runs, dtype=np.int64)
+    errors = np.full((len(pairs), 3), np.nan)
+    n_matched = np.zeros(len(pairs), dtype=np.int64)
     failures: Counter[Outcome] = Counter()
-    pairs = simulate_pairs(
-        world, n_pairs=n_runs, motions=true_motions, people_share=people_share, seed=seed
-    )
-    for run, (pair, pose) in enumerate(zip(pairs, transforms, strict=True)):
+    for run, pair in enumerate(pairs):
         reference, current = matcher.prepare(pair.reference), matcher.prepare(pair.current)
         if moves == "scan":
-            moved = se2.transform(se2.inverse(pose), current.points)
+            moved = se2.transform(se2.inverse(pair.pose), current.points)
             current = replace(current, points=moved)
         result = matcher.match(reference, current, None)
         if result.ok:
-            errors[run] = np.abs(se2.between(pose, result.pose))
+            errors[run] = np.abs(se2.between(pair.pose, result.pose))
             n_matched[run] = result.n_matched
         else:
             failures[result.outcome] += 1
-        if on_run:
-            on_run()
     return RandomTransformRuns(
         errors=errors,
         n_matched=n_matched,
         failures=dict(failures.most_common()),
+        batch=np.full(len(pairs), batch),
+    )
+
+
+def run_random_transforms(
+    condition: RandomTransformCondition = CONDITIONS[2],
+    *,
+    n_runs: int = 1000,
+    world: str = "office",
+    seed: int = 0,
+    configs: tuple[CfSmaConfig | None, ...] = (None,),
+    on_run: Callable[[], None] | None = None,
+) -> tuple[RandomTransformRuns, ...]:
+    """Return the errors of CF-SMA over random transforms, spread over N_BATCHES seeds.
+
+    Parameters
+    ----------
+    condition : RandomTransformCondition
+        Under which circumstances.
+    n_runs : int
+        Number of pairs, a multiple of N_BATCHES.
+    world : str
+        Name of a simulated world.
+    seed : int
+        The first of the seeds; the same seed gives the same numbers to the last digit.
+    configs : tuple of CfSmaConfig or None
+        Each runs on the same pairs; None for the defaults.
+    on_run : callable or None
+        Called after each pair, for a progress bar say.
+
+    Returns
+    -------
+    tuple of RandomTransformRuns
+        One for each of `configs`.
+    """
+    batches: list[list[RandomTransformRuns]] = [[] for _ in configs]
+    for b in range(N_BATCHES):
+        pairs = []
+        for pair in transformed_pairs(condition, n_runs // N_BATCHES, seed + b, world=world):
+            pairs.append(pair)
+            if on_run:
+                on_run()
+        for one, config in zip(batches, configs, strict=True):
+            one.append(match_transformed(pairs, condition.moves, config, b))
+    return tuple(_joined(one) for one in batches)
+
+
+def _joined(batches: list[RandomTransformRuns]) -> RandomTransformRuns:
+    failures: Counter[Outcome] = Counter()
+    for one in batches:
+        failures.update(one.failures)
+    return RandomTransformRuns(
+        errors=np.concatenate([one.errors for one in batches]),
+        n_matched=np.concatenate([one.n_matched for one in batches]),
+        failures=dict(failures.most_common()),
+        batch=np.concatenate([one.batch for one in batches]),
     )

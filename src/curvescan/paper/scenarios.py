@@ -1,21 +1,35 @@
-"""The paper's experiments 2, 3 and 4: drives of a robot, every method on the same scans (section 5)."""
+"""The paper's experiments 2, 3 and 4: runs of a robot, every method on the same scans (its sections 3.2 and 3.3).
+
+Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to the
+next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to 17
+degrees, a crowd.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from types import MappingProxyType
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
 from curvescan.mapping.dynamic import dynamic_along
+from curvescan.matchers import MatchResult
+from curvescan.matchers.baselines.iteration import IterationTrace
+from curvescan.matchers.registry import MatcherConfig
+from curvescan.matchers.result import Label
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
+from curvescan.paper.lu_milios import lu_milios_covariance
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import Drive, Simulation, simulate
-from curvescan.types import Floats, Pose
+from curvescan.types import Bools, Floats, Pose
+
+Condition: TypeAlias = Literal["paper", "hard"]
+"""Under which conditions an experiment is done."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +47,11 @@ class DriveExperiment:
     n_people : int
         People walking around the robot.
     drive : Drive
-        How the robot drives: so that the scans span the paper's path.
+        How the robot drives.
+    condition : {"paper", "hard"}
+        Under which conditions.
+    sensor : str
+        Name of the simulated sensor.
     path : {"route", "home"}
         "route", once along a building's corridors, or "home", small moves about the start and back.
     """
@@ -43,13 +61,20 @@ class DriveExperiment:
     n_scans: int
     n_people: int
     drive: Drive
+    condition: Condition
+    sensor: str
     path: Literal["route", "home"]
+
+    @property
+    def name(self) -> str:
+        """For files and records: "3" under the paper's conditions, "3_hard" under the others."""
+        return f"{self.number}" + ("_hard" if self.condition == "hard" else "")
 
     def simulate(self, *, seed: int = 0, share: float = 1.0) -> Simulation:
         """Return the drive, or its first `share`."""
         return simulate(
             "office-floor",  # a round room would hide the heading from every laser
-            sensor="sick-lms200",
+            sensor=self.sensor,
             n_scans=max(int(self.n_scans * share), 2),
             n_people=self.n_people,
             path=self.path,
@@ -58,25 +83,52 @@ class DriveExperiment:
         )
 
 
-RETURN_HOME = DriveExperiment(
-    number=2, title="return home", n_scans=1100, n_people=0, drive=Drive(speed=0.3), path="home"
+def _experiment(
+    number: int, drives: dict[Condition, Drive], n_people: dict[Condition, int]
+) -> tuple[DriveExperiment, ...]:
+    title, n_scans = {
+        2: ("return home", 1100),
+        3: ("static comparison", 325),
+        4: ("dynamic comparison", 525),
+    }[number]
+    return tuple(
+        DriveExperiment(
+            number=number,
+            title=title,
+            n_scans=n_scans,
+            n_people=n_people.get(condition, 0),
+            drive=drive,
+            condition=condition,
+            sensor=_SENSORS[condition],
+            path="home" if number == 2 else "route",
+        )
+        for condition, drive in drives.items()
+    )
+
+
+_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
+_GENTLE = math.radians(4.0) / 0.2  # rad/s: 4 degrees from a scan to the next
+
+DRIVES: tuple[DriveExperiment, ...] = (
+    *_experiment(2, {"paper": Drive(speed=0.3, turn_rate=_GENTLE), "hard": Drive(speed=0.3)}, {}),
+    *_experiment(
+        3,
+        {
+            "paper": Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0),
+            "hard": Drive(speed=1.25, turn_rate=1.5, acceleration=2.0),
+        },
+        {},
+    ),
+    *_experiment(
+        4,
+        {
+            "paper": Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5),
+            "hard": Drive(speed=0.95, turn_rate=1.5, acceleration=1.5),
+        },
+        {"paper": 3, "hard": 20},
+    ),
 )
-STATIC = DriveExperiment(
-    number=3,
-    title="static comparison",
-    n_scans=325,
-    n_people=0,
-    drive=Drive(speed=1.25, turn_rate=1.5, acceleration=2.0),
-    path="route",
-)
-DYNAMIC = DriveExperiment(
-    number=4,
-    title="dynamic comparison",
-    n_scans=525,
-    n_people=20,
-    drive=Drive(speed=0.95, turn_rate=1.5, acceleration=1.5),
-    path="route",
-)
+"""Experiments 2 to 4, each under the paper's conditions and under hard ones, with the paper's numbers of scans."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,9 +185,37 @@ class MovedScore:
         return self.n_right / self.n_true if self.n_true else math.nan
 
 
+@dataclass(frozen=True, kw_only=True)
+class DiscardScore:
+    """What a matcher's own discarding made of readings of people, and of all others; steps that failed left out.
+
+    Attributes
+    ----------
+    n_people, n_people_matched : int
+        Readings of people in the current scans, and those of them that the pose stands on.
+    n_static, n_static_matched : int
+        The same of all other readings.
+    """
+
+    n_people: int
+    n_people_matched: int
+    n_static: int
+    n_static_matched: int
+
+    @property
+    def people_matched(self) -> float:
+        """Matched readings that are people, of all readings that are; NaN without any."""
+        return self.n_people_matched / self.n_people if self.n_people else math.nan
+
+    @property
+    def static_matched(self) -> float:
+        """Matched readings of what stands still, of all of these; NaN without any."""
+        return self.n_static_matched / self.n_static if self.n_static else math.nan
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScenarioResult:
-    """How one method did on one drive.
+    """How one method did on one run of the robot.
 
     Attributes
     ----------
@@ -145,63 +225,129 @@ class ScenarioResult:
         Against the true poses.
     variances : (m, 3) float64
         Diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2.
+    lu_milios : (m, 3) float64
+        The same by eq. 16 for every method, as the paper's tables have it.
     moved : MovedScore
-        How well moving readings are told under its poses.
+        Dynamic readings found by free-space violation under its poses.
+    discarded : DiscardScore
+        Dynamic readings by what the matcher itself leaves unmatched.
     lost : LostSteps
         The steps at which it lost its way.
+    end_unrefused : float
+        Error of the end pose, metres, were the poses taken that a method had but refused (not converged, not
+        constrained), as programs without such checks do.
+    is_discarded : (n_scans, n_beams) bool
+        Readings that the matcher left unmatched; False where the match failed.
     """
 
     run: OdometryRun
     errors: TrajectoryErrors
     variances: Floats
+    lu_milios: Floats
     moved: MovedScore
-
+    discarded: DiscardScore
     lost: LostSteps
+    end_unrefused: float
+    is_discarded: Bools
 
     @property
     def n_failed(self) -> int:
         """Number of matches without a pose."""
         return sum(self.run.failures.values())
 
+    @property
+    def right_share(self) -> float:
+        """Share of the steps within 0.1 m and 2 degrees of the truth, 0 to 1."""
+        n_steps = len(self.run.outcomes) - 1
+        return 1.0 - (self.lost.n_failed + self.lost.n_wrong) / n_steps
 
-def run_drive(
+
+def run_scenario(
     log: Simulation,
     methods: Sequence[str],
     *,
+    configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
     on_step: Callable[[OdometryStep], None] | None = None,
 ) -> dict[str, ScenarioResult]:
-    """Return what each method makes of the same drive, scan to scan, with its default parameters.
+    """Return what each method makes of the same scans, scan to scan.
 
     Parameters
     ----------
     log : Simulation
-        The drive.
+        The run of the robot.
     methods : sequence of str
         Names of matchers.
+    configs : mapping of str to config
+        Parameters of the methods that shall not have their defaults.
     on_step : callable or None
         Called after each scan of each method.
     """
-    return {method: _run_one(log, method, on_step) for method in methods}
+    return {method: _run_one(log, method, configs.get(method), on_step) for method in methods}
 
 
 def _run_one(
-    log: Simulation, method: str, on_step: Callable[[OdometryStep], None] | None
+    log: Simulation,
+    method: str,
+    config: MatcherConfig | None,
+    on_step: Callable[[OdometryStep], None] | None,
 ) -> ScenarioResult:
     variances: list[Floats] = []
+    lu_milios: list[Floats] = []
+    motions = np.zeros((len(log), 3))
+    is_matched, is_discarded = np.zeros((2, *log.ranges.shape), dtype=np.bool_)
 
     def collect(step: OdometryStep) -> None:
-        if step.match is not None and step.match.ok:
-            variances.append(np.diag(step.match.covariance))
+        result, k = step.match, step.index
+        if result is not None:
+            motions[k] = _unrefused(result, motions[k - 1])
+        if result is not None and result.ok:
+            variances.append(np.diag(result.covariance))
+            lu_milios.append(np.diag(lu_milios_covariance(log[k - 1], log[k], result)))
+            is_matched[k] = result.labels_current == Label.MATCHED
+            is_discarded[k] = log[k].valid & ~is_matched[k]
         if on_step:
             on_step(step)
 
-    run = run_odometry(log, Odometry(method, config=OdometryConfig.scan_to_scan()), on_step=collect)
+    odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
+    run = run_odometry(log, odometry, on_step=collect)
     return ScenarioResult(
         run=run,
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
         variances=np.array(variances).reshape(-1, 3),
+        lu_milios=np.array(lu_milios).reshape(-1, 3),
         moved=score_moved(log, run),
+        discarded=_score_discarded(log, is_matched, is_discarded),
         lost=find_lost_steps(log.truth.poses, run),
+        end_unrefused=_end_error(log.truth.poses, motions),
+        is_discarded=is_discarded,
+    )
+
+
+def _unrefused(result: MatchResult, last_motion: Pose) -> Pose:
+    """Return the pose of a match, the one that it had and refused, or else the last motion once more."""
+    if result.ok:
+        return result.pose
+    if isinstance(result.trace, IterationTrace):
+        return result.trace.pose
+    return last_motion
+
+
+def _end_error(true_poses: Pose, motions: Pose) -> float:
+    end = se2.identity()
+    for motion in motions[1:]:
+        end = se2.compose(end, motion)
+    off = se2.between(se2.between(true_poses[0], true_poses[-1]), end)
+    return float(np.hypot(off[0], off[1]))
+
+
+def _score_discarded(log: Simulation, is_matched: Bools, is_discarded: Bools) -> DiscardScore:
+    is_known = is_matched | is_discarded
+    people, static = is_known & log.is_person, is_known & ~log.is_person
+    return DiscardScore(
+        n_people=int(np.count_nonzero(people)),
+        n_people_matched=int(np.count_nonzero(people & is_matched)),
+        n_static=int(np.count_nonzero(static)),
+        n_static_matched=int(np.count_nonzero(static & is_matched)),
     )
 
 
@@ -233,7 +379,9 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
 
 
 def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
-    """Return how well the moving readings of a drive are told under the poses of a run."""
+    """Return how well the moving readings of a drive are told under the poses of a run; nothing without people."""
+    if not log.is_person.any():
+        return MovedScore(n_right=0, n_said=0, n_true=0)
     found = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))
     return MovedScore(
         n_right=int(np.count_nonzero(found & log.is_person)),

@@ -8,83 +8,176 @@ import numpy as np
 
 from curvescan.evaluation.real_logs import LogEvaluation
 from curvescan.paper.experiments import ScenarioComparison
-from curvescan.paper.random_transform import SUCCESS, Moves, RandomTransformRuns
+from curvescan.paper.random_transform import (
+    SUCCESS,
+    RandomTransformCondition,
+    TransformResult,
+)
 from curvescan.runs.table import ResultTable
+from curvescan.types import Floats
 
 
 def random_transform_table(
-    all_runs: dict[tuple[Moves, float], RandomTransformRuns],
+    all_runs: dict[RandomTransformCondition, TransformResult],
 ) -> ResultTable:
     """Return a table of experiment 1, beside the paper's figures."""
-    rows = []
-    for (moves, share), runs in all_runs.items():
-        x, y, theta = runs.errors[runs.is_right].mean(axis=0)
-        rows.append(
-            (
-                f"the {moves} moved, {100 * share:.0f} % people",
-                f"{len(runs.errors):,}",
-                f"{1e3 * x:.1f} mm",
-                f"{1e3 * y:.1f} mm",
-                f"{np.degrees(theta):.2f} deg",
-                f"{1e3 * np.nanmedian(runs.translation_error):.1f} mm",
-                f"{runs.n_matched[runs.n_matched > 0].mean():.0f}",
-                f"{100 * runs.failed_share:.1f} %",
-                f"{100 * runs.right_share:.1f} %",
-            )
+    rows = [
+        (
+            condition.title,
+            f"{len(runs.errors):,}",
+            f"{100 * runs.right_share:.1f} ± {100 * runs.right_spread:.1f} %",
+            f"{100 * runs.failed_share:.1f} %",
+            _mean_errors(runs.mean_of_right),
+            _mean_errors(runs.mean_of_all),
+            f"{1e3 * np.nanmedian(runs.translation_error):.1f} mm",
+            _integer(runs.mean_n_matched),
+            f"{100 * consistent.right_share:.1f} ± {100 * consistent.right_spread:.1f} %",
+            _mean_errors(consistent.mean_of_all),
         )
-    rows.append(("paper", "1,000", "12 mm", "22 mm", "lost", "-", "245", "-", "-"))
+        for condition, (runs, consistent) in all_runs.items()
+    ]
+    paper = ("12 mm, 22 mm, lost", "-", "245", "-", "-")
+    rows.append(("paper", "1,000", "-", "-", "-", *paper))
     return ResultTable(
-        title=f"cfsma: mean errors of right matches (within {SUCCESS[0]} m, {np.degrees(SUCCESS[1]):.0f} deg), "
-        "median of all that did not fail",
+        title=f"cfsma: errors of x, y, theta; right is within {SUCCESS[0]} m, {np.degrees(SUCCESS[1]):.0f} deg; "
+        "± is the standard deviation from seed to seed",
         columns=(
             "scans",
             "runs",
-            "mean x",
-            "mean y",
-            "mean theta",
-            "median",
-            "mean N_t",
-            "failed",
             "right",
+            "failed",
+            "mean errors of right",
+            "mean errors of all",
+            "median of all",
+            "mean N_t",
+            "right, with consistency",
+            "mean errors of all, with consistency",
         ),
         rows=rows,
     )
+
+
+def _mean_errors(mean: Floats) -> str:
+    x, y, theta = mean
+    if np.isnan(x):
+        return "-"
+    return f"{1e3 * x:.1f} mm, {1e3 * y:.1f} mm, {np.degrees(theta):.2f} deg"
+
+
+def _integer(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.0f}"
 
 
 def drive_table(drive: ScenarioComparison) -> ResultTable:
-    """Return a table of one drive: every method (Tables II to V of the paper)."""
-    rows = []
-    for method, result in drive.results.items():
-        mean = result.variances.mean(axis=0) if len(result.variances) else np.full(3, np.nan)
-        largest = result.variances.max(axis=0) if len(result.variances) else np.full(3, np.nan)
+    """Return a table of one experiment: accuracy of every method (Tables II and IV of the paper), seed by seed."""
+    rows: list[tuple[str, ...]] = []
+    for method, results in drive.results.items():
         rows.append(
             (
                 method,
-                f"{1e3 * np.median(result.run.seconds):.2f} ms",
-                f"{result.n_failed}",
-                f"{result.errors.end_translation:.3f} m, {np.degrees(result.errors.end_rotation):.2f} deg",
-                f"{100 * result.errors.drift:.2f} %",
-                ", ".join(f"{value:.1e}" for value in mean),
-                ", ".join(f"{value:.1e}" for value in largest),
-                f"{result.moved.precision:.3f}, {result.moved.recall:.3f}"
-                if result.moved.n_true and result.moved.n_said
-                else "-",
+                f"{1e3 * np.median(np.concatenate([r.run.seconds for r in results])):.2f} ms",
+                _by_seed([100 * r.right_share for r in results], ".1f", "%"),
+                _by_seed([r.n_failed for r in results], ".0f", ""),
+                _by_seed([r.errors.end_translation for r in results], ".2f", "m"),
+                _by_seed([float(np.degrees(r.errors.end_rotation)) for r in results], ".1f", "deg"),
+                _by_seed([100 * r.errors.drift for r in results], ".1f", "%"),
+                _by_seed([r.end_unrefused for r in results], ".2f", "m"),
             )
         )
+    rows.append(("paper", *(["entries lost in our copy"] * 7)))
     return ResultTable(
-        title=f"Experiment {drive.experiment.number}: all methods on the same scans, scan to scan",
+        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: all methods on the same "
+        "scans, scan to scan; one figure a seed",
         columns=(
             "method",
             "time a scan",
+            "steps right",
             "failed",
             "end pose error",
+            "in angle",
             "of the path",
-            "mean diagonal of C [m², m², rad²]",
-            "largest diagonal of C",
-            "dynamic readings: precision, recall",
+            "end pose error without refusals",
         ),
         rows=rows,
     )
+
+
+def covariance_table(drive: ScenarioComparison) -> ResultTable:
+    """Return the covariances of one experiment, all seeds (Tables III and V of the paper)."""
+
+    def diagonal(values: Floats) -> str:
+        return ", ".join(f"{value:.1e}" for value in values)
+
+    rows: list[tuple[str, ...]] = []
+    for method, results in drive.results.items():
+        own = np.concatenate([r.variances for r in results])
+        shared = np.concatenate([r.lu_milios for r in results])
+        if len(own):
+            rows.append(
+                (
+                    method,
+                    diagonal(shared.mean(axis=0)),
+                    diagonal(shared.max(axis=0)),
+                    diagonal(own.mean(axis=0)),
+                    diagonal(own.max(axis=0)),
+                )
+            )
+    rows.append(("paper", *["entries lost in our copy"] * 2, "-", "-"))
+    return ResultTable(
+        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: diagonal of the covariance "
+        "[m², m², rad²]",
+        columns=(
+            "method",
+            "by Lu and Milios for all, mean",
+            "largest",
+            "the method's own, mean",
+            "largest",
+        ),
+        rows=rows,
+    )
+
+
+def dynamic_table(drive: ScenarioComparison) -> ResultTable:
+    """Return what became of the readings of people, all seeds."""
+    rows: list[tuple[str, ...]] = []
+    for method, results in drive.results.items():
+        matched, all_people, kept, all_static, right, said, true = np.sum(
+            [
+                (
+                    r.discarded.n_people_matched,
+                    r.discarded.n_people,
+                    r.discarded.n_static_matched,
+                    r.discarded.n_static,
+                    r.moved.n_right,
+                    r.moved.n_said,
+                    r.moved.n_true,
+                )
+                for r in results
+            ],
+            axis=0,
+        )
+        rows.append(
+            (
+                method,
+                f"{100 * matched / max(all_people, 1):.1f} %",
+                f"{100 * kept / max(all_static, 1):.1f} %",
+                f"{right / max(said, 1):.3f}, {right / max(true, 1):.3f}",
+            )
+        )
+    return ResultTable(
+        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: readings of people",
+        columns=(
+            "method",
+            "matched readings that are people, of all readings that are",
+            "matched readings of all others, of these",
+            "dynamic by free-space violation: precision, recall",
+        ),
+        rows=rows,
+    )
+
+
+def _by_seed(values: Sequence[float], form: str, unit: str) -> str:
+    return f"{', '.join(f'{value:{form}}' for value in values)} {unit}".strip()
 
 
 def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:

@@ -133,13 +133,13 @@ def draw_matched(
     after = se2.transform(result.pose, before) if result.ok else None
     shown = [reference, before] + ([] if after is None else [after])
     with drawing_places(path, _with_sensor(np.concatenate(shown)), 2) as (figure, [left, right]):
-        _draw_overlay(left, result, reference, before)
+        draw_overlay(left, result, reference, before)
         as_place(left, "as measured, each scan in its own sensor frame")
         if after is None:
             right.axis("off")
             right.text(0.5, 0.5, result.outcome.value, ha="center", va="center", wrap=True)
         else:
-            _draw_overlay(right, result, reference, after)
+            draw_overlay(right, result, reference, after)
             as_place(right, f"after the match: {result.n_matched} readings matched")
         left.plot([], [], ".", color=DARK, label=f"{names[0]}, matched")
         left.plot([], [], ".", color=PAIRED, label=f"{names[1]}, matched")
@@ -169,7 +169,8 @@ def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
     axes.margins(x=0.01)
 
 
-def _draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
+def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
+    """Draw the points of both scans in one frame on axes: matched ones dark and green, others grey."""
     took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
     axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="took no part")
     axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from numpy.typing import NDArray
 
@@ -33,26 +34,33 @@ def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) 
     title : str
         Drawn above the map.
     """
+    low = grid.origin
+    high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])
+    with drawing_places(path, np.stack([low, high])) as (figure, [axes]):
+        as_place(axes, f"{title}, cells of {grid.resolution:g} m")
+        draw_grid(axes, grid)
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="way of the sensor")
+        figure.legend(loc="outside lower center", ncols=4)
+
+
+def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
+    """Draw the cells of an occupancy map of at least one cell on axes, whose limits become the map's."""
     ranks, side = _merged_ranks(grid)
     left, bottom = grid.origin
     right, top = grid.origin + side * np.array(ranks.shape[::-1])
-    with drawing_places(path, np.array([[left, bottom], [right, top]])) as (figure, [axes]):
-        as_place(axes, f"{title}, cells of {grid.resolution:g} m")
-        axes.grid(visible=False)
-        axes.imshow(
-            ranks,
-            extent=(left, right, bottom, top),
-            origin="lower",
-            cmap=ListedColormap(list(_COLOURS.values())),
-            vmin=0,
-            vmax=2,
-            interpolation_stage="rgba",  # a mean of ranks would be another rank
-        )
-        axes.set(xlim=(left, right), ylim=(bottom, top))
-        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="way of the sensor")
-        for label, colour in _COLOURS.items():
-            axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6.0, label=label)
-        figure.legend(loc="outside lower center", ncols=4)
+    axes.grid(visible=False)
+    axes.imshow(
+        ranks,
+        extent=(left, right, bottom, top),
+        origin="lower",
+        cmap=ListedColormap(list(_COLOURS.values())),
+        vmin=0,
+        vmax=2,
+        interpolation_stage="rgba",  # a mean of ranks would be another rank
+    )
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    for label, colour in _COLOURS.items():
+        axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6.0, label=label)
 
 
 def _merged_ranks(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float]:

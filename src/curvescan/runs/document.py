@@ -26,14 +26,13 @@ def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
     parts : sequence of Part
         In their order.
     """
-    write_markdown(folder / "report.md", parts)
-    body = "".join(_html(folder, part) for part in parts)
-    page = _PAGE.format(title=escape(title), body=body)
+    text = write_markdown(folder / "report.md", parts)
+    page = _PAGE.format(title=escape(title), body=_html(folder, text))
     (folder / "report.html").write_text(page, "utf-8")
 
 
-def write_markdown(path: Path, parts: Sequence[Part]) -> None:
-    """Write a report as Markdown alone.
+def write_markdown(path: Path, parts: Sequence[Part]) -> str:
+    """Write a report as Markdown alone, and return it.
 
     Parameters
     ----------
@@ -42,7 +41,9 @@ def write_markdown(path: Path, parts: Sequence[Part]) -> None:
     parts : sequence of Part
         In their order.
     """
-    path.write_text("\n".join(_markdown(part) for part in parts), "utf-8")
+    text = "\n".join(_markdown(part) for part in parts)
+    path.write_text(text, "utf-8")
+    return text
 
 
 def _markdown(part: Part) -> str:
@@ -53,20 +54,21 @@ def _markdown(part: Part) -> str:
     return f"{part}\n"
 
 
-def _html(folder: Path, part: Part) -> str:
-    if isinstance(part, ResultTable):
-        return part.html()
-    if isinstance(part, tuple):
-        data = base64.b64encode((folder / part[0]).read_bytes()).decode("ascii")
-        caption = escape(part[1])
-        return (
-            f'<figure><img alt="{caption}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{caption}</figcaption></figure>\n"
-        )
-    if part.startswith("#"):
-        level = len(part) - len(part.lstrip("#"))
-        return f"<h{level}>{escape(part.lstrip('# '))}</h{level}>\n"
-    return f"<p>{escape(part)}</p>\n"
+def _html(folder: Path, text: str) -> str:
+    """Return Markdown as HTML, with the figures it names inside."""
+    from markdown_it import MarkdownIt
+
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(text)
+    for token in tokens:
+        for inner in token.children or ():
+            if inner.type == "image":
+                data = (folder / str(inner.attrs["src"])).read_bytes()
+                inner.attrs["src"] = (
+                    f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
+                )
+    html: str = parser.renderer.render(tokens, parser.options, {})
+    return html
 
 
 _PAGE = """<!doctype html>
@@ -77,12 +79,9 @@ _PAGE = """<!doctype html>
 <style>
 body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-size: 13px; }}
-caption {{ text-align: left; font-weight: 600; padding: 0.3rem 0; }}
 th, td {{ border-bottom: 1px solid #ddd; padding: 0.25rem 0.6rem; text-align: right; }}
 th:first-child, td:first-child {{ text-align: left; }}
 img {{ max-width: 100%; }}
-figure {{ margin: 1rem 0; }}
-figcaption {{ color: #555; font-size: 13px; }}
 </style>
 </head>
 <body>

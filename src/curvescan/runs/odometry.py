@@ -127,6 +127,7 @@ def describe_run(
             for outcome, count in run.failures.items()
         },
         "rejected_matches": run.n_rejected,
+        "rejected_odometry": run.n_prior_rejected,
         "milliseconds_per_scan": {
             "median": round(float(median), 4),
             "p99": round(float(p99), 4),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 from curvescan.errors import InvalidArgumentError
 
@@ -42,16 +41,6 @@ class ResultTable:
     def markdown(self) -> str:
         """Return the table as Markdown, with its title as a heading."""
         rule = ["---"] + ["---:"] * (len(self.columns) - 1)
-        lines = [" | ".join(row) for row in (self.columns, rule, *self.rows)]
+        rows = [[entry.replace("|", r"\|") for entry in row] for row in (self.columns, *self.rows)]
+        lines = [" | ".join(row) for row in (rows[0], rule, *rows[1:])]
         return f"### {self.title}\n\n" + "".join(f"| {line} |\n" for line in lines)
-
-    def html(self) -> str:
-        """Return the table as HTML, with its title as a caption."""
-
-        def row(entries: Sequence[str], tag: str) -> str:
-            cells = "".join(f"<{tag}>{escape(entry)}</{tag}>" for entry in entries)
-            return f"<tr>{cells}</tr>\n"
-
-        body = "".join(row(entries, "td") for entries in self.rows)
-        head = row(self.columns, "th")
-        return f"<table><caption>{escape(self.title)}</caption>\n{head}{body}</table>\n"

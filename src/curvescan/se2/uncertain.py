@@ -73,108 +73,119 @@ def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float
     return UncertainPose(pose, cov), distance
 
 
+# Written out element by element: whole-array expressions take seconds to compile.
+
+
 @kernel
-def _sandwich(left: Floats, cov: Cov) -> Cov:
-    """Return left @ cov @ left.T, cov being symmetric."""
+def _add_sandwich(left: Floats, cov: Cov, total: Cov) -> None:
+    """Add left @ cov @ left.T to `total`, cov being symmetric."""
     half = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             for k in range(3):
                 half[i, j] += left[i, k] * cov[k, j]
-    whole = np.zeros((3, 3))
     for i in range(3):
         for j in range(i, 3):  # symmetric to the last bit
+            product = 0.0
             for k in range(3):
-                whole[i, j] += half[i, k] * left[j, k]
-            whole[j, i] = whole[i, j]
-    return whole
+                product += half[i, k] * left[j, k]
+            total[i, j] += product
+            if i != j:
+                total[j, i] += product
 
 
 @kernel
-def _jacobians(pose_ab: Pose, pose_bc: Pose) -> tuple[Floats, Floats]:
-    """Return the derivatives of compose(pose_ab, pose_bc) by either."""
-    c, s = math.cos(pose_ab[2]), math.sin(pose_ab[2])
-    by_first, by_second = np.eye(3), np.eye(3)
-    by_first[0, 2] = -s * pose_bc[0] - c * pose_bc[1]
-    by_first[1, 2] = c * pose_bc[0] - s * pose_bc[1]
-    by_second[0, 0], by_second[0, 1] = c, -s
-    by_second[1, 0], by_second[1, 1] = s, c
-    return by_first, by_second
+def _affine(c: float, s: float, x: float, y: float) -> Floats:
+    """Return the (3, 3) matrix of a rotation by an angle of cosine c and sine s, and a third column (x, y, 1)."""
+    matrix = np.zeros((3, 3))
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = c, -s, x
+    matrix[1, 0], matrix[1, 1], matrix[1, 2] = s, c, y
+    matrix[2, 2] = 1.0
+    return matrix
 
 
 @kernel
 def _compose(pose_ab: Pose, cov_ab: Cov, pose_bc: Pose, cov_bc: Cov) -> tuple[Pose, Cov]:
-    by_first, by_second = _jacobians(pose_ab, pose_bc)
-    pose = np.empty(3)
-    pose[0] = pose_ab[0] + by_second[0, 0] * pose_bc[0] + by_second[0, 1] * pose_bc[1]
-    pose[1] = pose_ab[1] + by_second[1, 0] * pose_bc[0] + by_second[1, 1] * pose_bc[1]
+    c, s = math.cos(pose_ab[2]), math.sin(pose_ab[2])
+    x, y = pose_bc[0], pose_bc[1]
+    pose, cov = np.empty(3), np.zeros((3, 3))
+    pose[0] = pose_ab[0] + c * x + -s * y
+    pose[1] = pose_ab[1] + s * x + c * y
     pose[2] = wrap_angle(pose_ab[2] + pose_bc[2])
-    return pose, _sandwich(by_first, cov_ab) + _sandwich(by_second, cov_bc)
+    _add_sandwich(_affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, cov)
+    _add_sandwich(_affine(c, s, 0.0, 0.0), cov_bc, cov)
+    return pose, cov
 
 
 @kernel
 def _between(pose_ab: Pose, cov_ab: Cov, pose_ac: Pose, cov_ac: Cov) -> tuple[Pose, Cov]:
     c, s = math.cos(pose_ab[2]), math.sin(pose_ab[2])
-    x, y = pose_ac[0] - pose_ab[0], pose_ac[1] - pose_ab[1]
-    pose = np.array([c * x + s * y, -s * x + c * y, wrap_angle(pose_ac[2] - pose_ab[2])])
-    by_first, by_second = _jacobians(pose_ab, pose)
-    rest = cov_ac - _sandwich(by_first, cov_ab)
-    return pose, _sandwich(by_second.T, rest)  # by_second is a rotation
+    dx, dy = pose_ac[0] - pose_ab[0], pose_ac[1] - pose_ab[1]
+    x, y = c * dx + s * dy, -s * dx + c * dy
+    pose, rest, cov = np.empty(3), np.zeros((3, 3)), np.zeros((3, 3))
+    pose[0], pose[1], pose[2] = x, y, wrap_angle(pose_ac[2] - pose_ab[2])
+    _add_sandwich(_affine(1.0, 0.0, -s * x - c * y, c * x - s * y), cov_ab, rest)
+    for i in range(3):
+        for j in range(3):
+            rest[i, j] = cov_ac[i, j] - rest[i, j]
+    _add_sandwich(_affine(c, -s, 0.0, 0.0), rest, cov)
+    return pose, cov
 
 
 @kernel
 def _inverse(pose_ab: Pose, cov_ab: Cov) -> tuple[Pose, Cov]:
     c, s = math.cos(pose_ab[2]), math.sin(pose_ab[2])
     x, y = pose_ab[0], pose_ab[1]
-    pose = np.array([-c * x - s * y, s * x - c * y, wrap_angle(-pose_ab[2])])
-    jacobian = np.array([[-c, -s, s * x - c * y], [s, -c, c * x + s * y], [0.0, 0.0, -1.0]])
-    return pose, _sandwich(jacobian, cov_ab)
+    pose, cov = np.empty(3), np.zeros((3, 3))
+    pose[0], pose[1], pose[2] = -c * x - s * y, s * x - c * y, wrap_angle(-pose_ab[2])
+    jacobian = _affine(-c, s, s * x - c * y, c * x + s * y)
+    jacobian[1, 0], jacobian[0, 1], jacobian[2, 2] = s, -s, -1.0
+    _add_sandwich(jacobian, cov_ab, cov)
+    return pose, cov
 
 
 @kernel
 def _inverse3(m: Cov) -> Cov:
     """Return the inverse of a symmetric positive definite matrix, by cofactors of it scaled to a unit diagonal."""
-    scale = np.empty(3)
-    for i in range(3):
-        scale[i] = 1.0 / math.sqrt(m[i, i])
-    a, b, c = (
-        m[0, 1] * scale[0] * scale[1],
-        m[0, 2] * scale[0] * scale[2],
-        m[1, 2] * scale[1] * scale[2],
-    )
+    x, y, z = 1.0 / math.sqrt(m[0, 0]), 1.0 / math.sqrt(m[1, 1]), 1.0 / math.sqrt(m[2, 2])
+    a, b, c = m[0, 1] * x * y, m[0, 2] * x * z, m[1, 2] * y * z
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     inverse = np.empty((3, 3))
-    inverse[0, 0], inverse[1, 1], inverse[2, 2] = 1.0 - c * c, 1.0 - b * b, 1.0 - a * a
-    inverse[0, 1] = inverse[1, 0] = b * c - a
-    inverse[0, 2] = inverse[2, 0] = a * c - b
-    inverse[1, 2] = inverse[2, 1] = a * b - c
-    for i in range(3):
-        for j in range(3):
-            inverse[i, j] *= scale[i] * scale[j] / determinant
+    inverse[0, 0] = (1.0 - c * c) * (x * x / determinant)
+    inverse[1, 1] = (1.0 - b * b) * (y * y / determinant)
+    inverse[2, 2] = (1.0 - a * a) * (z * z / determinant)
+    inverse[0, 1] = inverse[1, 0] = (b * c - a) * (x * y / determinant)
+    inverse[0, 2] = inverse[2, 0] = (a * c - b) * (x * z / determinant)
+    inverse[1, 2] = inverse[2, 1] = (a * b - c) * (y * z / determinant)
     return inverse
 
 
 @kernel
 def _fuse(pose_1: Pose, cov_1: Cov, pose_2: Pose, cov_2: Cov) -> tuple[Pose, Cov, float]:
-    weight = _inverse3(cov_1 + cov_2)
-    apart = pose_2 - pose_1
+    both = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            both[i, j] = cov_1[i, j] + cov_2[i, j]
+    weight = _inverse3(both)
+    apart, pull, pose = np.empty(3), np.zeros(3), np.empty(3)
+    for i in range(3):
+        pose[i] = pose_1[i]
+        apart[i] = pose_2[i] - pose_1[i]
     apart[2] = wrap_angle(apart[2])
-    pull = np.zeros(3)
+    gain_1, gain_2, cov = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             pull[i] += weight[i, j] * apart[j]
+            for k in range(3):
+                gain_1[i, j] += cov_2[i, k] * weight[k, j]
+                gain_2[i, j] += cov_1[i, k] * weight[k, j]
     distance = 0.0
-    pose = pose_1.copy()
     for i in range(3):
         distance += apart[i] * pull[i]
         for j in range(3):
             pose[i] += cov_1[i, j] * pull[j]
     pose[2] = wrap_angle(pose[2])
     # symmetric and positive whatever rounds: cov_1 W cov_2 W cov_1 + cov_2 W cov_1 W cov_2 (Joseph's form)
-    gain_1, gain_2 = np.zeros((3, 3)), np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                gain_1[i, j] += cov_2[i, k] * weight[k, j]
-                gain_2[i, j] += cov_1[i, k] * weight[k, j]
-    return pose, _sandwich(gain_1, cov_1) + _sandwich(gain_2, cov_2), distance
+    _add_sandwich(gain_1, cov_1, cov)
+    _add_sandwich(gain_2, cov_2, cov)
+    return pose, cov, distance

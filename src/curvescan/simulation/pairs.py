@@ -49,6 +49,10 @@ class ScanPair:
     reference_pose: Pose
     world: World
 
+    def __repr__(self) -> str:
+        x, y, theta = self.pose
+        return f"ScanPair(x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad in {self.world.name})"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPairs(Sequence[ScanPair]):

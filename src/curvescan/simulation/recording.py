@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.simulation.catalogue import build_world
 from curvescan.simulation.motion import drive_home, drive_route
@@ -29,7 +30,7 @@ _DEFAULT_SCANS = 200
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Simulation:
+class Simulation(ScanAccess):
     """A simulated log (:class:`curvescan.io.log.Log`) with its truth.
 
     Attributes
@@ -74,10 +75,12 @@ class Simulation:
         return len(self.ranges)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return (self[i] for i in range(len(self)))
+        return (self._scan_at(i) for i in range(len(self)))
 
-    def __getitem__(self, i: int) -> LaserScan:
-        """Return scan i; negative counts from the end."""
+    def __repr__(self) -> str:
+        return f"Simulation({self.name!r}: {len(self):,} scans of {self.sensor.name} in {self.world.name})"
+
+    def _scan_at(self, i: int) -> LaserScan:
         return as_scan(self.ranges[i], self.sensor, float(self.truth.stamps[i]))
 
 

@@ -57,6 +57,11 @@ class World:
     floor: Points = field(default_factory=lambda: np.empty((0, 2)))
     route: Points = field(default_factory=lambda: np.empty((0, 2)))
 
+    def __repr__(self) -> str:
+        counts = {kind: len(getattr(self, kind)) for kind in ("walls", "boxes", "circles", "arcs")}
+        held = ", ".join(f"{n:,} {kind}" for kind, n in counts.items() if n)
+        return f"World({self.name!r}: {held or 'empty'})"
+
     def __post_init__(self) -> None:
         widths = {"walls": 4, "boxes": 5, "circles": 3, "arcs": 5, "floor": 2, "route": 2}
         for name, width in widths.items():

@@ -200,7 +200,7 @@ def two_lasers(path: Path, kind: str) -> Path:
 
 def test_several_topics_are_listed_with_counts(tmp_path: Path, kind: str) -> None:
     path = two_lasers(tmp_path / "bag", kind)
-    sentence = r"2 topics: /front/scan \(3 scans\), /rear/scan \(2 scans\); choose one with --topic"
+    sentence = r"2 topics: /front/scan \(3 scans\), /rear/scan \(2 scans\); choose one with topic='/front/scan'"
     with pytest.raises(InvalidArgumentError, match=sentence):
         read_log(path)
 
@@ -587,10 +587,10 @@ def test_ros1_bag_of_another_version(tmp_path: Path) -> None:
 
 
 def test_mcap_of_another_profile(tmp_path: Path) -> None:
+    # its channels say how they are encoded; more in test_mcap_profiles.py
     path = storage(write_bag(tmp_path / "bag", "mcap", [scan()]))
     path.write_bytes(path.read_bytes().replace(b"ros2", b"ros9", 1))
-    with pytest.raises(LogFormatError, match="Profile is not ros2"):
-        read_log(path)
+    assert len(read_log(path)) == 1
 
 
 def test_damage_in_the_middle_keeps_what_stands_before(tmp_path: Path) -> None:

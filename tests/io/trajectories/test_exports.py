@@ -12,11 +12,16 @@ from rosbags.typesys import Stores, get_typestore
 
 from curvescan import se2
 from curvescan.cli.main import run
-from curvescan.cli.odometry import FurtherName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.ros.odometry_export import write_odometry_mcap
-from curvescan.io.trajectories.exports import EXPORTS, RunData, takes_edges, write_exports
+from curvescan.io.trajectories.exports import (
+    EXPORTS,
+    ExportName,
+    RunData,
+    takes_edges,
+    write_exports,
+)
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
 from curvescan.odometry import Odometry, run_odometry
@@ -229,7 +234,7 @@ def test_scans_that_no_message_can_say_are_left_out(tmp_path: Path) -> None:
 
 
 def test_tables_name_the_same_files() -> None:
-    assert tuple(EXPORTS) == get_args(FurtherName)
+    assert tuple(EXPORTS) == get_args(ExportName)
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -268,7 +273,7 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
         str(tmp_path / "log.csv"),
         "--out",
         str(out),
-        "--also",
+        "--export",
         "kitti",
         "g2o",
         "mcap",
@@ -287,7 +292,7 @@ def test_the_graph_is_gathered_for_those_that_take_it(
     write_room_log(tmp_path / "log.csv")
     added: list[int] = []
     monkeypatch.setattr(PoseGraph, "add", lambda _, step: added.append(step.index))
-    command = ["odometry", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out"), "--also"]
+    command = ["odometry", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out"), "--export"]
     assert run([*command, "kitti"]) == 0
     assert added == []
     assert run([*command, "kitti", "g2o"]) == 0
@@ -303,7 +308,7 @@ def test_a_file_that_cannot_be_made_costs_no_results(
     log = log_from_arrays([(1.7e12 + k, scan.ranges) for k in range(2)], **beams)
     write_log(tmp_path / "log.csv", log)
     out = tmp_path / "out"
-    assert run(["odometry", str(tmp_path / "log.csv"), "--out", str(out), "--also", "mcap"]) == 1
+    assert run(["odometry", str(tmp_path / "log.csv"), "--out", str(out), "--export", "mcap"]) == 1
     assert "cannot write the stamp 1700000000000.0 s" in capsys.readouterr().err
     names = {path.name for path in out.iterdir()}
     assert {"map.png", "run.json", "trajectory.csv", "trajectory.tum"} <= names

@@ -65,7 +65,7 @@ def test_a_log_stands_for_its_poses(tmp_path):
         ("# x\nstamp,x,y,theta\n1,2,3,east\n", "line 3: a field is not a number"),
         ("a story\n", "holds no poses that can be read"),
         ("1 2 3 4 0 0 0\n", "a TUM line has 8 fields"),
-        ("100.5 99.0 0.1 -0.2 0 0 0 -1.5\n", "it goes to --relations"),
+        ("100.5 99.0 0.1 -0.2 0 0 0 -1.5\n", "read it with read_relations"),
     ],
 )
 def test_what_is_wrong_is_told(tmp_path, text, message):

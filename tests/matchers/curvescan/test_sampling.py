@@ -13,7 +13,7 @@ def test_probes_are_spread_over_the_lengths_of_the_surfaces():
     surfels = one.image.surfels
     step = 1.0 / one.image.azimuth[1]
     samples = choose_samples(surfels, 200)
-    assert samples.shape == (200, 10)
+    assert samples.shape == (200, 11)
     facing = np.abs(np.sum(surfels[:, :2] * surfels[:, 5:7], axis=1)) / surfels[:, 2]
     length = np.clip(surfels[:, 2] * step / np.maximum(facing, 0.1), 0.03, 0.3)
     is_right = surfels[:, 1] < 0
@@ -34,7 +34,7 @@ def test_the_first_probes_are_spread_like_all():
 
 
 def test_surfaces_without_lines_have_no_probes():
-    surfels = np.zeros((5, 10))
+    surfels = np.zeros((5, 11))
     surfels[:, 2], surfels[:, 7] = 1.0, -1.0
     for one in (surfels, surfels[:0]):
-        assert choose_samples(one, 12).shape == (0, 10)
+        assert choose_samples(one, 12).shape == (0, 11)

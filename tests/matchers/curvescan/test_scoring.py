@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import ScoringConfig
-from curvescan.matchers.curvescan.range_image import reading_at
+from curvescan.matchers.curvescan.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.scoring import best_beside, score_pose, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow
@@ -20,18 +20,25 @@ def test_the_score_is_that_of_the_slow_twin(seed):
     ref, cur = pair(seed)
     pose = MOTION + 0.1 * np.random.default_rng(seed).standard_normal(3)
     back = cs.se2.inverse(pose)
-    there = slow.score_samples(
-        cur.image.samples, ref.image, lambda p: reading_at(*p, ref.image), pose, 0.05, 0.01
-    )
-    here = slow.score_samples(
-        ref.image.samples, cur.image, lambda p: reading_at(*p, cur.image), back, 0.05, 0.01
-    )
+    there = slow_score(cur, ref, pose)
+    here = slow_score(ref, cur, back)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     n = len(cur.image.samples)
     one = score_samples(cur.image.samples, 0, n, ref.image, pose[0], pose[1], c, s, 0.05, 0.01)
     assert abs(one - there) < 1e-9
     both = score_pose(pose, ref.image, cur.image, 0.05, 0.01, 64, -1.0)
     assert abs(both - (there + here) / (2 * n)) < 1e-9
+
+
+def slow_score(one, other, pose):
+    image = other.image
+
+    def beside(point):
+        return reading_beside(place_of(*point, image), image, reading_at(*point, image))
+
+    return slow.score_samples(
+        one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01
+    )
 
 
 def test_the_truth_scores_best_and_a_scan_agrees_with_itself():

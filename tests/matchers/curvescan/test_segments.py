@@ -28,6 +28,7 @@ def run_sweep(scan, told_by_angles=False):
         scan.angles if told_by_angles else scan.angles[:0],
         CONFIG.incidence_limit,
         CONFIG.max_gap,
+        CONFIG.jump,
     )
 
 
@@ -52,6 +53,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
         scan.angle_increment,
         CONFIG.incidence_limit,
         CONFIG.max_gap,
+        CONFIG.jump,
     )
     found = [beam_idx[a:b].tolist() for a, b in itertools.pairwise(bounds)]
     assert sorted(found) == sorted([beams[i] for i in group] for group in expected)

@@ -7,7 +7,13 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.surfels import fit_line, fit_surfels, low_quantile, moments
+from curvescan.matchers.curvescan.surfels import (
+    fit_line,
+    fit_lines,
+    fit_surfels,
+    low_quantile,
+    moments,
+)
 from tests.matchers.curvescan.scenes import features
 from tests.matchers.curvescan.test_segments import run_sweep
 from tests.reference import curvescan as slow
@@ -42,8 +48,8 @@ def test_lines_of_a_noise_free_room_are_its_walls():
 def fit(scan):
     _, readings, bounds = run_sweep(scan)
     step = abs(scan.angle_increment)
-    surfels, _, sigma = fit_surfels(readings, bounds, step, CONFIG.arm, CONFIG.range_sigma_min)
-    return surfels, sigma
+    fits, _, sigma = fit_lines(readings, bounds, CONFIG.arm, CONFIG.range_sigma_min)
+    return fit_surfels(readings, fits, step, sigma), sigma
 
 
 @pytest.mark.parametrize("sigma", [0.005, 0.01, 0.015, 0.04])

@@ -21,7 +21,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFormatError
 from curvescan.io.arrays.stream import PoseRow, Record, StreamLog, refuse_topic
-from curvescan.io.files.lines import read_lines
+from curvescan.io.files.lines import LineMark, read_line_at, read_lines
 from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -82,13 +82,22 @@ def open_coreslam(
         When a `topic` is given.
     """
     refuse_topic(path, FORMAT, topic)
-    read = partial(_records, path, RANGE_MAX if range_max is None else range_max)
-    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, notes=_NOTES, mount=MOUNT)
+    limit = RANGE_MAX if range_max is None else range_max
+    read = partial(_records, path, limit)
+    return StreamLog(
+        str(path),
+        name=path.name,
+        kind=FORMAT,
+        read=read,
+        read_one=lambda place: _scan(read_line_at(path, place[0]).split(), limit),
+        notes=_NOTES,
+        mount=MOUNT,
+    )
 
 
 def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Iterator[Record]:
-    wheels = _Wheels()
-    for number, line in read_lines(path, read_errors):
+    wheels, mark = _Wheels(), LineMark()
+    for number, line in read_lines(path, read_errors, mark):
         fields = line.split()
         if not fields:
             continue
@@ -101,7 +110,7 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
                 str(error) if is_ours else "line with a field that is no number", number
             )
             continue
-        yield Record(scan, pose)
+        yield Record(scan, pose, (mark.offset,))
 
 
 def _scan(fields: list[bytes], range_max: float) -> LaserScan:

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import ReadError
+from curvescan.io.log import ReadError, ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
 
-@dataclass(frozen=True, kw_only=True)
-class MemoryLog:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MemoryLog(ScanAccess):
     """Scans in memory; a Log.
 
     Attributes
@@ -46,8 +46,7 @@ class MemoryLog:
     def __iter__(self) -> Iterator[LaserScan]:
         return iter(self.scans)
 
-    def __getitem__(self, i: int) -> LaserScan:
-        """Return scan i; negative counts from the end."""
+    def _scan_at(self, i: int) -> LaserScan:
         return self.scans[i]
 
 

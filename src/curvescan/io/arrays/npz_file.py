@@ -6,11 +6,11 @@ that are there before anything is reserved, and nothing is unpickled. Arrays are
 
 from __future__ import annotations
 
-import ast
 import math
 import shutil
 import struct
 import tempfile
+import warnings
 import weakref
 import zipfile
 import zlib
@@ -21,19 +21,21 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.printable import printable
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20
 _MAX_WHOLE_BYTES = 64 << 20
 _MAX_MEMBERS = 256
 _MAX_HEADER_BYTES = 512
-"""NumPy writes 118 for an array of plain numbers."""
-_MAGIC = b"\x93NUMPY\x01\x00"
+"""NumPy writes 118 for an array of plain numbers; deeply nested text would exhaust Python's parser."""
+_HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
@@ -131,6 +133,18 @@ class NpzFile:
                 yield self._values(data, header.dtype).reshape(n, *rest)
                 n_left -= n
 
+    def row(self, name: str, i: int) -> Floats:
+        """Return row i of an array of two dimensions as float64; what stands before it is skipped."""
+        header = self.headers[name]
+        if header.is_fortran:
+            found: Floats = self.read(name)[i]
+            return found
+        n_bytes = header.dtype.itemsize * header.shape[1]
+        with self._opened() as archive, archive.open(f"{name}.npy") as member:
+            with self._own_errors():
+                member.seek(header.n_bytes + i * n_bytes)
+            return self._values(self._read(member, n_bytes), header.dtype)
+
     def _check_members(self, archive: zipfile.ZipFile) -> None:
         members = archive.infolist()
         if len(members) > _MAX_MEMBERS:
@@ -153,29 +167,34 @@ class NpzFile:
             )
 
     def _header(self, member: IO[bytes], name: str, file_size: int) -> NpyHeader:
-        """Return the header of an array (NumPy's format 1.0), having compared it with the bytes that are there."""
-        magic = self._read(member, 10)
-        if not magic.startswith(_MAGIC):
-            raise self._unreadable(f"array {name!r} does not begin like one that numpy.savez wrote")
-        (n_text,) = struct.unpack("<H", magic[8:])
-        if n_text > _MAX_HEADER_BYTES:  # deeply nested text would exhaust Python's parser
-            raise self._unreadable(f"array {name!r} has a header of {n_text:,} bytes, too many")
-        fields = ast.literal_eval(self._read(member, n_text).decode("latin-1"))
-        shape, dtype = fields["shape"], np.dtype(fields["descr"])
+        """Return the header of an array as NumPy reads it, having compared it with the bytes that are there."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # NumPy warns of headers that Python 2 wrote
+                version = npy.read_magic(member)
+                shape, is_fortran, dtype = _HEADER_READERS[version](
+                    member, max_header_size=_MAX_HEADER_BYTES
+                )
+        except KeyError:
+            raise self._unreadable(
+                f"array {name!r} is of a version of the NPY format that holds no plain numbers"
+            ) from None
+        except ValueError as error:
+            reason = printable(str(error).split("\n")[0], 120)
+            raise self._unreadable(
+                f"array {name!r} does not begin like one that numpy.savez wrote ({reason})"
+            ) from error
         if dtype.kind not in "fiub" or dtype.itemsize > 8 or dtype.subdtype is not None:
             raise self._unreadable(f"array {name!r} must hold plain numbers, got type {dtype}")
-        if not all(isinstance(n, int) and n >= 0 for n in shape) or len(shape) > 2:
+        if not all(n >= 0 for n in shape) or len(shape) > 2:
             raise self._unreadable(f"array {name!r} must have at most two dimensions, got {shape}")
-        n_claimed, n_there = math.prod(shape) * dtype.itemsize, file_size - len(magic) - n_text
+        n_claimed, n_there = math.prod(shape) * dtype.itemsize, file_size - member.tell()
         if n_claimed != n_there:
             raise self._unreadable(
                 f"array {name!r} says that it is {shape} of {dtype}, {n_claimed:,} bytes, and has {n_there:,}"
             )
         return NpyHeader(
-            shape=tuple(shape),
-            dtype=dtype,
-            is_fortran=bool(fields["fortran_order"]),
-            n_bytes=len(magic) + n_text,
+            shape=tuple(shape), dtype=dtype, is_fortran=is_fortran, n_bytes=member.tell()
         )
 
     def _read(self, member: IO[bytes], n_bytes: int) -> bytes:

@@ -74,8 +74,14 @@ def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = 
     refuse_topic(path, FORMAT, topic)
     file = NpzFile(path)
     n, m = _check_arrays(file)
-    read = partial(_records, file, n, m, range_max)
-    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, unit="scan")
+    return StreamLog(
+        str(path),
+        name=path.name,
+        kind=FORMAT,
+        read=partial(_records, file, n, m, range_max),
+        read_one=_RowReader(file, n, m, range_max),
+        unit="scan",
+    )
 
 
 def _check_arrays(file: NpzFile) -> tuple[int, int]:
@@ -118,9 +124,10 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     return n, m
 
 
-def _records(
-    file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter
-) -> Iterator[Record]:
+def _columns(
+    file: NpzFile, n: int, m: int, range_max: float | None
+) -> tuple[dict[str, Floats], Floats]:
+    """Return the numbers of each scan by their names, (n,) each, and (n,) its beams."""
     columns = {
         name: file.read(name) if name in file.headers else value
         for name, value in _DEFAULTS.items()
@@ -129,7 +136,42 @@ def _records(
         columns["range_max"] = range_max
     columns["stamp"] = file.read("stamps")
     counts = file.read("counts") if "counts" in file.headers else np.full(n, float(m))
-    wide = [np.broadcast_to(column, n) for column in columns.values()]
+    return {name: np.broadcast_to(column, n) for name, column in columns.items()}, counts
+
+
+class _RowReader:
+    """Reads one scan by the number of its row; the columns of numbers are read once."""
+
+    def __init__(self, file: NpzFile, n: int, m: int, range_max: float | None) -> None:
+        self._arguments = file, n, m, range_max
+        self._columns: tuple[dict[str, Floats], Floats] | None = None
+
+    def __call__(self, place: tuple[int, ...]) -> LaserScan:
+        (i,), file = place, self._arguments[0]
+        if self._columns is None:
+            self._columns = _columns(*self._arguments)
+        columns, counts = self._columns
+        value = {name: column[i].item() for name, column in columns.items()}
+        return _scan(
+            value,
+            counts[i],
+            file.row("ranges", i),
+            self._row("angles", i),
+            self._row("intensities", i),
+        )
+
+    def _row(self, name: str, i: int) -> Floats | None:
+        file = self._arguments[0]
+        if name not in file.headers:
+            return None
+        return file.read(name) if len(file.headers[name].shape) == 1 else file.row(name, i)
+
+
+def _records(
+    file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter
+) -> Iterator[Record]:
+    columns, counts = _columns(file, n, m, range_max)
+    wide = list(columns.values())
     odometry = file.read("odometry") if "odometry" in file.headers else None
     rows = zip(
         itertools.chain.from_iterable(file.blocks("ranges")),
@@ -157,7 +199,7 @@ def _records(
         pose = NO_POSE
         if odometry is not None and np.isfinite(odometry[i]).all():
             pose = (odometry[i, 0].item(), odometry[i, 1].item(), odometry[i, 2].item())
-        yield Record(scan, pose)
+        yield Record(scan, pose, (i,))
 
 
 def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:

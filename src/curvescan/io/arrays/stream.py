@@ -11,9 +11,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError
+from curvescan.io.log import ReadError, ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -37,20 +37,27 @@ class Record(NamedTuple):
         The scan.
     pose : PoseRow
         Wheel odometry: pose of the laser in the odometry's frame.
+    place : tuple of int
+        What finds the scan again; as many numbers for each scan of a source, none where it cannot be found alone.
     """
 
     scan: LaserScan
     pose: PoseRow = NO_POSE
+    place: tuple[int, ...] = ()
+
+
+ReadScan: TypeAlias = Callable[[tuple[int, ...]], LaserScan]
+"""Reads one scan of a source by its place."""
 
 
 ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 """Reads a source anew, scan by scan, and counts what it skips."""
 
 
-class StreamLog:
+class StreamLog(ScanAccess):
     """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
 
-    The source is read through once on opening, to count scans and read errors; memory grows by 32 bytes a scan.
+    The source is read through once on opening, to count scans and read errors; memory grows by 40 to 56 bytes a scan.
 
     Parameters
     ----------
@@ -62,6 +69,8 @@ class StreamLog:
         The format, in words.
     read : callable
         Reads the source.
+    read_one : callable or None
+        Reads one scan by its place; None to read all that stand before it.
     unit : str
         What the source is numbered in.
     notes : tuple of str
@@ -82,19 +91,22 @@ class StreamLog:
         name: str,
         kind: str,
         read: ReadRecords,
+        read_one: ReadScan | None = None,
         unit: str = "line",
         notes: tuple[str, ...] = (),
         mount: PoseRow = (0.0, 0.0, 0.0),
     ) -> None:
         self._mount = np.array(mount)
-        self._name, self._format, self._notes = name, kind, notes
-        self._read, self._unit = read, unit
+        self._path, self._name, self._format, self._notes = path, name, kind, notes
+        self._read, self._read_one, self._unit = read, read_one, unit
         read_errors = ReadErrorCounter(unit)
-        stamps, poses = array("d"), array("d")
+        stamps, poses, places = array("d"), array("d"), array("q")
         for record in read(read_errors):
+            places.extend(record.place)
             stamps.append(record.scan.stamp)
             poses.extend(record.pose)
         self._read_errors = read_errors.read_errors()
+        self._places = np.array(places, dtype=np.int64).reshape(len(stamps), -1 if stamps else 0)
         self._stamps = np.array(stamps)
         self._poses = np.array(poses).reshape(-1, 3)
         if not stamps:
@@ -151,6 +163,14 @@ class StreamLog:
 
     def __iter__(self) -> Iterator[LaserScan]:
         return (record.scan for record in self._read(ReadErrorCounter(self._unit)))
+
+    def _scan_at(self, i: int) -> LaserScan:
+        if self._read_one is None:
+            return super()._scan_at(i)
+        try:
+            return self._read_one(tuple(self._places[i].tolist()))
+        except (ValueError, LookupError) as error:  # LogFormatError is a ValueError
+            raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
 
 
 def refuse_topic(path: object, kind: str, topic: str | None) -> None:

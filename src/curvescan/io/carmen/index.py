@@ -18,7 +18,7 @@ from curvescan.io.carmen.lines import (
     parse_odom,
     tag_of,
 )
-from curvescan.io.files.lines import read_lines
+from curvescan.io.files.lines import LineMark, read_lines
 from curvescan.io.files.printable import printable
 from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.io.log import ReadError
@@ -34,7 +34,7 @@ OTHER_TAGS = "(other)"
 
 @dataclass
 class Series:
-    """What is kept of the sweeps of one message name: 56 bytes a sweep.
+    """What is kept of the sweeps of one message name: 64 bytes a sweep.
 
     Attributes
     ----------
@@ -45,6 +45,8 @@ class Series:
         where unknown.
     robot_poses : array of float
         Three a sweep, of the robot.
+    offsets : array of int
+        One a sweep: where its line begins; see :func:`curvescan.io.files.lines.read_line_at`.
     is_beyond_mm_scale : bool
         Whether a finite reading exceeds SICK_MM_END.
     has_own_limit : bool
@@ -54,12 +56,14 @@ class Series:
     stamps: array[float] = field(default_factory=lambda: array("d"))
     poses: array[float] = field(default_factory=lambda: array("d"))
     robot_poses: array[float] = field(default_factory=lambda: array("d"))
+    offsets: array[int] = field(default_factory=lambda: array("q"))
     is_beyond_mm_scale: bool = False
     has_own_limit: bool = True
 
-    def add(self, sweep: ScanRecord, robot_pose: PoseRow) -> None:
+    def add(self, sweep: ScanRecord, robot_pose: PoseRow, offset: int) -> None:
         """Append a sweep, with the pose of the robot for lines that give none."""
         self.stamps.append(sweep.stamp)
+        self.offsets.append(offset)
         self.poses.extend(sweep.pose or robot_pose)
         self.robot_poses.extend(sweep.robot_pose or robot_pose)
         if math.isnan(sweep.range_max):
@@ -92,7 +96,7 @@ class Index:
 
 
 def build_index(path: Path) -> Index:
-    """Return what one pass over the file finds; memory grows by 56 bytes a sweep.
+    """Return what one pass over the file finds; memory grows by 64 bytes a sweep.
 
     Parameters
     ----------
@@ -108,13 +112,14 @@ def build_index(path: Path) -> Index:
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}
     robot_pose, max_range = _NO_POSE, None
-    for number, line in read_lines(path, read_errors):
+    mark = LineMark()
+    for number, line in read_lines(path, read_errors, mark):
         tag = tag_of(line)
         _count_tag(counts, tag)
         try:
             if tag in SCAN_PARSERS:
                 sweep = SCAN_PARSERS[tag](line)
-                series[tag].add(sweep, robot_pose)
+                series[tag].add(sweep, robot_pose, mark.offset)
             elif tag == b"ODOM":
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":

@@ -24,13 +24,13 @@ from types import MappingProxyType
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.carmen.index import Index, build_index
 from curvescan.io.carmen.lines import SCAN_PARSERS, BrokenLineError, ScanRecord, tag_of
-from curvescan.io.files.lines import read_lines
+from curvescan.io.files.lines import read_line_at, read_lines
 from curvescan.io.files.printable import printable
 from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError
+from curvescan.io.log import ReadError, ScanAccess
 from curvescan.scan import LaserScan
 from curvescan.types import Trajectory
 
@@ -44,7 +44,7 @@ _OTHER_LASERS = {
 }
 
 
-class CarmenLog:
+class CarmenLog(ScanAccess):
     """The sweeps of a CARMEN log's front laser, in file order; a Log.
 
     The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
@@ -153,6 +153,13 @@ class CarmenLog:
             except BrokenLineError:
                 continue  # counted by the index, which goes by the same parser
             yield self._scan(sweep)
+
+    def _scan_at(self, i: int) -> LaserScan:
+        line = read_line_at(self._path, self._series.offsets[i])
+        try:
+            return self._scan(SCAN_PARSERS[self._tag](line))
+        except BrokenLineError as error:
+            raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
 
     def _scan(self, sweep: ScanRecord) -> LaserScan:
         return LaserScan(

@@ -20,6 +20,7 @@ MAX_READ_RATIO = 100
 
 _SMALL = 1 << 16
 _NOTHING_TO_SEE = 8
+_RECORD_READ = 2
 
 
 class CheckedPath:
@@ -31,17 +32,26 @@ class CheckedPath:
         A regular file.
     look : callable or None
         Is shown each piece of more than 8 bytes that is read, before the reader is; what it raises, the reader meets.
+    rewrite : callable or None
+        Is given each record, the second piece that is read after a single byte, with that byte, the record's kind; returns
+        what the reader is given in its place, of the same length.
     """
 
-    def __init__(self, path: Path, look: Callable[[bytes], None] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        look: Callable[[bytes], None] | None = None,
+        rewrite: Callable[[int, bytes], bytes] | None = None,
+    ) -> None:
         self._path = path
         self._look = look
+        self._rewrite = rewrite
 
     def __str__(self) -> str:
         return str(self._path)
 
     def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
-        return CheckedPath(self._path / str(key), self._look)
+        return CheckedPath(self._path / str(key), self._look, self._rewrite)
 
     @property
     def stem(self) -> str:
@@ -71,13 +81,19 @@ class CheckedPath:
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:
         """Open the file for reading bytes, whatever mode is given."""
-        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path), self._look))
+        return cast(BinaryIO, _CheckedFile(io.FileIO(self._path), self._look, self._rewrite))
 
 
 class _CheckedFile(io.BufferedReader):
-    def __init__(self, raw: io.FileIO, look: Callable[[bytes], None] | None) -> None:
+    def __init__(
+        self,
+        raw: io.FileIO,
+        look: Callable[[bytes], None] | None,
+        rewrite: Callable[[int, bytes], bytes] | None,
+    ) -> None:
         super().__init__(raw)
-        self._look = look
+        self._look, self._rewrite = look, rewrite
+        self._kind, self._n_since = 0, _RECORD_READ
         self._n_bytes = os.fstat(raw.fileno()).st_size
         self._n_left = MIN_READ_LIMIT + MAX_READ_RATIO * self._n_bytes
 
@@ -90,4 +106,13 @@ class _CheckedFile(io.BufferedReader):
             raise LogFormatError("its index leads to the same bytes again and again")
         if self._look is not None and len(data) > _NOTHING_TO_SEE:
             self._look(data)
+        if self._rewrite is None:
+            return data
+        # the kind of a record in one byte, its length in eight, the record
+        if size == 1 and data:
+            self._kind, self._n_since = data[0], 0
+        else:
+            self._n_since += 1
+            if self._n_since == _RECORD_READ:
+                data = self._rewrite(self._kind, data)
         return data

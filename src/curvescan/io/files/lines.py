@@ -68,7 +68,53 @@ def read_head(path: Path, n_bytes: int) -> bytes:
     return head[:n_bytes]
 
 
-def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int, bytes]]:
+class LineMark:
+    """Where the line stands that :func:`read_lines` yielded last.
+
+    Attributes
+    ----------
+    offset : int
+        Of its first byte in the file after unpacking; for :func:`read_line_at`.
+    """
+
+    __slots__ = ("offset",)
+
+    def __init__(self) -> None:
+        self.offset = 0
+
+
+def read_line_at(path: Path, offset: int) -> bytes:
+    """Return the line that begins at an offset, without its newline.
+
+    A plain file is not read up to there; a compressed one is unpacked.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file, plain or gzip-compressed.
+    offset : int
+        As a :class:`LineMark` of an earlier reading has it.
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened or read, or is no longer what it was.
+    """
+    with _opened(path) as raw:
+        try:
+            is_gzip = raw.read(2) == GZIP_MAGIC
+            raw.seek(0)
+            stream: io.BufferedIOBase = gzip.GzipFile(fileobj=raw) if is_gzip else raw
+            stream.seek(offset)
+            line = stream.readline(MAX_LINE_BYTES + 1)
+        except (EOFError, gzip.BadGzipFile, zlib.error, OSError) as error:
+            raise LogFileError(f"cannot read {path}: {error}: has it changed?") from error
+    return line.removesuffix(b"\n")
+
+
+def read_lines(
+    path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None
+) -> Iterator[tuple[int, bytes]]:
     r"""Yield the number, from 1, and the bytes of each line, without its newline.
 
     Parameters
@@ -77,6 +123,8 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
         A regular file, opened anew by each call and closed when the iteration ends or is given up.
     read_errors : ReadErrorCounter
         Lines above MAX_LINE_BYTES, which are not yielded, and damage of the compression are added to it.
+    mark : LineMark or None
+        Told where each line stands before it is yielded.
 
     Yields
     ------
@@ -89,23 +137,29 @@ def read_lines(path: Path, read_errors: ReadErrorCounter) -> Iterator[tuple[int,
         When the file cannot be opened or read.
     """
     number, tail, is_dropping = 0, b"", False
+    mark = mark or LineMark()
+    start = 0  # of what is split next
     try:
         for chunk in read_chunks(path):
             *lines, tail = (tail + chunk).split(b"\n")
             for line in lines:
                 number += 1
+                mark.offset = start
+                start += len(line) + 1
                 if is_dropping or len(line) > MAX_LINE_BYTES:
                     is_dropping = False
                     read_errors.add(LONG_LINE, number)
                 else:
                     yield number, line
             if is_dropping or len(tail) > MAX_LINE_BYTES:
+                start += len(tail)
                 is_dropping, tail = True, b""
     except BrokenGzipError:
         read_errors.add(BROKEN_GZIP, number + 1)
     if is_dropping:
         read_errors.add(LONG_LINE, number + 1)
     elif tail:
+        mark.offset = start
         yield number + 1, tail
 
 

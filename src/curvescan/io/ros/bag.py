@@ -120,8 +120,15 @@ class Bag:
             *self._decoder.notes,
         )
 
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+    def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Names of topics.
+        received : int or None
+            Only those received at this time, nanoseconds, found by the bag's own index; None for all.
 
         Raises
         ------
@@ -136,13 +143,14 @@ class Bag:
                     for c in reader.connections
                     if c.topic in topics and c.msgtype == self.topics[c.topic].msgtype
                 ]
-                stream = iter(reader.messages(wanted)) if wanted else iter(())
+                stop = None if received is None else received + 1
+                stream = iter(reader.messages(wanted, received, stop) if wanted else ())
                 while True:
                     with self._own_errors():
                         item = next(stream, None)
                     if item is None:
                         break
-                    connection, received, data = item
+                    connection, when, data = item
                     if (
                         connection.topic not in topics
                     ):  # a damaged table may give two topics one number
@@ -156,7 +164,7 @@ class Bag:
                     yield Message(
                         connection.topic,
                         connection.msgtype,
-                        received if isinstance(received, int) else 0,
+                        when if isinstance(when, int) else 0,
                         data if isinstance(data, bytes) else b"",
                     )
 
@@ -239,7 +247,10 @@ class _Reader(Protocol):
     def close(self) -> None: ...
 
     def messages(
-        self, connections: Collection[Connection]
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]: ...
 
 

@@ -19,6 +19,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from curvescan.errors import LogFormatError
 from curvescan.io.files.decompression import Unpacker, packing_of
 from curvescan.io.files.limits import CheckedPath
+from curvescan.io.files.printable import printable
 
 MIN_INDEX_LIMIT = 1 << 20
 """So many messages any ROS 1 bag may have; their index takes 150 bytes each in memory, and 12 in the file."""
@@ -43,6 +44,11 @@ _IDX_HEADER_BYTES = 55
 # start, end, size and checksum of a chunk's record, and where its compressed data begin by the length of their name
 _CHUNK_HEAD = 28
 _NAMES = {b"\x04\x00\x00\x00zstd": "zstd", b"\x03\x00\x00\x00lz4": "lz4"}
+
+
+_HEADER, _SCHEMA = 0x01, 0x03
+_CDR = "cdr"
+_ROS2_SCHEMAS = (b"ros2msg", b"ros2idl", b"omgidl", b"")
 
 
 class CheckedRos1Reader(Ros1Reader):
@@ -112,7 +118,7 @@ class CheckedMcapReader(McapReader):
     """
 
     def __init__(self, file: Path, n_given: int) -> None:
-        super().__init__(CheckedPath(file, self._look))
+        super().__init__(CheckedPath(file, self._look, as_ros2))
         self._file, self._n_given = file, n_given
         self._unpacker = Unpacker()
         self._n_bytes = file.stat().st_size
@@ -123,9 +129,20 @@ class CheckedMcapReader(McapReader):
         super().open()
         try:
             check_chunks(self.chunks, self._n_bytes)
+            self._keep_cdr()
         except LogFormatError:
             self.close()
             raise
+
+    def _keep_cdr(self) -> None:
+        """Leave out channels whose messages are not in ROS 2's encoding."""
+        encodings = {c.id: self.channels[c.id].message_encoding for c in self.connections}
+        self.connections = [c for c in self.connections if encodings[c.id] == _CDR]
+        if encodings and not self.connections:
+            found = printable(", ".join(sorted(set(encodings.values()))), 100)
+            raise LogFormatError(
+                f"none of its channels holds messages in the encoding of ROS 2 (cdr), they hold {found}"
+            )
 
     def _check_summary(self) -> None:
         if self._n_bytes < _FOOTER_BYTES:
@@ -156,6 +173,23 @@ class CheckedMcapReader(McapReader):
                 continue
             _check_qos_in(raw)
         _check_qos_in(data)
+
+
+def as_ros2(kind: int, record: bytes) -> bytes:
+    """Return a record of an MCAP file as rosbags takes it, of the same length.
+
+    A file says by its profile for whom it was written, and by each channel how its messages are encoded. rosbags reads the
+    profile "ros2" alone, though the mcap package, Foxglove and exporters write others, or none, around the same messages; and
+    it stumbles over schemas that are not ROS 2's, of channels that nobody asked for. The channels are asked instead.
+    """
+    if kind == _HEADER:
+        return b"\x04\x00\x00\x00ros2".ljust(len(record), b"\x00")
+    if kind == _SCHEMA:
+        name_end = 6 + int.from_bytes(record[2:6], "little")
+        encoding_end = name_end + 4 + int.from_bytes(record[name_end : name_end + 4], "little")
+        if record[name_end + 4 : encoding_end] not in _ROS2_SCHEMAS:
+            return record[:name_end].ljust(len(record), b"\x00")
+    return record
 
 
 class _ChunkInfo(Protocol):

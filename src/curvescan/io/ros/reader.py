@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError
+from curvescan.io.log import ReadError, ScanAccess
 from curvescan.io.ros.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
@@ -40,6 +40,9 @@ from curvescan.types import Floats, Trajectory
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
+_LATEST = (1 << 63) - 1
+"""Nanoseconds; an MCAP file can claim twice as many."""
+
 _MAX_LISTED = 12
 _N_FIRST = 8
 
@@ -49,11 +52,12 @@ class _Survey:
     """What one reading of all scans found."""
 
     stamps: array[float]
+    received: array[int]
     read_errors: tuple[ReadError, ...]
     n_bad_times: int
 
 
-class RosbagLog:
+class RosbagLog(ScanAccess):
     """The scans of one laser of a ROS bag, in the order they were received; a Log.
 
     Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known after
@@ -164,7 +168,7 @@ class RosbagLog:
         return len(self._surveyed().stamps)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        read_errors, stamps = ReadErrorCounter("message"), array("d")
+        read_errors, stamps, received = ReadErrorCounter("message"), array("d"), array("q")
         number, n_bad_times = 0, 0
         try:
             for number, message in enumerate(self._bag.messages([self._topic]), 1):
@@ -175,11 +179,34 @@ class RosbagLog:
                     read_errors.add(str(error), number)
                     continue
                 stamps.append(scan.stamp)
+                received.append(min(message.received, _LATEST))
                 n_bad_times += has_bad_times(decoded)
                 yield scan
         except LogFormatError:
             read_errors.add(BROKEN_BAG, number + 1)
-        self._survey = self._survey or _Survey(stamps, read_errors.read_errors(), n_bad_times)
+        self._survey = self._survey or _Survey(
+            stamps, received, read_errors.read_errors(), n_bad_times
+        )
+
+    def __repr__(self) -> str:
+        # to count the scans that can be read may take long: the bag's own count will do
+        n = self._bag.topics[self._topic].count
+        return f"Log({self.name!r}: {self.format}, {n:,} scans on {shown(self._topic)})"
+
+    def _scan_at(self, i: int) -> LaserScan:
+        """Return a scan by the time it was received at, which the bag has an index of."""
+        received = np.array(self._surveyed().received)
+        when = int(received[i])
+        nth = int(np.count_nonzero(received[:i] == when))
+        for message in self._bag.messages([self._topic], when):
+            try:
+                scan = self._scan(self._bag.decode(message), message)
+            except BrokenMessageError:
+                continue
+            if nth == 0:
+                return scan
+            nth -= 1
+        raise LogFileError(f"{self._bag.path} has changed since it was opened: scan {i} has gone")
 
     def _surveyed(self) -> _Survey:
         if self._survey is None:
@@ -252,7 +279,7 @@ def _choose_topic(bag: Bag, topic: str | None) -> str:
             return next(iter(lasers))
         raise InvalidArgumentError(
             f"{bag.path} holds laser scans on {len(lasers)} topics: {listed}; choose one with "
-            f"--topic {shown(next(iter(lasers)))} (topic= in Python)"
+            f"topic={shown(next(iter(lasers)))!r}"
         )
     for name in lasers:
         if name.strip("/") == topic.strip("/"):

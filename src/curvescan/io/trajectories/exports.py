@@ -1,4 +1,4 @@
-"""The table of further files that an odometry run can be written as, beside its TUM and CSV.
+"""The table of exports: files that an odometry run can be written as, beside its TUM and CSV.
 
 A row is a file's name and the writer as ``"module:function"``, imported when it is used.
 """
@@ -9,7 +9,9 @@ import importlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, TypeAlias
 
+from curvescan.configs import nearest
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.types import PoseEdge, Trajectory
@@ -76,16 +78,30 @@ EXPORTS: dict[str, ExportFormat] = {
         takes=("trajectory", "scans"),
     ),
 }
-"""Name of each further file."""
+"""Name of each export."""
+
+ExportName: TypeAlias = Literal["kitti", "g2o", "mcap"]
+"""Names of the table of exports, written out for editors and so that --help loads none of their writers."""
 
 
 def takes_edges(names: Iterable[str]) -> bool:
-    """Return whether any of these further files is written from the matches, which have to be gathered for it."""
+    """Return whether any of these exports is written from the matches, which have to be gathered for it."""
     return any("edges" in EXPORTS[name].takes for name in names)
 
 
+def check_exports(names: Iterable[str]) -> None:
+    """Raise InvalidArgumentError when a name is none of EXPORTS."""
+    for name in names:
+        if name not in EXPORTS:
+            raise InvalidArgumentError(
+                f"exports must be of {', '.join(EXPORTS)}, got {name!r}: {nearest(name, EXPORTS)}".rstrip(
+                    ": "
+                )
+            )
+
+
 def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
-    """Write further files of a run into an existing folder, and return their names.
+    """Write exports of a run into an existing folder, and return the names of the files.
 
     Parameters
     ----------
@@ -103,13 +119,9 @@ def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[st
     OutputError
         When a file cannot be written.
     """
-    rows = []
-    for name in names:
-        if name not in EXPORTS:
-            raise InvalidArgumentError(
-                f"a further file must be one of {', '.join(EXPORTS)}, got {name!r}"
-            )
-        rows.append(EXPORTS[name])
+    names = tuple(names)
+    check_exports(names)
+    rows = [EXPORTS[name] for name in names]
     for row in rows:
         row.write(folder, data)
     return tuple(row.filename for row in rows)

@@ -6,8 +6,15 @@ import os
 
 import numpy as np
 
-from curvescan.io.trajectories.tum_csv import writing_text
+from curvescan.errors import LogFormatError
+from curvescan.io.trajectories.tum_csv import numbers_of, reading_text, writing_text
 from curvescan.types import Trajectory
+
+N_NUMBERS = 12
+"""Numbers a line: three rows of four."""
+
+_LEAST_UPRIGHT = 0.996
+"""Cosine of the largest tilt of a planar pose, 5 deg."""
 
 
 def write_kitti(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
@@ -33,3 +40,51 @@ def write_kitti(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
     rows = np.stack([cos, -sin, zero, x, sin, cos, zero, y, zero, zero, one, zero], axis=-1)
     with writing_text(path) as file:
         file.writelines(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def read_kitti(path: str | os.PathLike[str]) -> Trajectory:
+    """Return the trajectory of a file that :func:`write_kitti` wrote, or of another whose motion is in the plane x, y.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; blank lines are skipped.
+
+    Returns
+    -------
+    Trajectory
+        In file order; the format has no stamps, and they are 0, 1, 2, ...
+
+    Raises
+    ------
+    LogFileError
+        When the file cannot be opened.
+    LogFormatError
+        When a line does not hold 12 numbers, the motion leaves the plane, or there is no line.
+    """
+    rows: list[list[float]] = []
+    with reading_text(path) as file:
+        for number, line in enumerate(file, start=1):
+            fields = line.split()
+            if not fields:
+                continue
+            where = f"{path}, line {number}"
+            if len(fields) != N_NUMBERS:
+                raise LogFormatError(
+                    f"{where}: a KITTI line has {N_NUMBERS} numbers (3x4), got {len(fields)}"
+                )
+            row = numbers_of(fields, where)
+            if row[10] < _LEAST_UPRIGHT:  # False for NaN, a missing pose
+                raise LogFormatError(
+                    f"{where}: a planar pose turns about z alone, and this one tilts: KITTI's cameras look along z; "
+                    "turn the poses so that z is up"
+                )
+            rows.append(row)
+    if not rows:
+        raise LogFormatError(f"{path} holds no pose: a KITTI line is a matrix of 3x4 numbers")
+    table = np.array(rows)
+    theta = np.arctan2(table[:, 4], table[:, 0])
+    return Trajectory(
+        stamps=np.arange(len(rows), dtype=np.float64),
+        poses=np.column_stack([table[:, 3], table[:, 7], theta]),
+    )

@@ -161,7 +161,7 @@ def _check_quaternion(fields: list[str], path: str | os.PathLike[str]) -> None:
     if len(fields) == 8 and abs(length - 1.0) > 0.01:
         raise LogFormatError(
             f"{path}: the quaternion of a TUM line (stamp x y z qx qy qz qw) has length 1, that of the first line has "
-            f"{length:.3g}: if the file holds relations, it goes to --relations"
+            f"{length:.3g}: if the file holds relations, read it with read_relations"
         )
 
 

@@ -87,7 +87,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
     """
     stamps: list[float] = []
     poses: list[tuple[float, float, float]] = []
-    with _reading(path) as file:
+    with reading_text(path) as file:
         for number, line in enumerate(file, start=1):
             fields = line.split()
             if not fields or fields[0].startswith("#"):
@@ -97,7 +97,7 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
                 raise LogFormatError(
                     f"{where}: a TUM line has 8 fields (stamp x y z qx qy qz qw), got {len(fields)}"
                 )
-            stamp, x, y, _, *quaternion = _numbers(fields, where)
+            stamp, x, y, _, *quaternion = numbers_of(fields, where)
             stamps.append(stamp)
             poses.append((x, y, _yaw(quaternion, where)))
     if not stamps:
@@ -167,7 +167,7 @@ def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]
     numbers: list[list[float]] = []
     outcomes: list[str] = []
     is_any_cov = False
-    with _reading(path) as file:
+    with reading_text(path) as file:
         reader = csv.reader(file)
         if tuple(next(reader, ())) != CSV_HEADER:
             raise LogFormatError(
@@ -180,7 +180,7 @@ def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]
                     f"{where}: a row has {len(CSV_HEADER)} fields, as the header has, got {len(row)}"
                 )
             has_cov = any(row[4:10])
-            numbers.append(_numbers(row[:10] if has_cov else [*row[:4], *["nan"] * 6], where))
+            numbers.append(numbers_of(row[:10] if has_cov else [*row[:4], *["nan"] * 6], where))
             is_any_cov |= has_cov
             outcomes.append(row[10])
     table = np.array(numbers).reshape(-1, 10)
@@ -208,7 +208,8 @@ def _yaw(quaternion: list[float], where: str) -> float:
     return float(se2.wrap(2.0 * math.atan2(qz, qw)))
 
 
-def _numbers(fields: Iterable[str], where: str) -> list[float]:
+def numbers_of(fields: Iterable[str], where: str) -> list[float]:
+    """Return the numbers of a line; raise LogFormatError where a field is none."""
     try:
         return [float(field) for field in fields]
     except ValueError as error:
@@ -230,7 +231,8 @@ def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 
 
 @contextmanager
-def _reading(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+def reading_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+    """Yield a text file to read; raise LogFileError or LogFormatError where it cannot be read."""
     try:
         with Path(path).open(encoding="utf-8", errors="replace", newline="") as file:
             yield file

@@ -121,11 +121,20 @@ class CoxConfig:
         default_factory=lambda: ShrinkConfig(first=2.0, last=0.05, decay=0.1)
     )
     """Greatest distance of a point from its line, metres. Measured."""
+    median_readings: int = 1
+    """Readings the median filter looks at, odd; 1 for none. Gutmann's is 5; it rounds corners."""
+    has_projection_filter: bool = False
+    """Whether readings that the other viewpoint cannot see take no part, as for IDC."""
     min_share: float = 0.2
     """Least share of the current readings that must take part, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require_share(self.min_share, "min_share")
+        require(
+            self.median_readings >= 1 and self.median_readings % 2 == 1,
+            "median_readings must be odd and at least 1",
+            self.median_readings,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

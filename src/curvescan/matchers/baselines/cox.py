@@ -13,6 +13,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import CoxConfig
+from curvescan.matchers.baselines.filters import median_filter
 from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate
 from curvescan.matchers.baselines.least_squares import (
     jacobian,
@@ -21,10 +22,10 @@ from curvescan.matchers.baselines.least_squares import (
 )
 from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import ScanPoints, sweep_of
+from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join
 from curvescan.matchers.result import MatchResult, Outcome
-from curvescan.scan import LaserScan
-from curvescan.types import Cov, Ints, Points, Pose
+from curvescan.scan import LaserScan, valid_readings
+from curvescan.types import Bools, Cov, Ints, Points, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +48,7 @@ class CoxMatcher:
 
     def prepare(self, scan: LaserScan) -> CoxFeatures:
         """Return the readings and the lines of a scan."""
-        points = sweep_of(scan)
+        points = join(median_filter(valid_readings(scan), self.config.median_readings))
         return CoxFeatures(points=points, lines=extract_lines(points, self.config.lines))
 
     def can_be_reference(self, features: CoxFeatures) -> bool:
@@ -64,9 +65,10 @@ class CoxMatcher:
         if len(lines) == 0:
             return failure("cox", Outcome.NO_LINES, reference.points, points)
         gate = self.config.gate
+        takes_part = _takes_part(reference, points, start(guess), self.config)
 
         def step(pose: Pose, iteration: int) -> Pose | None:
-            cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration))
+            cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration), takes_part)
             if cur_idx.size < LEAST_PAIRS:
                 return None
             return point_to_line_step(
@@ -74,7 +76,7 @@ class CoxMatcher:
             )
 
         descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
-        cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last)
+        cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last, takes_part)
         return check_outcome(
             "cox",
             descent,
@@ -86,10 +88,30 @@ class CoxMatcher:
         )
 
 
-def _assign(lines: Lines, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
+def _takes_part(
+    reference: CoxFeatures, current: ScanPoints, guess: Pose, config: CoxConfig
+) -> tuple[Bools, Bools]:
+    """Return which current readings and which lines are in view of the other scan: all without the projection filter.
+
+    A line is in view when half of its readings are.
+    """
+    lines, points = reference.lines, reference.points
+    if not config.has_projection_filter:
+        return np.ones(len(current), dtype=np.bool_), np.ones(len(lines), dtype=np.bool_)
+    is_hidden, is_ref_hidden = hidden_readings(points, current, guess)
+    shares = [
+        is_ref_hidden[lines.readings(points, np.array([k]))].mean() for k in range(len(lines))
+    ]
+    return ~is_hidden, np.array(shares) <= 0.5
+
+
+def _assign(
+    lines: Lines, current: ScanPoints, pose: Pose, gate: float, takes_part: tuple[Bools, Bools]
+) -> tuple[Ints, Ints]:
     """Return the readings that have a line within the gate, and that line."""
     line_idx, _ = nearest_lines(se2.transform(pose, current.points), lines, gate)
-    cur_idx = np.flatnonzero(line_idx >= 0)
+    reading_takes_part, line_takes_part = takes_part
+    cur_idx = np.flatnonzero((line_idx >= 0) & reading_takes_part & line_takes_part[line_idx])
     return cur_idx, line_idx[cur_idx]
 
 

@@ -95,7 +95,7 @@ class IcpMatcher:
 def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
     """Return the covariance of eqs. 16-17, which takes the pairs for the same points seen twice.
 
-    They are not: along a surface a pair says nothing, yet counts. Expect it to be far too small (docs/rivals.md).
+    They are not: along a surface a pair says nothing, yet counts. Expect it to be far too small (docs/baselines.md).
     """
     apart = se2.transform(pose, points_cur) - points_ref
     return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))

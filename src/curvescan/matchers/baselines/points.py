@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan import se2
 from curvescan._jit import kernel
+from curvescan.matchers.baselines.filters import is_visible
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, Readings, valid_readings
-from curvescan.types import Bools, Floats, Ints, Points
+from curvescan.types import Bools, Floats, Ints, Points, Pose
 
-_SURFACES = SegmentationConfig(min_readings=3)
+_SURFACES = SegmentationConfig(range_sigma=0.01, min_readings=3)
 ARM = 0.15
 """Half length of the stretch of surface a tangent is fitted to, metres: 10 mm of noise then turn it by
 2 to 3 degrees at any range, as the readings on the stretch are many where they are near."""
@@ -102,6 +104,20 @@ def join(readings: Readings) -> ScanPoints:
         starts=segments.starts,
         stops=segments.stops,
         order=segments.order,
+    )
+
+
+def hidden_readings(reference: ScanPoints, current: ScanPoints, guess: Pose) -> tuple[Bools, Bools]:
+    """Return which readings of cur, and of ref, the other viewpoint cannot see if the guess is right.
+
+    Once, before the first step, as Lu and Milios do. Again at every step it would trust poses that are still wrong,
+    and people hide walls: among people IDC lost 4 to 7 matches in a hundred.
+    """
+    cur_in_ref = se2.transform(guess, current.points)
+    ref_in_cur = se2.transform(se2.inverse(guess), reference.points)
+    return (
+        ~is_visible(cur_in_ref, current.is_joined, reference.angle_step),
+        ~is_visible(ref_in_cur, reference.is_joined, current.angle_step),
     )
 
 

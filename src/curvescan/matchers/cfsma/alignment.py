@@ -1,4 +1,4 @@
-"""CF-SMA3, first half: the pose that brings matched points together, in closed form (section 3, eqs. 10-12).
+"""CF-SMA3, first half: the pose that brings matched points together, in closed form (section 2.3, eqs. 10-12).
 
 Lingemann, Nüchter, Hertzberg, Surmann, "High-speed laser localization for mobile robots", Robotics and
 Autonomous Systems 51 (2005): the rotation from the centred cross and dot products, then the translation.

@@ -1,6 +1,6 @@
 """The parameters of CF-SMA: the paper's seven, and the few it leaves unsaid.
 
-Each class configures one stage. The paper's symbol, its value and how it was found (section 4) stand
+Each class configures one stage. The paper's symbol, its value and how it was found (section 3.1) stand
 beside each field; a field marked *open* has no number in the paper.
 """
 
@@ -16,8 +16,9 @@ from curvescan.errors import require
 class SegmentationConfig:
     """Adaptive breakpoint detector (eq. 2)."""
 
-    range_sigma: float = 0.01
-    """Range noise sigma_rho, metres. Paper: value lost; 0.01 is the LMS200's."""
+    range_sigma: float = 0.08
+    """Range noise sigma_rho, metres, of which eq. 2 takes three as its margin. Paper: value lost; more than the 5 mm of a
+    real LMS200, so that walls at a grazing angle stay whole (docs/cfsma.md)."""
     incidence_limit: float = math.radians(10.0)
     """Worst incidence angle lambda still trusted, radians in (0, pi/2). Paper: 10 degrees."""
     min_readings: int = 5
@@ -40,9 +41,9 @@ class SegmentationConfig:
 class CurvatureConfig:
     """Adaptive curvature functions (eqs. 3-5)."""
 
-    arc_tolerance: float = 0.06
-    """Tolerance U_k of arc length minus chord, metres. Paper: 1.0 in a unit it does not name; 0.06 leaves less
-    than one false peak on a plane 3 m away or farther, under 10 mm of noise (docs/cfsma.md)."""
+    arc_tolerance: float = 0.08
+    """Tolerance U_k of arc length minus chord, metres. Paper: 1.0 in a unit it does not name; 0.08 leaves no false
+    peak on a plane 1 m away or farther, under the 5 mm of noise of a real LMS200 (docs/cfsma.md)."""
 
     def __post_init__(self) -> None:
         require(self.arc_tolerance > 0.0, "arc_tolerance must be > 0 m", self.arc_tolerance)
@@ -80,7 +81,7 @@ class LandmarksConfig:
     """Neighbours n taken on each side, in eqs. 8-9 and in the final pairs. Paper: 30."""
     min_similarity: float = 0.2
     """Least Pearson similarity S_min, in [0, 1]. Paper: 0.2."""
-    max_ambiguity: float = 0.98
+    max_ambiguity: float = 0.995
     """Open: a candidate whose runner-up reaches this share of its similarity is not distinct."""
 
     def __post_init__(self) -> None:
@@ -112,3 +113,15 @@ class CfSmaConfig:
     """Pairing of curvature functions."""
     landmarks: LandmarksConfig = field(default_factory=LandmarksConfig)
     """Characteristic points."""
+    consistency: bool = False
+    """Not in the paper: whether pairs that do not agree with the largest group of others are left out."""
+    consistency_distance: float = 0.15
+    """Root mean square distance up to which the readings around a pair agree with a pose, metres: readings are paired by
+    index, and slip along a wall. Measured: 0.15 to 0.2 are best, on seeds of their own and on the Intel log."""
+
+    def __post_init__(self) -> None:
+        require(
+            self.consistency_distance > 0.0,
+            "consistency_distance must be > 0 m",
+            self.consistency_distance,
+        )

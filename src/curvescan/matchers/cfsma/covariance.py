@@ -1,4 +1,4 @@
-"""CF-SMA3, second half: the covariance of the pose (section 3, eqs. 13-18).
+"""CF-SMA3, second half: the covariance of the pose (section 2.3, eqs. 13-18).
 
 Lu and Milios, "Robot pose estimation in unknown environments by matching 2D range scans", CVPR 1994.
 """

@@ -1,4 +1,4 @@
-"""CF-SMA1, second half: the adaptive curvature function of each segment (section 1, eqs. 3-5).
+"""CF-SMA1, second half: the adaptive curvature function of each segment (section 2.1, eqs. 3-5).
 
 From each reading one walks forward while the arc stays as long as its chord, within a tolerance: far on a
 wall, to the corner at a corner. The direction of that chord, and how it turns from a reading to the next, is

@@ -1,4 +1,4 @@
-"""CF-SMA2 (a): curvature functions paired in the Fourier domain (section 2, eq. 6).
+"""CF-SMA2 (a): curvature functions paired in the Fourier domain (section 2.2, eq. 6).
 
 A person who moved or an object that left the view has no partner and takes no part in the pose: this is
 where dynamic objects drop out.
@@ -6,14 +6,18 @@ where dynamic objects drop out.
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 from numpy.typing import NDArray
 
 from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import FunctionsConfig
 from curvescan.types import Floats, Ints
+
+MOST_FUNCTIONS = 2000
+"""Functions of a scan that are compared, the longest; a scan of 361 beams has 72 at the most."""
+
+_BLOCK = 1 << 20
+"""Complex numbers of products of spectra held at once."""
 
 _FLAT = 1e-9
 """Total turning, radians, under which a function is zero but for rounding: it has no shape to compare."""
@@ -65,10 +69,57 @@ def correlations(
     (s, t) float64
         upsilon_ij in [-1, 1].
     """
-    products = spectra_cur[:, np.newaxis, :] * np.conj(spectra_ref)[np.newaxis, :, :]
-    if products.size == 0:
-        return np.zeros(products.shape[:2])
-    return cast(Floats, np.fft.irfft(products, n=length, axis=2).max(axis=2))
+    upsilon = np.zeros((len(spectra_cur), len(spectra_ref)))
+    if upsilon.size == 0:
+        return upsilon
+    conjugate = np.conj(spectra_ref)[np.newaxis, :, :]
+    n_rows = max(_BLOCK // spectra_ref.size, 1)
+    for first in range(0, len(spectra_cur), n_rows):
+        rows = slice(first, first + n_rows)
+        products = spectra_cur[rows, np.newaxis, :] * conjugate
+        upsilon[rows] = np.fft.irfft(products, n=length, axis=2).max(axis=2)
+    return upsilon
+
+
+def pair_longest(
+    spectra_cur: NDArray[np.complex128],
+    lengths_cur: Ints,
+    spectra_ref: NDArray[np.complex128],
+    lengths_ref: Ints,
+    config: FunctionsConfig,
+) -> tuple[tuple[Ints, Ints], Floats]:
+    """Return the pairs of functions and their correlations, of the longest MOST_FUNCTIONS of each scan.
+
+    The bound is for hostile or broken scans: 100,000 beams of noise fall into 20,000 functions, and a table of all pairs
+    would take gigabytes.
+
+    Parameters
+    ----------
+    spectra_cur, spectra_ref : (s, length // 2 + 1), (t, length // 2 + 1) complex128
+        Of both scans.
+    lengths_cur, lengths_ref : (s,), (t,) int64
+        Readings of each segment.
+    config : FunctionsConfig
+        U_c and the common length.
+
+    Returns
+    -------
+    pairs : ((p,) int64, (p,) int64)
+        Segments paired, current and reference, most alike first.
+    correlation : (p,) float64
+        Their upsilon.
+    """
+    cur, ref = _longest(lengths_cur), _longest(lengths_ref)
+    upsilon = correlations(spectra_cur[cur], spectra_ref[ref], config.length)
+    rows, cols = pair_functions(upsilon, config)
+    return (cur[rows], ref[cols]), upsilon[rows, cols]
+
+
+def _longest(lengths: Ints) -> Ints:
+    """Return the indices of the longest functions, ascending."""
+    if lengths.size <= MOST_FUNCTIONS:
+        return np.arange(lengths.size)
+    return np.sort(np.argsort(-lengths, kind="stable")[:MOST_FUNCTIONS])
 
 
 def pair_functions(upsilon: Floats, config: FunctionsConfig) -> tuple[Ints, Ints]:

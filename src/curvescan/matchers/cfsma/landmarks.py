@@ -1,4 +1,4 @@
-"""CF-SMA2 (b): characteristic points paired within each pair of functions (section 2, eqs. 7-9).
+"""CF-SMA2 (b): characteristic points paired within each pair of functions (section 2.2, eqs. 7-9).
 
 The characteristic points of two paired functions are compared by the Pearson correlation of the x and of the
 y coordinates around them; three tests reject pairs that are weak, ambiguous or one-sided; and the readings
@@ -29,7 +29,9 @@ class Verdict(IntEnum):
     """Another point is nearly as similar as the best."""
     ONE_SIDED = 3
     """Its best partner prefers another point."""
-    PAIRED = 4
+    INCONSISTENT = 4
+    """Its partner does not agree with the other pairs; only with the consistency test, which the paper has not."""
+    PAIRED = 5
     """It has a partner."""
 
 

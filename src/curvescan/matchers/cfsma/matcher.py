@@ -6,9 +6,10 @@ import numpy as np
 
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.config import CfSmaConfig
+from curvescan.matchers.cfsma.consistency import consistent_pairs
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.cfsma.features import CfSmaFeatures, extract_features
-from curvescan.matchers.cfsma.functions import correlations, pair_functions
+from curvescan.matchers.cfsma.functions import pair_longest
 from curvescan.matchers.cfsma.landmarks import Verdict, matched_readings, pair_landmarks
 from curvescan.matchers.cfsma.trace import CfSmaTrace
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
@@ -35,8 +36,13 @@ class CfSmaMatcher:
     ) -> MatchResult:
         """Return the pose of `current` in `reference`; the guess is not used."""
         config = self.config
-        upsilon = correlations(current.spectra, reference.spectra, config.functions.length)
-        function_pairs = pair_functions(upsilon, config.functions)
+        function_pairs, correlation = pair_longest(
+            current.spectra,
+            current.stops - current.starts,
+            reference.spectra,
+            reference.stops - reference.starts,
+            config.functions,
+        )
         landmark_pairs = pair_landmarks(
             current.points,
             current.landmarks,
@@ -45,6 +51,16 @@ class CfSmaMatcher:
             function_pairs,
             config.landmarks,
         )
+        if config.consistency:
+            landmark_pairs = consistent_pairs(
+                current.points,
+                current.landmarks,
+                reference.points,
+                reference.landmarks,
+                landmark_pairs,
+                config.landmarks,
+                config.consistency_distance,
+            )
         cur_idx, ref_idx = matched_readings(
             current.landmarks, reference.landmarks, landmark_pairs, config.landmarks
         )
@@ -52,7 +68,7 @@ class CfSmaMatcher:
             reference=reference,
             current=current,
             function_pairs=function_pairs,
-            correlation=upsilon[function_pairs],
+            correlation=correlation,
             landmark_pairs=landmark_pairs,
             reading_pairs=(cur_idx, ref_idx),
         )

@@ -1,4 +1,4 @@
-"""CF-SMA1, first half: a sweep cut into segments by an adaptive breakpoint detector (section 1, eq. 2).
+"""CF-SMA1, first half: a sweep cut into segments by an adaptive breakpoint detector (section 2.1, eq. 2).
 
 The detector is Borges and Aldon's, "Line extraction in 2D range images for mobile robotics", Journal of
 Intelligent and Robotic Systems 40 (2004): the farther the reading and the wider the step, the larger the

@@ -26,8 +26,9 @@ class Gate(IntEnum):
     WEAK = 4
     AMBIGUOUS = 5
     ONE_SIDED = 6
-    OUT_OF_REACH = 7
-    MATCHED = 8
+    INCONSISTENT = 7
+    OUT_OF_REACH = 8
+    MATCHED = 9
 
     @property
     def parameter(self) -> str:
@@ -57,12 +58,24 @@ _GATES = {
     Gate.WEAK: ("min_similarity (S_min)", "around corners that look unlike their candidates"),
     Gate.AMBIGUOUS: ("max_ambiguity", "around corners with two candidates nearly as good"),
     Gate.ONE_SIDED: ("mutual best", "around corners whose best partner prefers another"),
+    Gate.INCONSISTENT: (
+        "consistency, consistency_distance",
+        "around corners whose pair does not agree with the others",
+    ),
     Gate.OUT_OF_REACH: ("n_neighbours (n)", "too far along from a matched corner"),
     Gate.MATCHED: ("", "matched, the pose stands on it"),
 }
 
 _GATE_OF_VERDICT = np.array(
-    [Gate.STRAIGHT, Gate.WEAK, Gate.AMBIGUOUS, Gate.ONE_SIDED, Gate.MATCHED], dtype=np.uint8
+    [
+        Gate.STRAIGHT,
+        Gate.WEAK,
+        Gate.AMBIGUOUS,
+        Gate.ONE_SIDED,
+        Gate.INCONSISTENT,
+        Gate.MATCHED,
+    ],
+    dtype=np.uint8,
 )
 
 
@@ -133,6 +146,7 @@ class CfSmaTrace:
             "corners unlike their candidates (S_min)": int(np.sum(verdict == Verdict.WEAK)),
             "corners with two candidates": int(np.sum(verdict == Verdict.AMBIGUOUS)),
             "corners without mutual best": int(np.sum(verdict == Verdict.ONE_SIDED)),
+            "corners that do not agree (consistency)": int(np.sum(verdict == Verdict.INCONSISTENT)),
         }
 
     def _gates(self, features: CfSmaFeatures, paired: Ints, matched: Ints) -> Codes:

@@ -17,6 +17,7 @@ from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.curvescan.information import covariance, pose_information
 from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER, compare_readings, static_segments
 from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.scoring import best_beside
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
@@ -29,6 +30,8 @@ class Assessment:
     ----------
     codes_ref, codes_cur : (m,), (k,) uint8
         What each reading is to the other scan; codes of labels.py.
+    partner_ref, partner_cur : (m,), (k,) int64
+        Reading of the other scan that each agrees with, -1 for none.
     n_inliers : int
         Readings of the current scan that agree.
     is_static_ref, is_static_cur : (m,), (k,) bool
@@ -41,6 +44,8 @@ class Assessment:
 
     codes_ref: Codes
     codes_cur: Codes
+    partner_ref: Ints
+    partner_cur: Ints
     n_inliers: int
     is_static_ref: Bools
     is_static_cur: Bools
@@ -79,6 +84,8 @@ def assess_pose(
     (
         codes_ref,
         codes_cur,
+        partner_ref,
+        partner_cur,
         n_inliers,
         is_static_ref,
         is_static_cur,
@@ -100,6 +107,8 @@ def assess_pose(
     return Assessment(
         codes_ref=codes_ref,
         codes_cur=codes_cur,
+        partner_ref=partner_ref,
+        partner_cur=partner_cur,
         n_inliers=n_inliers,
         is_static_ref=is_static_ref,
         is_static_cur=is_static_cur,
@@ -134,7 +143,7 @@ def assess(
     margin: float,
     limit: float,
     least: float,
-) -> tuple[Codes, Codes, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
+) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
     """Return the fields of an Evidence; margin, limit and least as in ScoringConfig."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
@@ -155,6 +164,8 @@ def assess(
     return (
         codes_ref,
         codes_cur,
+        partner_ref,
+        partner_cur,
         n_inliers,
         is_static_ref,
         is_static_cur,
@@ -189,3 +200,19 @@ def degenerate_directions(
         beside = best_beside(pose, assessment.weakest, np.array(rules.offsets), *images, *fine)
         is_degenerate[0] = beside > rules.flat_score * here
     return is_degenerate
+
+
+def without_dynamic(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    poses: Floats,
+    assessment: Assessment,
+    config: CurvescanConfig,
+) -> tuple[Floats, Assessment]:
+    """Return the poses, the first refined without the surfaces that moved, and the evidence for it."""
+    if not assessment.n_dynamic:
+        return poses, assessment
+    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
+    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
+    pose = refine(poses[:1], static_ref, static_cur, config.refinement.full_schedule)
+    return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)

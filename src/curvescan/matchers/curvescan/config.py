@@ -25,6 +25,15 @@ class SegmentsConfig:
     """A run of at most this many missing readings does not end a surface by itself."""
     arm: float = 0.12
     """Readings within this distance decide the line through a reading, metres; two a side at least."""
+    jump: float = 0.03
+    """Besides what the incidence explains, neighbouring readings of one surface may lie apart by this, metres."""
+    noisy: float = 0.02
+    """Range noise, metres, from which on segments and lines are found anew with it."""
+    jump_growth: float = 8.0
+    """Growth of `jump` for each metre of range noise above `noisy`."""
+    arm_growth: float = 0.9
+    """Power of the range noise over `noisy` with which `arm` grows: from two thirds on the directions of lines are known
+    as well as with less noise."""
     range_sigma_min: float = 0.003
     """Least range noise that a scan is taken to have, metres."""
 
@@ -36,6 +45,10 @@ class SegmentsConfig:
         )
         require(self.max_gap >= 0, "max_gap must be >= 0 readings", self.max_gap)
         require(self.arm > 0.0, "arm must be > 0 m", self.arm)
+        require(self.jump > 0.0, "jump must be > 0 m", self.jump)
+        require(self.noisy > 0.0, "noisy must be > 0 m", self.noisy)
+        require(self.jump_growth >= 0.0, "jump_growth must be >= 0", self.jump_growth)
+        require(self.arm_growth >= 0.0, "arm_growth must be >= 0", self.arm_growth)
         require(self.range_sigma_min > 0.0, "range_sigma_min must be > 0 m", self.range_sigma_min)
 
 
@@ -80,10 +93,12 @@ class HypothesesConfig:
     """Most voted poses that are tried."""
     n_rotations: int = 4
     """Rotations taken from the directions of all surfaces."""
-    grid_step: float = 0.25
-    """Where no pose finds support, places this far apart are tried, metres."""
-    grid_reach: float = 1.25
-    """How far the places tried lie from the reference's, metres on each axis."""
+    alignment_reach: float = 2.0
+    """Where no pose finds support, places up to this far along each axis are tried at which walls coincide, metres."""
+    alignment_bin: float = 0.1
+    """Walls coincide within this width, metres."""
+    n_alignments: int = 3
+    """Places tried along each axis."""
     along_step: float = 0.15
     """Along corridors places this far apart are tried, metres."""
     along_reach: float = 1.8
@@ -93,13 +108,13 @@ class HypothesesConfig:
         for name in (
             "turn_tolerance",
             "cell",
-            "grid_step",
-            "grid_reach",
+            "alignment_reach",
+            "alignment_bin",
             "along_step",
             "along_reach",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("max_pairs", "max_tried", "n_rotations"):
+        for name in ("max_pairs", "max_tried", "n_rotations", "n_alignments"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 
@@ -128,8 +143,10 @@ class ScoringConfig:
     """Poses that are refined."""
     n_wide: int = 192
     """Readings of each scan where poses that are nearly as good as each other are told apart."""
-    contested: float = 0.75
+    contested: float = 0.3
     """Poses with this share of the best one's score are judged beside it."""
+    n_top: int = 5
+    """Poses that are judged beside one another, at most."""
     doubtful_score: float = 0.35
     """Below this score other ways to a pose are tried, too."""
     few_tried: int = 24
@@ -138,8 +155,10 @@ class ScoringConfig:
     """See `few_tried`."""
     guess_score: float = 0.5
     """From this score on a guess that fixes both axes is taken without a look at others."""
-    min_score: float = 0.15
-    """Least score of a match."""
+    min_score: float = 0.02
+    """Least score of a pose that is looked at any further."""
+    min_confidence: float = 0.5
+    """Least confidence of a match."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
     ambiguity: tuple[float, float] = (0.93, 0.04)
@@ -150,6 +169,7 @@ class ScoringConfig:
         require(self.n_wide >= 6, "n_wide must be at least 6", self.n_wide)
         require(self.min_inliers >= 1, "min_inliers must be at least 1", self.min_inliers)
         require(self.n_kept >= 1, "n_kept must be at least 1", self.n_kept)
+        require(self.n_top >= 1, "n_top must be at least 1", self.n_top)
         for name in ("rough", "moved_along", "close", "fine"):
             tolerance = getattr(self, name)
             require(
@@ -157,7 +177,14 @@ class ScoringConfig:
                 f"{name} must be metres > 0 and a slope >= 0",
                 tolerance,
             )
-        for name in ("doubtful_score", "guess_score", "certain_score", "min_score", "contested"):
+        for name in (
+            "doubtful_score",
+            "guess_score",
+            "certain_score",
+            "min_score",
+            "contested",
+            "min_confidence",
+        ):
             require(
                 -1.0 <= getattr(self, name) <= 1.0,
                 f"{name} must lie in [-1, 1]",

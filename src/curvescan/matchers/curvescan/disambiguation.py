@@ -1,113 +1,191 @@
-"""Contest: the few best poses refined on all readings, and which of them, if any, stands alone.
-
-Poses are the rows of an array, best first; scores the numbers beside them. A rival is a pose with nearly the best score.
-"""
+"""Disambiguation: which of the refined candidates stands alone, and what the scans leave open there."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.assessment import (
+    Assessment,
+    assess_pose,
+    degenerate_directions,
+    without_dynamic,
+)
+from curvescan.matchers.curvescan.candidates import (
+    RefinedCandidates,
+    competing_hypotheses,
+    wide_range_images,
+)
+from curvescan.matchers.curvescan.confidence import Support, support_of
+from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.movable import without_movable
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
-from curvescan.matchers.curvescan.range_image import RangeImage
-from curvescan.matchers.curvescan.refinement import refine, refine_fully
+from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.scoring import select
-from curvescan.matchers.curvescan.search import Candidates
-from curvescan.types import Cov, Floats, Pose
+from curvescan.matchers.curvescan.search import Problem
+from curvescan.matchers.result import Outcome
+from curvescan.types import Bools, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
-"""What a metre, a metre and a radian of a pose count when slides are measured."""
+"""What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
+
+_OTHER = 0.25
+"""Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
+
+_DIRECTION_SIGMA = 0.003
+"""Standard deviation of a degenerate direction, radians."""
 
 _SHARE = 0.7
-"""Least share of the score that a pose slid along an open direction must keep: two scans taken a metre apart on a bare
-corridor have less in common than they seem to where they are laid over each other."""
+"""Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
+bare corridor have less in common than they seem to where they are laid over each other."""
 
 
-def top_candidates(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, found: Candidates, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
-    if not len(found.scores):
-        return found.poses, found.scores
-    near = found.poses[found.scores > config.scoring.contested * found.scores[0]]
-    return _finish(ref, cur, near, config)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AssessedPose:
+    """The best candidate without what moved, and what the scans say of it.
+
+    Attributes
+    ----------
+    poses : (k, 3) float64
+        It, and the other candidates.
+    scores : (k,) float64
+        How well the scans agree at each, at most 1.
+    assessment : Assessment or None
+        Of the first; None where too few readings agree.
+    is_degenerate : (3,) bool
+        Principal directions of the information that the scans leave open, the least informed first.
+    ties : list of int
+        Rows of the candidates that are as good and differ by a motion along the least informed direction.
+    support : Support or None
+        What speaks for the first and against it; None where too few readings agree.
+    is_guess_decisive : bool
+        Whether a guess decided between poses that explain the scans.
+    """
+
+    poses: Floats
+    scores: Floats
+    assessment: Assessment | None = None
+    is_degenerate: Bools
+    ties: list[int]
+    support: Support | None = None
+    is_guess_decisive: bool = False
 
 
-def search_degenerate_direction(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    poses: Floats,
-    weakest: Pose,
-    config: CurvescanConfig,
-) -> tuple[Floats, Floats]:
-    """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
-    rules = config.information
-    n = round(config.hypotheses.along_reach / rules.fine_along_step)
-    offsets = np.arange(-n, n + 1) * rules.fine_along_step
-    moved_along = poses[0] + offsets[:, np.newaxis] * weakest
-    moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
-    best, _ = select(
-        moved_along, *_wide_range_images(ref, cur, config), *config.scoring.close, 4, 24, 0.1
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Verdict:
+    """What comes of a match.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        MATCHED, or why not.
+    pose : (3,) float64 or None
+        Of the current scan in the reference; None unless MATCHED, as are all below.
+    assessment : Assessment or None
+        What the scans say of it.
+    covariance : (3, 3) float64 or None
+        Of the pose.
+    is_degenerate : bool
+        Whether the scans leave a direction open.
+    confidence : float
+        Probability that the pose is right, within what its covariance says.
+    """
+
+    outcome: Outcome
+    pose: Pose | None = None
+    assessment: Assessment | None = None
+    covariance: Cov | None = None
+    is_degenerate: bool = False
+    confidence: float = 0.0
+
+
+def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
+    """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
+    ref, cur, _, config = problem
+    poses, scores, assessment = refined.poses, refined.scores, refined.assessment
+    if assessment is not None:
+        poses, assessment = without_dynamic(ref, cur, poses, assessment, config)
+    if assessment is None or not assessment.is_enough(config.scoring):
+        return AssessedPose(
+            poses=poses, scores=scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
+        )
+    fixed = assessment
+    assessment = without_movable(ref, cur, poses[0], assessment, config)
+    is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
+    is_degenerate[0] |= assessment is not fixed
+    ties = along_degenerate_direction(poses, scores, assessment, config)
+    is_degenerate[0] |= assessment.is_weakly_observable(config.information) and len(ties) > 0
+    others = [
+        pose
+        for pose in poses[1:]
+        if distance(pose, poses[0]) > _OTHER
+        and not (
+            is_degenerate[0]
+            and is_along(assessment.weakest, poses[0], pose, config.information.along_tolerance)
+        )
+    ]
+    return AssessedPose(
+        poses=poses,
+        scores=scores,
+        assessment=assessment,
+        is_degenerate=is_degenerate,
+        ties=ties,
+        support=support_of(problem, poses[0], assessment, others, bool(is_degenerate.any())),
+        is_guess_decisive=refined.is_guess_decisive,
     )
-    return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 
-def _finish(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
-    final = refine_fully(poses, ref.image, cur.image, *sigmas)
-    # one pose has only to be enough; several are told apart by more probes
-    images = _wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
-    return select(final, *images, *config.scoring.fine, 3, 4096, 0.1)
+def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
+    """Return the pose that stands alone, or why none does.
+
+    A candidate along a degenerate direction does not compete: the covariance holds it.
+    """
+    assessment, support, is_degenerate = (
+        assessed.assessment,
+        assessed.support,
+        assessed.is_degenerate,
+    )
+    config = problem.config
+    if assessment is None or support is None or is_degenerate.all():
+        return Verdict(outcome=Outcome.UNSUPPORTED)
+    n_ties = len(assessed.ties) if is_degenerate[0] else 0
+    if support.is_repeated or len(competing_hypotheses(assessed.scores, config)) > n_ties:
+        return Verdict(outcome=Outcome.AMBIGUOUS)
+    if support.confidence < config.scoring.min_confidence:
+        return Verdict(outcome=Outcome.UNSUPPORTED)
+    pose, assessment, cov = place(problem, assessed, assessment)
+    return Verdict(
+        outcome=Outcome.MATCHED,
+        pose=pose,
+        assessment=assessment,
+        covariance=cov,
+        is_degenerate=bool(is_degenerate.any()),
+        confidence=support.confidence,
+    )
 
 
-def _wide_range_images(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, config: CurvescanConfig
-) -> tuple[RangeImage, RangeImage]:
-    """Return the views of both scans with more probes, to tell apart poses that are nearly as good as each other."""
-    n_wide = config.scoring.n_wide
-    return ref.with_samples(n_wide), cur.with_samples(n_wide)
-
-
-def without_dynamic(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    poses: Floats,
-    assessment: Assessment,
-    config: CurvescanConfig,
-) -> tuple[Floats, Assessment]:
-    """Return the poses, the first refined without the surfaces that moved, and the evidence for it."""
-    if not assessment.n_dynamic:
-        return poses, assessment
-    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
-    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
-    pose = refine(poses[:1], static_ref, static_cur, config.refinement.full_schedule)
-    return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)
-
-
-def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:
-    """Return the rows of the poses that are as good as the first."""
-    share, margin = config.scoring.ambiguity
-    least = min(share * scores[0], scores[0] - margin)
-    return [k for k in range(1, len(scores)) if scores[k] > least]
-
-
-def prefer(
-    guess: Pose | None, poses: Floats, scores: Floats, config: CurvescanConfig
-) -> tuple[Floats, Floats]:
-    """Return the poses, or of those as good as the first the one that a guess is clearly nearest to, alone."""
-    rows = [0, *competing_hypotheses(scores, config)]
-    if guess is None or len(rows) == 1:
-        return poses, scores
-    distances = [distance(poses[k], guess) for k in rows]
-    first, second = np.argsort(distances, kind="stable")[:2].tolist()
-    if 2.0 * distances[first] > distances[second]:
-        return poses, scores
-    kept = rows[first]
-    return poses[kept : kept + 1], scores[kept : kept + 1]
+def place(
+    problem: Problem, assessed: AssessedPose, assessment: Assessment
+) -> tuple[Pose, Assessment, Cov]:
+    """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
+    ref, cur, guess, config = problem
+    poses, ties, is_degenerate = assessed.poses, assessed.ties, assessed.is_degenerate
+    pose, has_ties = poses[0], bool(is_degenerate[0] and ties)
+    if has_ties:
+        pose = nearest_of_ties(guess, poses, assessed.scores, ties, config)
+        assessment = assess_pose(ref, cur, pose, config)
+    if is_degenerate[0] and guess is not None:
+        pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
+    if is_degenerate[0]:
+        assessment = without_movable(ref, cur, pose, assessment, config)
+    cov = assessment.covariance(is_degenerate, config.information)
+    if is_degenerate[0]:
+        cov = cov + covariance_of_direction(assessment.weakest, config.information)
+    if has_ties:
+        cov += covariance_of_ties(pose, poses[[0, *ties]])
+    return pose, assessment, cov
 
 
 def along_degenerate_direction(
@@ -130,6 +208,17 @@ def nearest_of_ties(
     ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
     nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
     return nearest
+
+
+def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
+    """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
+
+    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many millimetres.
+    """
+    dx, dy, _ = weakest.tolist()
+    across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
+    cov: Cov = np.outer(across, across)
+    return cov
 
 
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
@@ -163,7 +252,7 @@ def move_to_guess(
     moved_along = refine(
         moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule
     )
-    images = _wide_range_images(ref, cur, config)
+    images = wide_range_images(ref, cur, config)
     before, after = (
         select(one, *images, *config.scoring.fine, 1, 4096, 0.0)[1]
         for one in (pose[np.newaxis], moved_along)

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
 from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
 from curvescan.matchers.curvescan.range_image import RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
 from curvescan.matchers.curvescan.sampling import choose_samples
 from curvescan.matchers.curvescan.segments import ordered_readings
-from curvescan.matchers.curvescan.surfels import fit_surfels
+from curvescan.matchers.curvescan.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 
@@ -67,21 +67,8 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     n, step = len(scan), abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     is_even = scan.has_uniform_angles
-    segments, keypoints = config.segments, config.keypoints
-    beam_idx, readings, bounds = ordered_readings(
-        scan.ranges,
-        scan.directions,
-        scan.valid,
-        is_clockwise,
-        is_closed,
-        step,
-        scan.angles[:0] if is_even else scan.angles,
-        segments.incidence_limit,
-        segments.max_gap,
-    )
-    surfels, sums, sigma = fit_surfels(
-        readings, bounds, step, segments.arm, segments.range_sigma_min
-    )
+    keypoints = config.keypoints
+    beam_idx, bounds, surfels, sums, sigma = _lines(scan, config.segments)
     corners = find_corners(
         surfels,
         sums,
@@ -101,7 +88,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     else:
         angle_min = float(scan.angles[-1 if is_clockwise else 0])
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
-    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma])
+    azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma, density * step])
     few = choose_samples(surfels, config.scoring.n_samples)
     return CurvescanFeatures(
         n_beams=n,
@@ -112,3 +99,26 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         keypoints=corners_and_ends,
         directions=direction_histogram(surfels),
     )
+
+
+def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats, Floats, float]:
+    """Return the beams, segments, surfels, moments and range noise of a scan.
+
+    What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
+    depends on the noise, which the lines tell: where it is large, segments and lines are found anew with it.
+    """
+    jump, arm, step = config.jump, config.arm, abs(scan.angle_increment)
+    is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
+    angles = scan.angles[:0] if scan.has_uniform_angles else scan.angles
+    ranges, directions, valid = scan.ranges, scan.directions, scan.valid
+    limits = config.incidence_limit, config.max_gap
+    for is_last in (False, True):
+        beam_idx, readings, bounds = ordered_readings(
+            ranges, directions, valid, is_clockwise, is_closed, step, angles, *limits, jump
+        )
+        fits, sums, sigma = fit_lines(readings, bounds, arm, config.range_sigma_min)
+        if is_last or sigma <= config.noisy:
+            break
+        jump += config.jump_growth * (sigma - config.noisy)
+        arm *= (sigma / config.noisy) ** config.arm_growth
+    return beam_idx, bounds, fit_surfels(readings, fits, step, sigma), sums, sigma

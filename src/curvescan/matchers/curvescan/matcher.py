@@ -12,21 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.matchers.curvescan.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import (
-    along_degenerate_direction,
-    competing_hypotheses,
-    covariance_of_ties,
-    move_to_guess,
-    nearest_of_ties,
-    prefer,
-    search_degenerate_direction,
-    top_candidates,
-    without_dynamic,
-)
+from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, disambiguate
 from curvescan.matchers.curvescan.features import CurvescanFeatures, extract_features
-from curvescan.matchers.curvescan.search import Candidates, follow_guess, search
+from curvescan.matchers.curvescan.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Codes, Floats, Pose
@@ -34,15 +24,19 @@ from curvescan.types import Codes, Floats, Pose
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.DYNAMIC], dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
+_NOT_ASSESSED = AssessedPose(
+    poses=_NOTHING.poses, scores=_NOTHING.scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CurvescanTrace:
-    """What the matcher did on the way: the features of both scans, and the poses that came into question."""
+    """What the matcher did on the way: the features of both scans, the poses that came into question, and the best."""
 
     reference: CurvescanFeatures
     current: CurvescanFeatures
     candidates: Candidates
+    assessed: AssessedPose
 
 
 class CurvescanMatcher:
@@ -67,91 +61,44 @@ class CurvescanMatcher:
         A guess is one more hypothesis. It is taken without a look at others when many readings agree there and fix
         both axes, and it decides between poses that explain the scans as well as each other.
         """
-        ref, cur, config = reference, current, self.config
-        if not (self.can_be_reference(ref) and self.can_be_reference(cur)):
-            return _silence(Outcome.NO_SEGMENTS, ref, cur, _NOTHING)
-        trusted = None if guess is None else follow_guess(ref, cur, guess, config)
-        found = trusted or search(ref, cur, guess, config)
-        poses, scores = top_candidates(ref, cur, found, config)
-        if not len(poses) or scores[0] < config.scoring.min_score:
-            return _silence(Outcome.UNSUPPORTED, ref, cur, found, scores)
-        assessment = assess_pose(ref, cur, poses[0], config)
-        if assessment.is_weakly_observable(config.information):
-            poses, scores = search_degenerate_direction(ref, cur, poses, assessment.weakest, config)
-            poses, scores = prefer(guess, poses, scores, config)
-            assessment = assess_pose(ref, cur, poses[0], config)
-        elif len(poses) > 1:
-            poses, scores = prefer(guess, poses, scores, config)
-            assessment = assess_pose(ref, cur, poses[0], config)
-        poses, assessment = without_dynamic(ref, cur, poses, assessment, config)
-        if not assessment.is_enough(config.scoring):
-            return _silence(Outcome.UNSUPPORTED, ref, cur, found, scores)
-        is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
-        on_the_way = along_degenerate_direction(poses, scores, assessment, config)
-        is_degenerate[0] |= (
-            assessment.is_weakly_observable(config.information) and len(on_the_way) > 0
-        )
-        if is_degenerate.all():
-            return _silence(Outcome.UNSUPPORTED, ref, cur, found, scores)
-        # a rival along an open direction is no rival: the covariance says as much
-        if len(competing_hypotheses(scores, config)) > (len(on_the_way) if is_degenerate[0] else 0):
-            return _silence(Outcome.AMBIGUOUS, ref, cur, found, scores)
-        pose, has_ties = poses[0], bool(is_degenerate[0] and on_the_way)
-        if has_ties:
-            pose = nearest_of_ties(guess, poses, scores, on_the_way, config)
-            assessment = assess_pose(ref, cur, pose, config)
-        if is_degenerate[0] and guess is not None:
-            pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
-        cov = assessment.covariance(is_degenerate, config.information)
-        if has_ties:
-            cov += covariance_of_ties(pose, poses[[0, *on_the_way]])
-        return MatchResult(
-            method="curvescan",
-            outcome=Outcome.MATCHED,
-            pose=pose,
-            covariance=cov,
-            n_matched=assessment.n_inliers,
-            trace=CurvescanTrace(reference=ref, current=cur, candidates=found),
-            labels_reference=_labels(ref, assessment.codes_ref),
-            labels_current=_labels(cur, assessment.codes_cur),
-            degenerate_direction=assessment.weakest if is_degenerate.any() else None,
-            score=_score(scores, 0),
-            runner_up=_score(scores, 1),
-        )
+        problem = Problem(reference, current, guess, self.config)
+        if not (self.can_be_reference(reference) and self.can_be_reference(current)):
+            return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
+        candidates = propose(problem)
+        refined = refine_candidates(problem, candidates)
+        assessed = assess(problem, refined)
+        verdict = disambiguate(problem, assessed)
+        return report(problem, candidates, assessed, verdict)
+
+
+def report(
+    problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict
+) -> MatchResult:
+    """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
+    ref, cur, assessment = problem.reference, problem.current, verdict.assessment
+    return MatchResult(
+        method="curvescan",
+        outcome=verdict.outcome,
+        pose=NO_POSE if verdict.pose is None else verdict.pose,
+        covariance=NO_COVARIANCE if verdict.covariance is None else verdict.covariance,
+        n_matched=assessment.n_inliers if assessment else 0,
+        trace=CurvescanTrace(reference=ref, current=cur, candidates=found, assessed=assessed),
+        labels_reference=_labels(ref, assessment.codes_ref if assessment else None),
+        labels_current=_labels(cur, assessment.codes_cur if assessment else None),
+        degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
+        score=_score(assessed.scores, 0),
+        runner_up=_score(assessed.scores, 1),
+        confidence=verdict.confidence,
+        is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
+    )
 
 
 def _score(scores: Floats, k: int) -> float:
     return float(scores[k]) if len(scores) > k else math.nan
 
 
-def _labels(features: CurvescanFeatures, codes: Codes) -> Codes:
+def _labels(features: CurvescanFeatures, codes: Codes | None) -> Codes:
+    """Return a Label for each beam of a scan; readings are UNMATCHED where there are no codes."""
     labels = np.zeros(features.n_beams, dtype=np.uint8)
-    labels[features.beam_idx] = _LABELS[codes]
+    labels[features.beam_idx] = Label.UNMATCHED if codes is None else _LABELS[codes]
     return labels
-
-
-def _silence(
-    outcome: Outcome,
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    found: Candidates,
-    scores: Floats = _NOTHING.scores,
-) -> MatchResult:
-    """Return a result without a pose."""
-    labels = []
-    for features in (ref, cur):
-        one = np.zeros(features.n_beams, dtype=np.uint8)
-        one[features.beam_idx] = Label.UNMATCHED
-        labels.append(one)
-    return MatchResult(
-        method="curvescan",
-        outcome=outcome,
-        pose=NO_POSE,
-        covariance=NO_COVARIANCE,
-        n_matched=0,
-        trace=CurvescanTrace(reference=ref, current=cur, candidates=found),
-        labels_reference=labels[0],
-        labels_current=labels[1],
-        score=_score(scores, 0),
-        runner_up=_score(scores, 1),
-    )

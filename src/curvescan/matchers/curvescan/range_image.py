@@ -16,13 +16,14 @@ class RangeImage(NamedTuple):
 
     Attributes
     ----------
-    probes : (p, 10) float64
+    samples : (p, 11) float64
         Surfels that are compared with the other scan: a few that stand for all, or all.
-    surfels : (m, 10) float64
+    surfels : (m, 11) float64
         Surfels that the other scan is compared with: all.
-    fan : (3,) float64
-        Direction of slot 0 of the lookup, radians in (-pi, pi], slots a radian, range noise, metres.
-    lookup : (n_slots,) int64
+    azimuth : (4,) float64
+        Direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
+        neighbouring beams.
+    table : (n_slots,) int64
         Reading in each direction, see :func:`azimuth_table`.
     """
 
@@ -124,14 +125,33 @@ def bearing(x: float, y: float) -> float:
 
 
 @kernel
-def reading_at(x: float, y: float, image: RangeImage) -> int:
-    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its lookup."""
+def place_of(x: float, y: float, image: RangeImage) -> float:
+    """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
+    return float((bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5)
+
+
+@kernel
+def reading_in(place: float, image: RangeImage) -> int:
+    """Return the reading in the slot of a place, or a negative number as in the azimuth table."""
     turn = 2.0 * math.pi * image.azimuth[1]
-    place = (bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5
     if place < 0.0:
         place += turn
     elif place >= turn:
         place -= turn
-    slot = min(math.floor(place), image.table.size - 1)
-    return int(image.table[slot])
+    # not so of NaN: it is no index
+    return int(image.table[int(min(place, image.table.size - 1.0))]) if place >= 0.0 else -2
+
+
+@kernel
+def reading_at(x: float, y: float, image: RangeImage) -> int:
+    """Return the reading that a scan has in the direction of (x, y), or a negative number as in its azimuth table."""
+    return reading_in(place_of(x, y, image), image)
+
+
+@kernel
+def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
+    """Return the reading of the two beams on either side of a place that is not the nearest, or a negative number."""
+    half = 0.5 * image.azimuth[3]
+    before = reading_in(place - half, image)
+    return before if before != nearest else reading_in(place + half, image)

@@ -14,9 +14,12 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.refinement import accumulate
-from curvescan.matchers.curvescan.surfels import LENGTH, NX, NY
+from curvescan.matchers.curvescan.surfels import CX, CY, LENGTH, NX, NY
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
+
+_RIGHT_ANGLES = 4.0  # directions a right angle apart are one axis
+_FACING = 0.9  # cosine of the most that a wall may face away from an axis, 26 degrees
 
 
 @kernel
@@ -77,22 +80,99 @@ def rotation_hypotheses(
 
 
 @kernel
-def translation_grid(poses: Floats, step: float, n_steps: int) -> Floats:
-    """Return each pose moved to the places of a square lattice around it, out to n_steps a side, centre first."""
-    n_side = 2 * n_steps + 1
-    moved = np.empty((poses.shape[0] * n_side * n_side, 3))
+def dominant_axis(surfels: Floats) -> float:
+    """Return the direction that most surfaces face or run along, radians: the mean of all, right angles counted as one."""
+    x, y = 0.0, 0.0
+    for i in range(surfels.shape[0]):
+        angle = _RIGHT_ANGLES * bearing(surfels[i, NX], surfels[i, NY])
+        x += math.cos(angle)
+        y += math.sin(angle)
+    return bearing(x, y) / _RIGHT_ANGLES
+
+
+@kernel
+def wall_offsets(
+    ref: Floats,
+    cur: Floats,
+    pose: Floats,
+    axis: float,
+    reach: float,
+    bin_width: float,
+    n_peaks: int,
+) -> Floats:
+    """Return (k,) how far to move a pose along an axis for walls across it to coincide, the most coinciding first.
+
+    Each pair of walls of both scans that face alike votes for the distance between them (the projections of Weiss and von
+    Puttkamer 1995, from a few surfels); 0 where none does.
+    """
+    half = int(reach / bin_width + 0.5)
+    votes = np.zeros(2 * half + 3)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ux, uy = math.cos(axis), math.sin(axis)
+    for i in range(cur.shape[0]):
+        facing = ux * (c * cur[i, NX] - s * cur[i, NY]) + uy * (s * cur[i, NX] + c * cur[i, NY])
+        if abs(facing) < _FACING:
+            continue
+        qx = c * cur[i, CX] - s * cur[i, CY] + pose[0]
+        qy = s * cur[i, CX] + c * cur[i, CY] + pose[1]
+        for j in range(ref.shape[0]):
+            other = ux * ref[j, NX] + uy * ref[j, NY]
+            if other * facing <= 0.0 or abs(other) < _FACING:
+                continue
+            apart = (ref[j, NX] * (ref[j, CX] - qx) + ref[j, NY] * (ref[j, CY] - qy)) / other
+            k = math.floor(apart / bin_width + 0.5) + half + 1
+            if 1 <= k <= 2 * half + 1:
+                votes[k] += 1.0
+    offsets = np.zeros(n_peaks)
     count = 0
-    for ring in range(n_steps + 1):
-        for h in range(poses.shape[0]):
-            for i in range(-ring, ring + 1):
-                for j in range(-ring, ring + 1):
-                    if max(abs(i), abs(j)) != ring:
-                        continue
-                    moved[count, 0] = poses[h, 0] + step * i
-                    moved[count, 1] = poses[h, 1] + step * j
-                    moved[count, 2] = poses[h, 2]
-                    count += 1
-    return moved
+    while count < n_peaks:
+        best, most = 0, 0.0
+        for k in range(1, 2 * half + 2):
+            total = votes[k - 1] + 2.0 * votes[k] + votes[k + 1]
+            if total > most:
+                best, most = k, total
+        if best == 0:
+            break
+        offsets[count] = (best - half - 1) * bin_width
+        count += 1
+        for k in range(max(best - 2, 0), min(best + 3, votes.size)):
+            votes[k] = 0.0
+    return offsets[: max(count, 1)]
+
+
+@kernel
+def aligned_translations(
+    poses: Floats, ref: Floats, cur: Floats, reach: float, bin_width: float, n_peaks: int
+) -> Floats:
+    """Return each pose moved to where walls of both scans coincide, n_peaks places a axis at most.
+
+    Parameters
+    ----------
+    poses : (h, 3) float64
+        Of the current scan in the reference.
+    ref, cur : (p, 10) float64
+        Surfels of both scans, a few that stand for all.
+    reach : float
+        How far a pose is moved along each axis at most, metres.
+    bin_width : float
+        Width of a vote, metres.
+    n_peaks : int
+        Distances taken along each of the two axes.
+    """
+    moved = np.empty((poses.shape[0] * n_peaks * n_peaks, 3))
+    count = 0
+    axis = dominant_axis(ref)
+    for h in range(poses.shape[0]):
+        pose = poses[h]
+        first = wall_offsets(ref, cur, pose, axis, reach, bin_width, n_peaks)
+        second = wall_offsets(ref, cur, pose, axis + 0.5 * math.pi, reach, bin_width, n_peaks)
+        for a in first:
+            for b in second:
+                moved[count, 0] = pose[0] + a * math.cos(axis) - b * math.sin(axis)
+                moved[count, 1] = pose[1] + a * math.sin(axis) + b * math.cos(axis)
+                moved[count, 2] = pose[2]
+                count += 1
+    return moved[:count]
 
 
 @kernel

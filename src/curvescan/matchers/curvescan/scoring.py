@@ -12,8 +12,20 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.range_image import (
+    RangeImage,
+    place_of,
+    reading_beside,
+    reading_in,
+)
 from curvescan.types import Floats
+
+DEVIATIONS = 2.0
+"""Standard deviations, of the noise and roughness of both surfaces, by which two readings of one may lie apart."""
+
+ALONG = 0.6
+"""Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
+more where the surface is not straight."""
 
 
 @kernel
@@ -38,21 +50,30 @@ def score_samples(
     for k in range(low, high):
         ax, ay = samples[k, 0], samples[k, 1]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        j = reading_at(qx, qy, image)
+        place = place_of(qx, qy, image)
+        j = reading_in(place, image)
         if j < 0:
             continue
-        ux, uy = qx - surfels[j, 3], qy - surfels[j, 4]
         nx, ny = surfels[j, 5], surfels[j, 6]
+        across = nx * (qx - surfels[j, 3]) + ny * (qy - surfels[j, 4])
         limit = tolerance + slope * surfels[j, 2]
-        across = (nx * ux + ny * uy) / limit
-        badness = across * across
-        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit * limit:
+        noise2 = max(samples[k, 7], 0.0) + max(surfels[j, 7], 0.0)
+        limit2 = max(limit * limit, DEVIATIONS * DEVIATIONS * noise2)
+        badness = across * across / limit2
+        ux, uy = qx - surfels[j, 0], qy - surfels[j, 1]
+        along = ALONG * surfels[j, 10]
+        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit2 + along * along:
             mx, my = samples[k, 5], samples[k, 6]
             alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
             if alike > 0.0:
                 score += (1.0 - badness) * alike
                 continue
-        front = surfels[j, 2] - 2.0 * limit
+        front = surfels[j, 2] - 2.0 * math.sqrt(limit2)
+        if front <= 0.0 or qx * qx + qy * qy >= front * front:
+            continue
+        # between two beams the nearer surface may reach as far as the other beam
+        i = reading_beside(place, image, j)
+        front -= max(surfels[j, 2] - surfels[i, 2], 0.0) if i >= 0 else 0.0
         if front > 0.0 and qx * qx + qy * qy < front * front:
             score -= 0.5
     return score
@@ -184,6 +205,7 @@ def best_beside(
 ) -> float:
     """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
     best = -1.0
+    n_samples = max(ref.samples.shape[0], cur.samples.shape[0])  # a constant would be compiled for
     moved = np.empty(3)
     for offset in offsets:
         for sign in (-1.0, 1.0):
@@ -197,7 +219,7 @@ def best_beside(
                     cur,
                     tolerance,
                     slope,
-                    4096,
+                    n_samples,
                     -1.0,
                 ),
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,34 @@ from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.rotation_hypotheses import (
+    aligned_translations,
     degenerate_hypotheses,
     rotation_hypotheses,
-    translation_grid,
 )
 from curvescan.matchers.curvescan.scoring import select
 from curvescan.types import Floats, Pose
 
 _STAND_STILL = np.zeros(3)
+_SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
+
+
+class Problem(NamedTuple):
+    """What is to be matched.
+
+    Attributes
+    ----------
+    reference, current : CurvescanFeatures
+        Both scans.
+    guess : (3,) float64 or None
+        Expected pose of the current scan in the reference, metres, metres, radians.
+    config : CurvescanConfig
+        All parameters.
+    """
+
+    reference: CurvescanFeatures
+    current: CurvescanFeatures
+    guess: Pose | None
+    config: CurvescanConfig
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,27 +64,56 @@ class Candidates:
     n_tried: int
 
 
-def follow_guess(
+def propose(problem: Problem) -> Candidates:
+    """Return the best poses: the guess alone where it is to be trusted, else what a search finds, and the guess."""
+    ref, cur, guess, config = problem
+    if guess is None:
+        return search(ref, cur, None, config)
+    near = refine_guess(ref, cur, guess, config)
+    if is_trusted(ref, cur, guess, near, config):
+        return near
+    found = search(ref, cur, guess, config)
+    if not len(near.scores) or any(distance(near.poses[0], pose) < _SAME for pose in found.poses):
+        return found
+    return Candidates(
+        poses=np.concatenate((found.poses, near.poses)),
+        scores=np.concatenate((found.scores, near.scores)),
+        n_tried=found.n_tried + 1,
+    )
+
+
+def refine_guess(
     ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig
-) -> Candidates | None:
-    """Return the guess refined, where it is to be trusted, else None.
+) -> Candidates:
+    """Return the guess refined, or nothing where no reading agrees."""
+    images = (ref.image, cur.image)
+    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
+    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
+    return Candidates(poses=near, scores=scores, n_tried=1)
+
+
+def is_trusted(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    guess: Pose,
+    near: Candidates,
+    config: CurvescanConfig,
+) -> bool:
+    """Return whether the refined guess is taken without a look at others.
 
     It is when enough readings agree there, the refinement stays near, and both axes are fixed.
     """
     step = config.hypotheses.along_step
-    images = (ref.image, cur.image)
-    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
-    if (
-        len(near)
-        and scores[0] > config.scoring.guess_score
-        and distance(near[0], guess) < 2.0 * step
+    return bool(
+        len(near.scores)
+        and near.scores[0] > config.scoring.guess_score
+        and distance(near.poses[0], guess) < 2.0 * step
         and not len(
-            degenerate_hypotheses(near, *images, step, 1, config.information.degenerate_ratio)
+            degenerate_hypotheses(
+                near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio
+            )
         )
-    ):
-        return Candidates(poses=near, scores=scores, n_tried=1)
-    return None
+    )
 
 
 def search(
@@ -71,8 +121,8 @@ def search(
 ) -> Candidates:
     """Return the best poses of all that frames, directions of surfaces and the guess propose.
 
-    Where they find little support, and the best is not where the guess has it, the places of a lattice around standing
-    still are tried as well.
+    Where they find little support, and the best is not where the guess has it, the places where walls of both
+    scans coincide are tried as well.
     """
     steps = config.hypotheses
     rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
@@ -85,9 +135,15 @@ def search(
     found = _best(ref, cur, np.concatenate((rotated, voted)), config)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
-    reach = round(steps.grid_reach / steps.grid_step)
-    places = np.concatenate((found.poses, translation_grid(rotated, steps.grid_step, reach)))
-    return _best(ref, cur, places, config)
+    aligned = aligned_translations(
+        rotated,
+        ref.image.samples,
+        cur.image.samples,
+        steps.alignment_reach,
+        steps.alignment_bin,
+        steps.n_alignments,
+    )
+    return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
 
 
 def _best(

@@ -83,6 +83,7 @@ def ordered_readings(
     angles: Floats,
     incidence_limit: float,
     max_gap: int,
+    jump: float,
 ) -> tuple[Ints, Floats, Ints]:
     """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
 
@@ -129,7 +130,7 @@ def ordered_readings(
         dx = ranges[b] * directions[b, 0] - ranges[a] * directions[a, 0]
         dy = ranges[b] * directions[b, 1] - ranges[a] * directions[a, 1]
         widest = slope[skipped] if angles.size == 0 else widest_gap(turn, incidence_limit)
-        limit = near * widest + 0.03
+        limit = near * widest + jump
         breaks[i] = dx * dx + dy * dy > limit * limit
     join_grazed(ranges, directions, order[:m], breaks)
     first = 0

@@ -13,12 +13,12 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.types import Floats, Ints
 
-X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH = range(10)
+X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING = range(11)
 """Columns of a surfel: the reading (x, y, range), a point (cx, cy) and the unit normal (nx, ny) of the line
 through it, facing the sensor, the variance of the reading across the line and of the line's direction, and the length
 of surface that it stands for. Without a line the variance is negative and the length 0."""
 
-N_COLUMNS = LENGTH + 1
+N_COLUMNS = SPACING + 1
 
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
@@ -83,8 +83,10 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 
 
 @kernel
-def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple[Floats, float]:
-    """Return the line around each reading, and the range noise of the sweep.
+def fit_lines(
+    readings: Floats, bounds: Ints, arm: float, sigma_min: float
+) -> tuple[Floats, Floats, float]:
+    """Return the line around each reading, their moments, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
     along the beams.
@@ -94,10 +96,13 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
     fits : (m, 8) float64
         Centre of the readings within `arm`, two a side at least (cx, cy); direction (ux, uy); variance across the line;
         sum of squares along it; first and last of the readings. Without the first six where they are less than three.
-    sigma2 : float
-        Variance of a range, square metres; 0 if there are no lines.
+    sums : (m + 1, 5) float64
+        Moments of the readings, see :func:`moments`.
+    sigma : float
+        Standard deviation of a range, metres, `sigma_min` at least.
     """
     m = readings.shape[0]
+    sums = moments(readings)
     fits = np.zeros((m, 8))
     variances = np.empty(m)  # of ranges, by the lines of five readings or more
     n_fits = 0
@@ -131,7 +136,8 @@ def fit_lines(readings: Floats, sums: Floats, bounds: Ints, arm: float) -> tuple
                 cos2 = max(facing * facing, 0.05)
                 variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
-    return fits, low_quantile(variances[:n_fits])
+    sigma = math.sqrt(low_quantile(variances[:n_fits]))
+    return fits, sums, max(sigma, sigma_min)
 
 
 @kernel
@@ -172,18 +178,14 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
 
 
 @kernel
-def fit_surfels(
-    readings: Floats, bounds: Ints, step: float, arm: float, sigma_min: float
-) -> tuple[Floats, Floats, float]:
-    """Return the readings with the lines through them, as (m, 10) surfels, their moments, and the sweep's range noise.
+def fit_surfels(readings: Floats, fits: Floats, step: float, sigma: float) -> Floats:
+    """Return the readings with the lines through them, as (m, 11) surfels.
 
     A reading stands for the length of surface between it and its neighbours, `step` radians away, but for no more than
     0.3 m and for no less than 0.03 m: near surfaces, which are dense, do not count for all, nor far ones.
     """
     m = readings.shape[0]
-    sums = moments(readings)
-    fits, sigma2 = fit_lines(readings, sums, bounds, arm)
-    sigma2 = max(sigma2, sigma_min * sigma_min)
+    sigma2 = sigma * sigma
     surfels = np.empty((m, N_COLUMNS))
     for i in range(m):
         x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
@@ -194,6 +196,7 @@ def fit_surfels(
             surfels[i, 3], surfels[i, 4] = x, y
             surfels[i, 5], surfels[i, 6] = -bx, -by
             surfels[i, 7], surfels[i, 8], surfels[i, 9] = -1.0, 1.0, 0.0
+            surfels[i, 10] = r * step
             continue
         facing = fits[i, 2] * by - fits[i, 3] * bx
         best = best_fit(fits, i, facing * facing, sigma2)
@@ -210,5 +213,7 @@ def fit_surfels(
         surfels[i, 5], surfels[i, 6] = nx, ny
         surfels[i, 7] = variance
         surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
-        surfels[i, 9] = min(max(r * step / max(-facing, 0.1), 0.03), 0.3)
-    return surfels, sums, math.sqrt(sigma2)
+        spacing = r * step / max(-facing, 0.1)
+        surfels[i, 9] = min(max(spacing, 0.03), 0.3)
+        surfels[i, 10] = spacing
+    return surfels

@@ -1,0 +1,60 @@
+"""MapPublisher: draws the map in a thread of its own and publishes it, so that no pose waits for a picture."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from curvescan.live.live_map import LiveMap
+from curvescan.live.sinks import WorkerSink
+from curvescan.mapping.occupancy import OccupancyGrid
+
+
+class MapPublisher(WorkerSink):
+    """A sink that hands a new map to `publish` at most every `period` seconds.
+
+    Parameters
+    ----------
+    publish : callable
+        Called in this sink's thread.
+    period : float
+        Seconds.
+    is_revisable : bool
+        Whether past poses may be revised (SLAM).
+    """
+
+    def __init__(
+        self,
+        publish: Callable[[OccupancyGrid], None],
+        *,
+        period: float,
+        is_revisable: bool,
+    ) -> None:
+        self._map = LiveMap(is_revisable=is_revisable)
+        self._publish, self._period = publish, period
+        self._lock = threading.Lock()
+        self._next, self._published = 0.0, -1
+        super().__init__("map publisher", capacity=500)
+
+    def grid(self) -> OccupancyGrid:
+        """Return the map as it is; from any thread."""
+        with self._lock:
+            return self._map.grid()
+
+    def _take(self, tracked: object) -> None:
+        with self._lock:
+            self._map.add(tracked)
+        if time.monotonic() >= self._next and self._map.version != self._published:
+            self._tell()
+
+    def _finish(self) -> None:
+        with self._lock:
+            self._map.redraw()
+
+    def _tell(self) -> None:
+        grid = self.grid()
+        if grid.log_odds.size:
+            self._publish(grid)
+        self._published = self._map.version
+        self._next = time.monotonic() + self._period

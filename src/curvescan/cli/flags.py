@@ -1,0 +1,42 @@
+"""Messages of the library for the command line: arguments of Python become flags."""
+
+from __future__ import annotations
+
+import re
+
+_FLAGS = {
+    "backwards": "--backwards",
+    "clockwise": "--clockwise",
+    "drop_stale": "--drop-stale",
+    "exports": "--export",
+    "ignore_beams": "--ignore-beams",
+    "laser_pose": "--laser-pose",
+    "odometry_prior": "--odometry-prior",
+    "out": "--out",
+    "range_max": "--range-max",
+    "topic": "--topic",
+}
+"""Arguments that messages name, and their flags."""
+
+_WORDS = {
+    "upside_down=True": "--upside-down",
+    "upside_down=False": "--upright",
+    "read it with read_relations": "give it as --relations",
+    "a smaller range_max": "a smaller --range-max",
+    "the resolution of OccupancyConfig": "--map.resolution",
+}
+
+_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=('[^']*'|\([^)]*\)|[^\s,;:)]+)?")
+
+
+def with_flags(message: str) -> str:
+    """Return a message of the library with ``clockwise=True`` as ``--clockwise``, ``topic='/scan'`` as ``--topic /scan``."""
+    for words, flag in _WORDS.items():
+        message = message.replace(words, flag)
+    return _ARGUMENT.sub(_as_flag, message)
+
+
+def _as_flag(found: re.Match[str]) -> str:
+    flag, value = _FLAGS[found[1]], found[2] or ""
+    values = value.strip("()'").replace(",", "")
+    return flag if values in ("", "True") else f"{flag} {values}"

@@ -1,0 +1,134 @@
+"""Configurations from what a user gives: an instance, a mapping of some of its fields, or nothing.
+
+One function for every call that takes a ``config=``, and for the tables of a TOML file: an unknown key is an error
+with the nearest name, a value of the wrong type or out of range one with the rule.
+"""
+
+from __future__ import annotations
+
+import difflib
+import numbers
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+from curvescan.errors import InvalidArgumentError
+
+Config = TypeVar("Config")
+
+
+def as_config(
+    given: Config | Mapping[str, Any] | None,
+    default: Config,
+    *,
+    name: str = "config",
+    hint: str = "",
+) -> Config:
+    """Return the configuration that an argument stands for.
+
+    Parameters
+    ----------
+    given : dataclass, mapping or None
+        An instance of the default's class; a mapping of the fields that differ, nested for nested configurations
+        (``{"motion": {"memory": 10.0}}``); None for the default.
+    default : dataclass
+        What holds where nothing is given.
+    name : str
+        Name of the argument, for messages.
+    hint : str
+        Appended to the message about an object of another class.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `given` is of another class, or has an unknown key (the message gives the nearest name) or a value of the
+        wrong type or out of range.
+    """
+    if given is None:
+        return default
+    if isinstance(given, type(default)):
+        return given
+    kind = type(default).__name__
+    if not isinstance(given, Mapping):
+        got = f"the class {given.__name__}" if isinstance(given, type) else type(given).__name__
+        raise InvalidArgumentError(
+            f"{name} must be a {kind}, a mapping of its fields or None, got {got}"
+            + (f": {hint}" if hint else "")
+        )
+    return changed(default, given, name)
+
+
+def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
+    """Return a configuration with the fields of a mapping replaced, nested ones field by field.
+
+    Parameters
+    ----------
+    default : dataclass
+        The configuration to change; it stays as it is.
+    given : mapping of str to object
+        Names of fields and their values.
+    where : str
+        What the mapping is called in messages.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a key is unknown, or a value of the wrong type or out of range.
+    """
+    if not isinstance(given, Mapping):
+        raise InvalidArgumentError(f"{where} must be a table, got {given!r:.80}")
+    values = {f.name: getattr(default, f.name) for f in fields(cast(Any, default))}
+    check_names(given, values, where)
+    hints = get_type_hints(type(default))
+    for name, value in given.items():
+        place = f"{where[:-1]}.{name}]" if where.endswith("]") else f"{where}[{name!r}]"
+        known = values[name]
+        if is_dataclass(known) and not isinstance(value, type(known)):
+            values[name] = changed(known, value, place)
+        elif not is_dataclass(known):
+            values[name] = _as_type_of(known, value, f"{where} {name}")
+            _check_length(hints[name], values[name], f"{where} {name}")
+        else:
+            values[name] = value
+    try:
+        return type(default)(**values)
+    except InvalidArgumentError as error:
+        raise InvalidArgumentError(f"{where}: {error}") from error
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return ``"did you mean 'x'? "`` where a known name is like the given one, else an empty string."""
+    near = difflib.get_close_matches(str(name), list(known), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def check_names(given: Mapping[str, Any], known: Mapping[str, Any], where: str) -> None:
+    """Raise InvalidArgumentError for the first key that is not among the known names, with the nearest of them."""
+    for name in given:
+        if name not in known:
+            raise InvalidArgumentError(
+                f"{where} has an unknown key {name!r:.80}: {nearest(name, known)}known are {', '.join(sorted(known))}"
+            )
+
+
+def _as_type_of(default: object, value: object, where: str) -> object:
+    """Return a value as the type that a field has, where it is one: NumPy's numbers, and a list for a tuple."""
+    if isinstance(default, tuple) and default and isinstance(value, list | tuple):
+        return tuple(_as_type_of(default[0], one, where) for one in value)
+    is_bool = isinstance(value, bool)
+    if isinstance(default, float) and isinstance(value, numbers.Real) and not is_bool:
+        return float(value)
+    if type(default) is int and isinstance(value, numbers.Integral) and not is_bool:
+        return int(value)
+    if type(value) is not type(default):
+        raise InvalidArgumentError(
+            f"{where} must be of type {type(default).__name__}, got {value!r:.80}"
+        )
+    return value
+
+
+def _check_length(hint: object, value: object, where: str) -> None:
+    """Refuse a list that has not as many numbers as its field; ``tuple[float, ...]`` takes any number."""
+    kinds = get_args(hint) if get_origin(hint) is tuple else ()
+    if isinstance(value, tuple) and kinds and Ellipsis not in kinds and len(value) != len(kinds):
+        raise InvalidArgumentError(f"{where} must be a list of {len(kinds)}, got {len(value)}")

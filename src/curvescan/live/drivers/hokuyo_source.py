@@ -1,0 +1,142 @@
+"""HokuyoSource: Hokuyo's UST and UTM scanners with Ethernet by the package hokuyolx (MIT)."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
+from curvescan.live.drivers import PIP_COMMAND
+from curvescan.live.drivers.transport import SILENCE
+from curvescan.live.drivers.turns import TurnClock, to_unix
+from curvescan.scan import LaserScan
+
+DEFAULT_PORT = 10940
+_NO_READING = 65533
+"""Distances from here on are codes of errors, not millimetres (SCIP 2.2)."""
+
+
+class HokuyoSource:
+    """A Hokuyo on the network.
+
+    Parameters
+    ----------
+    port : str
+        ``HOST:PORT`` or ``HOST``.
+    is_mirrored : bool
+        Whether it hangs upside down.
+    ignore_beams : (int, int)
+        Beams at the beginning and at the end of each sweep that give no reading.
+
+    Raises
+    ------
+    MissingPackageError
+        When hokuyolx is not installed.
+    """
+
+    is_live = True
+
+    def __init__(
+        self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
+    ) -> None:
+        try:
+            import hokuyolx
+        except ImportError as error:
+            raise MissingPackageError(
+                f"the driver hokuyo is the package hokuyolx: {PIP_COMMAND}"
+            ) from error
+        self._package: Any = hokuyolx
+        host, _, number = port.partition(":")
+        if not host or (number and not number.isdecimal()):
+            raise InvalidArgumentError(f"a Hokuyo's port is HOST:PORT, got {port!r}")
+        self._address = (host, int(number or DEFAULT_PORT))
+        self._is_mirrored, self._ignore_beams = is_mirrored, ignore_beams
+        self._laser: Any = None
+        self._is_closed = False
+
+    @property
+    def name(self) -> str:
+        """Address."""
+        return f"Hokuyo at {self._address[0]}:{self._address[1]}"
+
+    def __enter__(self) -> Self:
+        try:
+            # its clock is not asked: that takes a second, and we stamp what arrives
+            self._laser = self._package.HokuyoLX(
+                addr=self._address, tsync=False, convert_time=False, timeout=SILENCE
+            )
+            self._laser._sock = _Socket(self._laser._sock)
+        except Exception as error:
+            raise SourceError(f"cannot open the {self.name}: {error}") from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._is_closed = True
+        if self._laser is not None:
+            self._laser.close()
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield a scan a sweep."""
+        laser, clock = self._laser, TurnClock()
+        if laser is None:
+            raise SourceError(f"the {self.name} is not open: use it in a `with`")
+        sign = -1.0 if self._is_mirrored else 1.0
+        step = 2.0 * math.pi / laser.ares
+        try:
+            for distances, _, _ in laser.iter_dist():
+                # the beams of a sweep take their share of the turn, and the data comes when the sweep is done
+                arrival = time.monotonic()
+                _, end = clock.turn(arrival, float(laser.scan_freq))
+                time_increment = 1.0 / (laser.scan_freq * laser.ares)
+                ranges = 1e-3 * np.asarray(distances, dtype=np.float64)
+                ranges[np.asarray(distances) >= _NO_READING] = np.nan
+                ranges[: self._ignore_beams[0]] = np.nan
+                ranges[len(ranges) - self._ignore_beams[1] :] = np.nan
+                yield LaserScan(
+                    ranges,
+                    angle_min=sign * (laser.amin - laser.aforw) * step,
+                    angle_increment=sign * step,
+                    range_min=1e-3 * laser.dmin,
+                    range_max=1e-3 * laser.dmax,
+                    stamp=to_unix(end) - time_increment * len(ranges),
+                    time_increment=time_increment,
+                    scan_time=1.0 / laser.scan_freq,
+                )
+        except Exception as error:
+            if self._is_closed:
+                return
+            raise SourceError(
+                f"the {self.name} is gone or sends what its driver cannot read: {error}"
+            ) from error
+
+
+class _Socket:
+    """A socket that raises when the other side has closed it: the package would read its end for ever."""
+
+    def __init__(self, opened: Any) -> None:
+        self._opened = opened
+
+    def recv(self, size: int) -> bytes:
+        """Return some bytes."""
+        data: bytes = self._opened.recv(size)
+        if not data:
+            raise ConnectionError("the connection was closed")
+        return data
+
+    def send(self, data: bytes) -> int:
+        """Send bytes."""
+        return int(self._opened.send(data))
+
+    def close(self) -> None:
+        """Close it."""
+        self._opened.close()

@@ -1,0 +1,208 @@
+"""LiveMap: the occupancy map and the path so far, drawn anew when poses of the past change."""
+
+from __future__ import annotations
+
+import struct
+import time
+import zlib
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan import se2
+from curvescan.errors import MapTooLargeError
+from curvescan.live.tracker import TrackedScan
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.odometry.deskewing import Deskewer
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Pose
+
+_MOVED_M, _MOVED_RAD = 0.05, 0.05
+"""A scan enters the map when the sensor has moved by this much, metres or radians."""
+
+_PATH_STEP_M = 0.03
+"""Points of the path are this far apart at least, metres: memory follows the way and not the time."""
+
+_KEPT_M, _KEPT_RAD = 0.25, 0.35
+"""A scan is kept, to draw the map anew, when the sensor has moved by this much, metres or radians."""
+
+
+_REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
+"""The map is drawn anew at most every so many seconds, and in at most this share of the time."""
+
+_DARK = 20.0
+"""Grey of the surest obstacle; the surest free space is white, 255."""
+
+
+class LiveMap:
+    """A map and a path that grow with each tracked scan.
+
+    Parameters
+    ----------
+    config : OccupancyConfig or None
+        How to make the occupancy map.
+    is_revisable : bool
+        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.25 m of the way.
+    """
+
+    def __init__(
+        self, config: OccupancyConfig | None = None, *, is_revisable: bool = False
+    ) -> None:
+        self._config, self._is_revisable = config, is_revisable
+        self._builder = OccupancyBuilder(config)
+        self._deskewer = Deskewer()
+        self._before: Pose | None = None
+        self._mapped: Pose | None = None
+        self._kept: list[tuple[int, LaserScan]] = []
+        self._kept_at: Pose | None = None
+        self._path, self._path_indices = array("d"), array("q")
+        self._revised: Pose | None = None
+        self._next_redraw = 0.0
+        self.path_version = 0
+        self.version = 0
+        self.why_no_grid = ""
+
+    def add(self, tracked: TrackedScan) -> None:
+        """Take in a tracked scan."""
+        if tracked.revised is not None:
+            self._revised = tracked.revised.poses
+        if self._revised is not None and time.monotonic() >= self._next_redraw:
+            self.redraw()
+        pose = tracked.pose
+        if np.isnan(pose).any():
+            return
+        self._deskewer = self._deskewer.ticked(tracked.scan)
+        moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
+        self._before = pose
+        if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), _PATH_STEP_M, 1e9):
+            self._path.extend(pose)
+            self._path_indices.append(tracked.index)
+        if not tracked.is_matched and tracked.index > 0:
+            return  # a guessed pose must not smear the map
+        if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
+            scan = self._deskewer.deskewed(tracked.scan, moved)
+            self._enter(scan, pose)
+            self._mapped = pose
+            if self._is_revisable and (
+                self._kept_at is None or _is_far(pose, self._kept_at, _KEPT_M, _KEPT_RAD)
+            ):
+                self._kept.append((tracked.index, scan))
+                self._kept_at = pose
+
+    def begin_with(self, scans: Iterable[LaserScan], poses: Pose) -> None:
+        """Enter the keyframes of a saved map."""
+        for scan, pose in zip(scans, poses, strict=True):
+            self._enter(scan, pose)
+
+    def path(self, start: int = 0) -> Floats:
+        """Return the (n, 2) points of the path from number `start` on, metres."""
+        return np.array(self._path[3 * start :]).reshape(-1, 3)[:, :2]
+
+    @property
+    def n_path(self) -> int:
+        """Points of the path."""
+        return len(self._path_indices)
+
+    def places(self, pairs: Sequence[tuple[int, int]]) -> Floats:
+        """Return (n, 2, 2) where the path was at n pairs of scans, metres."""
+        if not pairs or not self.n_path:
+            return np.zeros((0, 2, 2))
+        at = np.searchsorted(np.array(self._path_indices), np.array(pairs), side="right") - 1
+        return self.path()[np.maximum(at, 0)]
+
+    def grid(self) -> OccupancyGrid:
+        """Return the map so far."""
+        return self._builder.grid()
+
+    def _enter(self, scan: LaserScan, pose: Pose) -> None:
+        if self.why_no_grid:
+            return
+        try:
+            self._builder.add(scan, pose)
+        except MapTooLargeError as error:
+            self.why_no_grid = str(error)
+        self.version += 1
+
+    def redraw(self, poses: Pose | None = None) -> None:
+        """Draw map and path anew with revised poses, one a scan: those given, else the newest that were not used yet."""
+        started = time.monotonic()
+        poses = self._revised if poses is None else poses
+        if poses is None or not len(poses):
+            return
+        self._revised = None
+        self._builder = OccupancyBuilder(self._config)
+        for index, scan in self._kept:
+            if index < len(poses):
+                self._enter(scan, poses[index])
+        indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
+        self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
+        self._before = self._mapped = None  # the last motion is not one between revised poses
+        self.path_version += 1
+        now = time.monotonic()
+        self._next_redraw = now + max(_REDRAW_PERIOD, (now - started) / _REDRAW_SHARE)
+
+
+@dataclass(frozen=True)
+class MapPicture:
+    """An occupancy map as a PNG, and where it lies.
+
+    Attributes
+    ----------
+    version : int
+        Rises with each change.
+    png : bytes
+        Grey and alpha; the top row has the largest y; what is unknown is transparent.
+    origin : tuple of float
+        x and y of the lower left corner, metres.
+    resolution : float
+        Side of a pixel, metres.
+    shape : tuple of int
+        Rows and columns.
+    """
+
+    version: int
+    png: bytes
+    origin: tuple[float, float]
+    resolution: float
+    shape: tuple[int, int]
+
+
+def picture_of(grid: OccupancyGrid, version: int) -> MapPicture | None:
+    """Return a map as a picture; None where it has no cells."""
+    if not grid.log_odds.size:
+        return None
+    probability = grid.probability[::-1]
+    pixels = np.empty((*probability.shape, 2), dtype=np.uint8)
+    low, high = grid.config.lowest, grid.config.highest
+    pixels[..., 0] = np.rint(_DARK + (255.0 - _DARK) * (high - probability) / (high - low))
+    pixels[..., 1] = np.where(grid.log_odds[::-1] == 0.0, 0, 255)
+    x, y = grid.origin.tolist()
+    n_rows, n_columns = probability.shape
+    return MapPicture(version, _png(pixels), (x, y), grid.resolution, (n_rows, n_columns))
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return (n_rows, n_columns, 2) grey and alpha as a PNG (ISO/IEC 15948: colour type 4, no filter)."""
+    n_rows, n_columns, _ = pixels.shape
+    rows = np.concatenate(
+        [np.zeros((n_rows, 1), dtype=np.uint8), pixels.reshape(n_rows, -1)], axis=1
+    )
+    header = struct.pack(">IIBBBBB", n_columns, n_rows, 8, 4, 0, 0, 0)
+    chunks: Sequence[tuple[bytes, bytes]] = (
+        (b"IHDR", header),
+        (b"IDAT", zlib.compress(rows.tobytes(), 1)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
+
+
+def _is_far(pose: Pose, other: Pose, metres: float, radians: float) -> bool:
+    dx, dy = pose[:2] - other[:2]
+    return bool(np.hypot(dx, dy) >= metres or abs(se2.wrap(pose[2] - other[2])) >= radians)

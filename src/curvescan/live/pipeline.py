@@ -1,0 +1,167 @@
+"""run_live: source -> tracker -> sinks, until the source ends or Ctrl-C."""
+
+from __future__ import annotations
+
+import threading
+import time
+from array import array
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from curvescan.errors import CurvescanError
+from curvescan.live.queues import BoundedQueue
+from curvescan.live.sinks import LiveSink
+from curvescan.live.sources import ScanSource
+from curvescan.live.tracker import TrackedScan, Tracker
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+_CAPACITY = 4
+"""Scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s."""
+
+_POLL = 0.2
+"""Seconds between two looks at the keyboard's interrupt while no scan comes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LiveReport:
+    """How a live run went.
+
+    Attributes
+    ----------
+    n_scans : int
+        Scans tracked.
+    n_dropped : int
+        Scans of the source that were dropped because tracking was too slow.
+    outcomes : mapping of Enum to int
+        How often each outcome.
+    n_closures : int
+        Loop closures.
+    seconds : (n,) float32
+        Time that tracking each scan took.
+    latencies : (n,) float32
+        From the scan's arrival to its pose, seconds.
+    is_interrupted : bool
+        Whether Ctrl-C ended the run.
+    error : CurvescanError or None
+        What ended the source before its time.
+    """
+
+    n_scans: int
+    n_dropped: int
+    outcomes: Counter[Enum]
+    n_closures: int
+    seconds: Floats
+    latencies: Floats
+    is_interrupted: bool
+    error: CurvescanError | None
+
+
+def run_live(
+    source: ScanSource,
+    tracker: Tracker,
+    sinks: Sequence[LiveSink] = (),
+    *,
+    is_lossless: bool | None = None,
+    on_scan: Callable[[TrackedScan], object] | None = None,
+) -> LiveReport:
+    """Track the scans of a source and hand them to the sinks.
+
+    The source is read in a thread of its own. A live one is never kept waiting: when tracking falls behind by more than
+    four scans the oldest is dropped and counted. A fault of the source ends the run; what came before is kept.
+
+    Parameters
+    ----------
+    source : ScanSource
+        Opened and closed here.
+    tracker : Tracker
+        Estimates the poses, in the calling thread.
+    sinks : sequence of LiveSink
+        Are given every tracked scan, and closed by the caller.
+    is_lossless : bool or None
+        Whether the source waits for the tracker, so that nothing is dropped; None: unless the source is live.
+    on_scan : callable or None
+        Called after each scan, in the calling thread.
+
+    Returns
+    -------
+    LiveReport
+        Also after Ctrl-C and after a fault of the source, which it names.
+
+    Raises
+    ------
+    SourceError
+        When the source cannot be opened.
+    """
+    lossless = not source.is_live if is_lossless is None else is_lossless
+    queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)
+    tally = _Tally()
+    is_interrupted = False
+    with source:
+        reader = _Reader(source, queue)
+        try:
+            while (item := queue.get(_POLL)) is not None or not queue.is_closed:
+                if item is None:
+                    continue
+                scan, received = item
+                tracked = tracker.add(scan, received=received, n_dropped=queue.n_dropped)
+                tally.add(tracked)
+                for sink in sinks:
+                    sink.put(tracked)
+                if on_scan:
+                    on_scan(tracked)
+        except KeyboardInterrupt:
+            is_interrupted = True
+        finally:
+            queue.close()
+    return tally.report(queue.n_dropped, is_interrupted, reader.error)
+
+
+class _Reader:
+    """Reads a source in a thread of its own."""
+
+    def __init__(self, source: ScanSource, queue: BoundedQueue[tuple[LaserScan, float]]) -> None:
+        self.error: CurvescanError | None = None
+        self._source, self._queue = source, queue
+        threading.Thread(target=self._read, name="scan source", daemon=True).start()
+
+    def _read(self) -> None:
+        try:
+            for scan in self._source.scans():
+                if not self._queue.put((scan, time.monotonic())):
+                    return
+        except CurvescanError as error:
+            self.error = error
+        finally:
+            self._queue.close()
+
+
+class _Tally:
+    def __init__(self) -> None:
+        self._seconds, self._latencies = array("f"), array("f")
+        self._outcomes: Counter[Enum] = Counter()
+        self._n_closures = 0
+
+    def add(self, tracked: TrackedScan) -> None:
+        self._seconds.append(tracked.seconds)
+        self._latencies.append(time.monotonic() - tracked.received)
+        self._outcomes[tracked.outcome] += 1
+        self._n_closures += len(tracked.closures)
+
+    def report(
+        self, n_dropped: int, is_interrupted: bool, error: CurvescanError | None
+    ) -> LiveReport:
+        return LiveReport(
+            n_scans=len(self._seconds),
+            n_dropped=n_dropped,
+            outcomes=self._outcomes,
+            n_closures=self._n_closures,
+            seconds=np.asarray(self._seconds),
+            latencies=np.asarray(self._latencies),
+            is_interrupted=is_interrupted,
+            error=error,
+        )

@@ -1,0 +1,195 @@
+"""ScanSource: where live scans come from; a log that is replayed and a simulated robot are the two without hardware."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from curvescan.errors import require
+from curvescan.scan import LaserScan
+from curvescan.simulation.catalogue import build_world
+from curvescan.simulation.motion import drive_route
+from curvescan.simulation.people import People, walk
+from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.seeds import NOISE, PATH, PEOPLE, WORLD, child
+from curvescan.simulation.sensors import Sensor, choose_sensor
+
+if TYPE_CHECKING:
+    from curvescan.io.log import Log
+    from curvescan.types import Floats, Pose
+
+_LONGEST_PAUSE = 2.0
+"""A leap of a log's stamps is replayed as a pause of this length at most, seconds."""
+
+
+@runtime_checkable
+class ScanSource(Protocol):
+    """A source of scans: a context that yields them as they come.
+
+    ``scans()`` blocks until the next scan is there, ends when the source has ended or is closed, and raises
+    :class:`curvescan.SourceError` when the sensor is gone. Leaving the context from another thread ends it.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name for titles and messages."""
+        ...
+
+    @property
+    def is_live(self) -> bool:
+        """Whether scans come at their own time, so that what is not taken in time is lost."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Open the source."""
+        ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the source; may be called from another thread than the one that reads."""
+        ...
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans as they come."""
+        ...
+
+
+class _Paced:
+    """A source that we make ourselves, at the pace of its stamps."""
+
+    def __init__(self, speed: float) -> None:
+        require(speed >= 0.0, "speed must be >= 0 (0: as fast as it goes)", speed)
+        self._speed = speed
+        self._closed = threading.Event()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._closed.set()
+
+    def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:
+        """Yield scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
+        due, before = time.monotonic(), math.nan
+        for scan in scans:
+            if self._speed > 0.0 and math.isfinite(self._speed):
+                step = scan.stamp - before
+                if step > 0.0:
+                    due += min(step, _LONGEST_PAUSE) / self._speed
+                before = scan.stamp
+                if self._closed.wait(max(due - time.monotonic(), 0.0)):
+                    return
+            elif self._closed.is_set():
+                return
+            yield scan
+
+
+class LogSource(_Paced):
+    """A log, replayed.
+
+    Parameters
+    ----------
+    log : Log
+        Any log.
+    speed : float
+        1: at the pace of its stamps; 10: ten times as fast; 0: as fast as the scans are taken.
+    """
+
+    is_live = False
+
+    def __init__(self, log: Log, *, speed: float = 1.0) -> None:
+        super().__init__(speed)
+        self._log = log
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self._log.name
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the log's scans in file order, at the chosen speed."""
+        return self._at_their_time(iter(self._log))
+
+
+class SimulatedSource(_Paced):
+    """A simulated robot that drives round a building, lap after lap; each scan is made when it is due.
+
+    Parameters
+    ----------
+    world : str
+        Name of a world with a route, as in :data:`curvescan.simulation.WORLDS`.
+    sensor : Sensor or str
+        A sensor, or the name of one in :data:`curvescan.simulation.SENSORS`.
+    n_scans : int or None
+        How many scans; None: until closed.
+    n_people : int
+        How many people walk around the robot.
+    seed : int
+        Random seed; selects the building, the people and the noise.
+    speed : float
+        1: as fast as the robot drives; 0: as fast as the scans are taken.
+    """
+
+    is_live = False
+
+    def __init__(
+        self,
+        world: str = "office-floor",
+        *,
+        sensor: Sensor | str = "spinning-360",
+        n_scans: int | None = None,
+        n_people: int = 0,
+        seed: int = 0,
+        speed: float = 1.0,
+    ) -> None:
+        super().__init__(speed)
+        require(n_scans is None or n_scans >= 1, "n_scans must be >= 1", n_scans)
+        require(n_people >= 0, "n_people must be >= 0", n_people)
+        self.sensor = choose_sensor(sensor)
+        self.world = build_world(world, child(seed, WORLD))
+        self._n_scans, self._n_people, self._seed = n_scans, n_people, seed
+
+    @property
+    def name(self) -> str:
+        """Name of the world and the seed."""
+        return f"simulated {self.world.name} (seed {self._seed})"
+
+    def lap(self) -> Pose:
+        """Return the (n, 3) true poses of one lap, world frame; the last neighbours the first."""
+        rng = np.random.default_rng(child(self._seed, PATH))
+        return drive_route(self.world, Drive(), self.sensor.period, rng)
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans at the chosen speed."""
+        return self._at_their_time(self._made())
+
+    def _made(self) -> Iterator[LaserScan]:
+        from curvescan.simulation.recording import as_scan, observe
+
+        lap, period = self.lap(), self.sensor.period
+        seed = child(self._seed, PEOPLE)
+        people: Floats = walk(self.world, lap, self._n_people, People(), period, seed)
+        k = 0
+        while self._n_scans is None or k < self._n_scans:
+            i = k % len(lap)
+            noise = child(self._seed, NOISE, k)
+            ranges, _, _ = observe(
+                self.world, lap[i : i + 1], self.sensor, people[i : i + 1], noise
+            )
+            yield as_scan(ranges[0], self.sensor, k * period)
+            k += 1

@@ -1,0 +1,144 @@
+"""Tracker: one verb for odometry, SLAM and localization, and what a sink is told of each scan."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+from curvescan.matchers import MatchResult
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Pose, Trajectory
+
+UNMATCHED = frozenset({"STARTED", "PREDICTED", "HELD", "SEARCHING"})
+"""Names of the outcomes, of any engine, that stand on no match."""
+
+
+class Engine(Protocol):
+    """What a tracker drives: :class:`curvescan.Odometry`, :class:`curvescan.Slam` or :class:`curvescan.Localizer`."""
+
+    def add(self, scan: LaserScan, odometry_pose: Pose | None = None) -> Any:
+        """Return where the sensor was at this scan."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrackedScan:
+    """A scan and what became of it: all that sinks are told.
+
+    Attributes
+    ----------
+    index : int
+        Number of the scan among those that were tracked, from 0.
+    scan : LaserScan
+        The scan as the source gave it.
+    step : OdometryStep, SlamStep or another
+        What the engine said of it.
+    pose : (3,) float64
+        Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`; NaN while it
+        is searched for in a saved map.
+    pose_odom : (3,) float64
+        Pose of the sensor by odometry alone, frame of the first scan.
+    covariance : (3, 3) float64
+        Covariance of `pose`, x, y, theta.
+    outcome : Enum
+        How the pose came about; its value is a sentence.
+    is_matched : bool
+        Whether the pose stands on a match.
+    match : MatchResult or None
+        The match behind the pose.
+    closures : tuple of (int, int)
+        Numbers of the two scans that each loop closure joins which this scan brought.
+    revised : Trajectory or None
+        All poses so far, where this scan changed those of the past.
+    seconds : float
+        Time that it took.
+    received : float
+        When the source gave the scan, by time.monotonic(), seconds.
+    n_dropped : int
+        Scans of the source that were dropped before this one because tracking was too slow.
+    """
+
+    index: int
+    scan: LaserScan
+    step: Any
+    pose: Pose
+    pose_odom: Pose
+    covariance: Cov
+    outcome: Enum
+    is_matched: bool
+    match: MatchResult | None
+    closures: tuple[tuple[int, int], ...]
+    revised: Trajectory | None
+    seconds: float
+    received: float
+    n_dropped: int
+
+
+class Tracker:
+    """Drives an engine scan by scan.
+
+    Parameters
+    ----------
+    engine : Odometry, Slam or Localizer
+        What estimates the poses.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self._n_scans = 0
+        self._scan_of_keyframe: dict[int, int] = {}
+
+    def add(
+        self,
+        scan: LaserScan,
+        *,
+        received: float | None = None,
+        n_dropped: int = 0,
+        odometry_pose: Pose | None = None,
+    ) -> TrackedScan:
+        """Return where the sensor was at this scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan.
+        received : float or None
+            When it came, by time.monotonic(), seconds; None: now.
+        n_dropped : int
+            Scans that were dropped so far.
+        odometry_pose : (3,) float64 or None
+            Pose of the sensor by its wheels, in a frame of their own; see :meth:`curvescan.Odometry.add`.
+        """
+        received = time.monotonic() if received is None else received
+        started = time.perf_counter()
+        step = self.engine.add(scan, odometry_pose)
+        seconds = time.perf_counter() - started
+        if hasattr(step, "keyframe"):
+            self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
+        is_revised = getattr(step, "is_revised", False)
+        tracked = TrackedScan(
+            index=self._n_scans,
+            scan=scan,
+            step=step,
+            pose=step.pose,
+            pose_odom=getattr(step, "pose_odom", step.pose),
+            covariance=step.covariance,
+            outcome=step.outcome,
+            is_matched=step.outcome.name not in UNMATCHED,
+            match=getattr(step, "match", None),
+            closures=self._joined(getattr(step, "closures", ())),
+            revised=self.engine.trajectory() if is_revised else None,  # type: ignore[attr-defined]
+            seconds=seconds,
+            received=received,
+            n_dropped=n_dropped,
+        )
+        self._n_scans += 1
+        return tracked
+
+    def _joined(self, closures: Sequence[Any]) -> tuple[tuple[int, int], ...]:
+        """Return the scans that became the keyframes which loop closures join."""
+        scan_of, now = self._scan_of_keyframe, self._n_scans
+        return tuple((scan_of.get(c.i, now), scan_of.get(c.j, now)) for c in closures)

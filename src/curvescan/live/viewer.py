@@ -1,0 +1,274 @@
+"""Viewer: a sink that draws map and path in a thread of its own, for any number of browsers.
+
+A browser is given what it has not seen: its own number of path points, the map's version, the newest scan. Nothing is kept
+for it, so a slow one misses scans, never a piece of the path, and holds up nobody. What it has missed is sent anew.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from curvescan.live.live_map import LiveMap, MapPicture, picture_of
+from curvescan.live.sinks import WorkerSink
+from curvescan.live.tracker import TrackedScan
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Pose
+
+_PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
+"""The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
+
+_FRAME_PERIOD = 0.025
+"""Least time between two scans sent to a browser, seconds."""
+
+_HEARTBEAT = 5.0
+"""A browser from which nothing is to be told for so long is sent a comment, seconds: it shows whether it is there."""
+
+_N_POINTS = 1500
+"""Readings of a scan that are sent at most."""
+
+Event = tuple[str, dict[str, Any]]
+
+
+class SavedMap(Protocol):
+    """What is shown of a :class:`curvescan.SlamMap`."""
+
+    @property
+    def scans(self) -> Sequence[LaserScan]: ...  # noqa: D102
+    @property
+    def poses(self) -> Pose: ...  # noqa: D102
+
+
+class Viewer(WorkerSink):
+    """What the page shows.
+
+    Parameters
+    ----------
+    name : str
+        Name of the source, for the title.
+    mode : str
+        "odometry", "SLAM" or "localization".
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map.
+    saved_map : SlamMap or None
+        The map that is localized in, shown from the beginning.
+    is_lossless : bool
+        Whether the tracker waits for this sink, so that no scan is missing in the map.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        mode: str = "odometry",
+        occupancy: OccupancyConfig | None = None,
+        saved_map: SavedMap | None = None,
+        is_lossless: bool = False,
+    ) -> None:
+        self._about = {"name": name, "mode": mode}
+        self._status = {"kind": "loading", "text": "loading"}
+        self._map = LiveMap(occupancy, is_revisable=mode == "SLAM")
+        if saved_map is not None:
+            self._map.begin_with(saved_map.scans, saved_map.poses)
+        self._picture: MapPicture | None = None
+        self._next_picture = 0.0
+        self._closures: list[tuple[int, int]] = []
+        self._recent: deque[float] = deque(maxlen=200)
+        self._stamps: deque[float] = deque(maxlen=50)
+        self._length_m = 0.0
+        self._last_pose: tuple[float, float] | None = None
+        self._n_lost = 0
+        self._frame: dict[str, Any] | None = None
+        self._n_events = 0
+        self._changed = threading.Condition()
+        self._is_over = False
+        super().__init__("viewer", capacity=200, is_lossless=is_lossless)
+
+    def set_status(self, kind: str, text: str) -> None:
+        """Show a sentence on the page: "loading", "running", "ended" or "error"."""
+        with self._changed:
+            self._status = {"kind": kind, "text": text}
+            self._n_events += 1
+            self._changed.notify_all()
+
+    @property
+    def picture(self) -> MapPicture | None:
+        """The newest picture of the map; None before the first."""
+        return self._picture
+
+    def stop(self) -> None:
+        """End the streams of all browsers."""
+        with self._changed:
+            self._is_over = True
+            self._changed.notify_all()
+
+    def events(self) -> Iterator[Event | None]:
+        """Yield what a new browser has to be told, from the beginning; None when there is nothing to tell.
+
+        The path and the map come first, then scans as they come, the newest when the browser is slower.
+        """
+        seen = _Seen()
+        yield "about", self._about
+        while True:
+            with self._changed:
+                is_new = self._changed.wait_for(
+                    lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT
+                )
+                if self._is_over and self._n_events == seen.n_events:
+                    return
+                batch = list(self._unseen(seen)) if is_new else []
+                # the frame itself is made once and never changed: it is sent outside the lock
+            if not batch:
+                yield None
+            yield from batch
+            time.sleep(_FRAME_PERIOD)
+
+    def _unseen(self, seen: _Seen) -> Iterator[Event]:
+        """Yield what is new for a browser, and mark it as seen; under the lock."""
+        seen.n_events = self._n_events
+        if self._status is not seen.status:
+            seen.status = self._status
+            yield "status", self._status
+        if seen.path_version != self._map.path_version:
+            seen.path_version, seen.n_path = self._map.path_version, 0
+        if seen.n_path < self._map.n_path or seen.n_path == 0:
+            points = self._map.path(seen.n_path)
+            yield (
+                "path",
+                {"start": seen.n_path, "points": np.round(points, 3).ravel().tolist()},
+            )
+            seen.n_path += len(points)
+        if self._picture is not None and self._picture.version != seen.picture:
+            seen.picture = self._picture.version
+            p = self._picture
+            yield (
+                "map",
+                {
+                    "version": p.version,
+                    "origin": p.origin,
+                    "resolution": p.resolution,
+                    "shape": p.shape,
+                },
+            )
+        closures = (self._map.path_version, len(self._closures))
+        if closures != seen.closures:
+            seen.closures = closures
+            yield "closures", {"lines": self._closure_lines()}
+        if self._frame is not None and self._frame is not seen.frame:
+            seen.frame = self._frame
+            yield "scan", self._frame
+
+    def _take(self, tracked: TrackedScan) -> None:
+        frame = self._frame_of(tracked)
+        with self._changed:
+            self._map.add(tracked)
+            self._closures += tracked.closures
+            self._frame = frame
+            self._n_events += 1
+            self._changed.notify_all()
+        if time.monotonic() >= self._next_picture:
+            self._draw()
+
+    def _finish(self) -> None:
+        with self._changed:
+            self._map.redraw()
+        self._draw()
+
+    def _draw(self) -> None:
+        """Make a picture of the map; the grid belongs to this thread alone."""
+        started = time.monotonic()
+        version = self._map.version
+        if self._picture is None or self._picture.version != version:
+            picture = picture_of(self._map.grid(), version)
+            with self._changed:
+                self._picture = picture
+                self._n_events += 1
+                self._changed.notify_all()
+        took = time.monotonic() - started
+        self._next_picture = started + max(_PICTURE_PERIOD, took / _PICTURE_SHARE)
+
+    def _frame_of(self, tracked: TrackedScan) -> dict[str, Any]:
+        """Return what is sent of a scan."""
+        is_known = bool(np.isfinite(tracked.pose).all())
+        x, y, _ = tracked.pose_odom.tolist()
+        if self._last_pose is not None:
+            self._length_m += math.dist(self._last_pose, (x, y))
+        self._last_pose = (x, y)
+        self._recent.append(1e3 * tracked.seconds)
+        self._stamps.append(tracked.scan.stamp)
+        self._n_lost += not tracked.is_matched and tracked.index > 0
+        match, c = tracked.match, tracked.covariance
+        recent: Floats = np.array(self._recent)
+        return {
+            "index": tracked.index,
+            "stamp": tracked.scan.stamp,
+            "pose": [round(v, 5) for v in tracked.pose.tolist()] if is_known else None,
+            "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]] if is_known else None,
+            "outcome": tracked.outcome.name,
+            "sentence": tracked.outcome.value,
+            "is_matched": tracked.is_matched or (tracked.index == 0 and is_known),
+            "score": None if match is None or not match.ok else round(float(match.score), 3),
+            "degenerate": is_degenerate(match),
+            "ms": round(1e3 * tracked.seconds, 3),
+            "ms_median": round(float(np.median(recent)), 3),
+            "ms_max": round(float(recent.max()), 3),
+            "rate": _rate(self._stamps),
+            "n_lost": self._n_lost,
+            "n_dropped": tracked.n_dropped,
+            "n_closures": len(self._closures) + len(tracked.closures),
+            "length": round(self._length_m, 2),
+            "received": tracked.received,
+            "points": _millimetres(tracked),
+        }
+
+    def _closure_lines(self) -> list[float]:
+        """Return x, y of both ends of each closure on the path, one after the other, metres."""
+        return np.round(self._map.places(self._closures), 3).ravel().tolist()
+
+
+class _Seen:
+    """What a browser has been sent."""
+
+    def __init__(self) -> None:
+        self.n_events = -1
+        self.status: dict[str, str] | None = None
+        self.path_version, self.n_path = -1, 0
+        self.picture = -1
+        self.closures = (0, 0)
+        self.frame: dict[str, Any] | None = None
+
+
+def encoded(event: Event | None) -> bytes:
+    """Return an event as a server-sent event; None as a comment."""
+    if event is None:
+        return b": nothing new\n\n"
+    name, data = event
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return f"event: {name}\ndata: {text}\n\n".encode()
+
+
+def is_degenerate(match: Any) -> bool:
+    """Return whether a direction of the pose is unobservable in a match."""
+    return getattr(match, "degenerate_direction", None) is not None
+
+
+def _millimetres(tracked: TrackedScan) -> list[int]:
+    """Return x, y of the valid readings in the sensor's frame, millimetres, one after the other."""
+    scan = tracked.scan
+    points = scan.points[scan.valid]
+    points = points[:: 1 + len(points) // _N_POINTS]
+    return np.rint(1e3 * points.clip(-1e6, 1e6)).astype(np.int64).ravel().tolist()
+
+
+def _rate(stamps: deque[float]) -> float | None:
+    steps = np.diff(np.array(stamps))
+    steps = steps[steps > 0.0]
+    return round(float(1.0 / np.median(steps)), 1) if steps.size else None

@@ -1,0 +1,49 @@
+"""warm_up: run an engine over a short simulated drive, so that no kernel compiles while a robot waits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from curvescan.live.live_map import LiveMap, picture_of
+from curvescan.live.tracker import Engine, Tracker
+from curvescan.simulation.recording import simulate
+from curvescan.simulation.sensors import Sensor
+
+_N_SCANS = 60
+
+_SENSOR = Sensor(
+    name="warm-up",
+    n_beams=180,
+    angle_min=-3.14,
+    angle_increment=0.035,
+    range_min=0.1,
+    range_max=8.0,
+    sigma_range=0.01,
+    dropout=0.0,
+    period=0.2,
+    time_increment=0.001,
+)
+
+
+def warm_up(new_engine: Callable[[], Engine]) -> float:
+    """Compile every kernel of the way from a scan to a map, and return how long it took, seconds.
+
+    To be called before a source is opened: the first scan of a kind that the matcher has not met would otherwise wait for a
+    compiler, and those behind it be dropped.
+
+    Parameters
+    ----------
+    new_engine : callable
+        Returns a fresh engine of the kind that is going to run; it is thrown away.
+    """
+    started = time.perf_counter()
+    # out and back, with a leap in the middle: keyframes, loop closures, a lost sensor and a sweep that is deskewed
+    scans = list(simulate("office", sensor=_SENSOR, n_scans=_N_SCANS, path="home", radius=2.0))
+    third = _N_SCANS // 3
+    tracker, picture = Tracker(new_engine()), LiveMap(is_revisable=True)
+    for scan in (*scans, *scans[::-1], *scans[:third], *scans[-third:]):
+        picture.add(tracker.add(scan))
+    picture.redraw()
+    picture_of(picture.grid(), 0)
+    return time.perf_counter() - started

@@ -1,0 +1,143 @@
+"""Candidates: the few best poses refined on all readings, with those along a direction that the scans leave open.
+
+Poses are the rows of an array, best first; scores the numbers beside them. A competing hypothesis is a pose with nearly
+the best score.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
+from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, explained_share
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.refinement import refine_fully
+from curvescan.matchers.curvescan.scoring import select
+from curvescan.matchers.curvescan.search import Candidates, Problem
+from curvescan.types import Floats, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RefinedCandidates:
+    """The candidates that come near the best, refined on all readings.
+
+    Attributes
+    ----------
+    poses : (k, 3) float64
+        Best first; of the current scan in the reference.
+    scores : (k,) float64
+        How well the scans agree there, at most 1.
+    assessment : Assessment or None
+        Of the first; None where no pose finds enough support.
+    is_guess_decisive : bool
+        Whether a guess decided between poses that explain the scans.
+    """
+
+    poses: Floats
+    scores: Floats
+    assessment: Assessment | None
+    is_guess_decisive: bool = False
+
+
+def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
+    """Return the candidates refined on all readings, and the best of those along a weakly observable direction.
+
+    Of poses that explain the scans the one that a guess is clearly nearest to is kept alone.
+    """
+    ref, cur, _, config = problem
+    poses, scores = top_candidates(ref, cur, found, config)
+    if not len(poses) or scores[0] < config.scoring.min_score:
+        return RefinedCandidates(poses=poses, scores=scores, assessment=None)
+    assessment = assess_pose(ref, cur, poses[0], config)
+    if assessment.is_weakly_observable(config.information):
+        best = poses[0]
+        poses, scores = search_degenerate_direction(ref, cur, poses, assessment.weakest, config)
+        if not np.array_equal(best, poses[0]):
+            assessment = assess_pose(ref, cur, poses[0], config)
+    kept = prefer(problem, poses, scores, assessment)
+    if kept is None:
+        return RefinedCandidates(poses=poses, scores=scores, assessment=assessment)
+    poses, scores = poses[kept : kept + 1], scores[kept : kept + 1]
+    if kept > 0:
+        assessment = assess_pose(ref, cur, poses[0], config)
+    return RefinedCandidates(
+        poses=poses, scores=scores, assessment=assessment, is_guess_decisive=True
+    )
+
+
+def top_candidates(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, found: Candidates, config: CurvescanConfig
+) -> tuple[Floats, Floats]:
+    """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
+    if not len(found.scores):
+        return found.poses, found.scores
+    near = found.poses[found.scores > config.scoring.contested * found.scores[0]]
+    return _finish(ref, cur, near, config)
+
+
+def search_degenerate_direction(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    poses: Floats,
+    weakest: Pose,
+    config: CurvescanConfig,
+) -> tuple[Floats, Floats]:
+    """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
+    rules = config.information
+    n = round(config.hypotheses.along_reach / rules.fine_along_step)
+    offsets = np.arange(-n, n + 1) * rules.fine_along_step
+    moved_along = poses[0] + offsets[:, np.newaxis] * weakest
+    moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
+    best, _ = select(
+        moved_along, *wide_range_images(ref, cur, config), *config.scoring.close, 4, 24, 0.1
+    )
+    return _finish(ref, cur, np.concatenate((poses, best)), config)
+
+
+def _finish(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
+) -> tuple[Floats, Floats]:
+    sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
+    final = refine_fully(poses, ref.image, cur.image, *sigmas)
+    # one pose has only to be enough; several are told apart by more probes
+    images = wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
+    return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, 0.1)
+
+
+def wide_range_images(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, config: CurvescanConfig
+) -> tuple[RangeImage, RangeImage]:
+    """Return the views of both scans with more probes, to tell apart poses that are nearly as good as each other."""
+    n_wide = config.scoring.n_wide
+    return ref.with_samples(n_wide), cur.with_samples(n_wide)
+
+
+def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:
+    """Return the rows of the poses that are as good as the first."""
+    share, margin = config.scoring.ambiguity
+    least = min(share * scores[0], scores[0] - margin)
+    return [k for k in range(1, len(scores)) if scores[k] > least]
+
+
+def prefer(problem: Problem, poses: Floats, scores: Floats, assessment: Assessment) -> int | None:
+    """Return the row of the one of several poses that explain the scans that a guess is clearly nearest to, or None."""
+    if problem.guess is None or len(poses) == 1:
+        return None
+    competing = competing_hypotheses(scores, problem.config)
+    least = GUESSED_REPETITION
+    rows = [
+        k
+        for k in range(1, len(poses))
+        if k in competing or explained_share(problem, poses[k], poses[0], assessment) > least
+    ]
+    if not rows:
+        return None
+    rows = [0, *rows]
+    distances = [distance(poses[k], problem.guess) for k in rows]
+    first, second = np.argsort(distances, kind="stable")[:2].tolist()
+    return None if 2.0 * distances[first] > distances[second] else rows[first]

@@ -1,0 +1,118 @@
+"""Gaps: scans that nothing places, how a later match bridges them, and when the track is lost.
+
+The expected motion carries a track over a few scans. If none of them matches what was known before, nothing says any more
+that they are near it: the sensor may have been carried away. The track then starts anew, its place in the old one unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from curvescan.odometry.gating import GatedMatch, gate
+from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.observation import Gap, Observation, Placement
+from curvescan.odometry.step import StepOutcome
+from curvescan.se2.uncertain import UncertainPose, identity
+
+MIN_CONFIDENCE = 0.8
+"""Least confidence of a match that bridges a gap: it also lies where it is expected."""
+
+LOST_COVARIANCE = np.diag([1e3**2, 1e3**2, math.pi**2])
+"""Covariance of a motion of which nothing is known: a kilometre, half a turn."""
+LOST_COVARIANCE.setflags(write=False)
+
+
+def open_gap(o: Observation, last: Localization) -> tuple[Gap | None, tuple[Keyframe, ...]]:
+    """Return the gap that a scan without a match is in, and the keyframe that is to be made of the scan before it."""
+    gap, config = o.state.gap, o.config.keyframes
+    if gap is not None or config.max_gap == 0:
+        return gap, ()
+    before: list[Keyframe] = []
+    made: tuple[Keyframe, ...] = ()
+    if o.matching.as_reference(last.keyframe.scan) is not None:
+        before.append(last.keyframe)
+    previous = o.state.previous
+    if previous is not None and previous is not last.keyframe.scan:
+        keyframe = o.keyframes.make(previous, o.index - 1, last)
+        before.insert(0, keyframe)
+        made = (keyframe,)
+    return (Gap(before=tuple(before), n_scans=0), made) if before else (None, ())
+
+
+def close_gap(o: Observation, placement: Placement) -> Placement | None:
+    """Return the placement of a scan by a match with what was in use before the gap; None where there is none."""
+    config = o.config
+    for keyframe in placement.gap.before if placement.gap else ():
+        expected = placement.localization.relative_to(keyframe)
+        result = o.matching.matcher.match(
+            keyframe.scan.features, placement.current.features, expected.pose
+        )
+        gated = gate(result, expected, config.motion)
+        if not _joins(gated, config.keyframes.least_score):
+            continue
+        localization = Localization(
+            keyframe=keyframe,
+            pose_keyframe_scan=gated.pose_keyframe_scan,
+            is_measured=gated.is_fully_observed,
+        )
+        is_tracked = placement.match is not None
+        joined = replace(
+            placement,
+            outcome=StepOutcome.LOOP_CLOSED if is_tracked else StepOutcome.RELOCALIZED,
+            localization=localization,
+            n_searches=0,
+            gap=None,
+            match=result,
+            reference=keyframe.index,
+            used=(*placement.used, keyframe),
+        )
+        return with_keyframe(o, joined)
+    return None
+
+
+def widen_gap(o: Observation, placement: Placement) -> Placement:
+    """Return the placement of one more scan in a gap: as it is, or LOST where the gap has become too wide."""
+    gap, config = placement.gap, o.config.keyframes
+    if gap is None:
+        return placement
+    n_scans = gap.n_scans + 1
+    if n_scans <= config.max_gap:
+        return replace(placement, gap=Gap(before=gap.before, n_scans=n_scans))
+    here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
+    lost = replace(
+        placement,
+        outcome=StepOutcome.LOST,
+        localization=Localization(
+            keyframe=placement.localization.keyframe,
+            pose_keyframe_scan=UncertainPose(here.pose, here.cov + LOST_COVARIANCE),
+        ),
+        step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
+        n_searches=config.max_searches,
+        gap=None,
+    )
+    return lost
+
+
+def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = False) -> Placement:
+    """Return the placement with the scan as a new keyframe."""
+    keyframe = o.keyframes.make(
+        placement.current, o.index, placement.localization, is_predicted=is_predicted
+    )
+    return replace(
+        placement,
+        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
+        new_keyframes=(*placement.new_keyframes, keyframe),
+    )
+
+
+def _joins(gated: GatedMatch, least_score: float) -> bool:
+    """Return whether a match with a reference from before a gap bridges it."""
+    if not (gated.result.ok and gated.is_plausible):
+        return False
+    confidence = gated.result.confidence
+    if math.isnan(confidence):
+        return not gated.result.score < least_score
+    return confidence >= MIN_CONFIDENCE

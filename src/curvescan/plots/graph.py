@@ -1,0 +1,58 @@
+"""The pose graph as a picture: keyframes, the edges between those that follow each other, and the loop closures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from curvescan.plots.canvas import FAILED, GREY, PAIRED, PATH, as_place, drawing_places
+from curvescan.slam.graph import EdgeKind
+from curvescan.slam.map import SlamMap
+from curvescan.types import Bools, Points
+
+
+def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
+    """Save the pose graph of a map as a picture.
+
+    Parameters
+    ----------
+    path : Path
+        The PNG to write.
+    slam_map : SlamMap
+        The map.
+    cells : (k, 2) float64
+        Occupied places, drawn beneath.
+    title : str
+        Drawn above.
+    """
+    places = np.concatenate((cells, slam_map.poses[:, :2]))
+    with drawing_places(path, places) as (figure, [axes]):
+        as_place(axes, title)
+        axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0.0)
+        plot_graph(slam_map, axes)
+        figure.legend(loc="outside lower center", ncols=4)
+
+
+def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
+    """Draw the pose graph of a map on axes."""
+    is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
+    is_used = np.asarray(slam_map.weights > 0.5)
+    follows = np.asarray(slam_map.kinds == EdgeKind.MATCH) & is_used
+    for chosen, colour, label in (
+        (is_closure & is_used, PAIRED, "loop closures"),
+        (is_closure & ~is_used, FAILED, "closures without weight"),
+        (follows, PATH, "keyframes that follow each other"),
+    ):
+        _draw_edges(axes, slam_map, chosen, colour, f"{label} ({np.count_nonzero(chosen):,})")
+    axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2.0, mew=0.0)
+
+
+def _draw_edges(axes: Axes, slam_map: SlamMap, chosen: Bools, colour: str, label: str) -> None:
+    if not chosen.any():
+        return
+    lines = slam_map.poses[slam_map.ends[chosen], :2]
+    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4))
+    axes.plot([], [], color=colour, lw=1.0, label=label)

@@ -1,0 +1,224 @@
+"""run: the odometry of a whole log, and its results folder; what ``curvescan odometry`` calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from curvescan.configs import as_config
+from curvescan.diagnostics.inspect import inspect_log
+from curvescan.diagnostics.issues import Issue, find_issues
+from curvescan.diagnostics.motion_prior import motion_prior
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.verdict import Verdict, judge_run
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.files.output import output_folder
+from curvescan.io.log import Log
+from curvescan.io.reading import read_log
+from curvescan.io.trajectories.exports import (
+    ExportName,
+    RunData,
+    check_exports,
+    takes_edges,
+    write_exports,
+)
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
+from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
+from curvescan.odometry.pose_graph import PoseGraph
+from curvescan.runs.odometry import save_run
+from curvescan.types import Pose, Trajectory
+
+
+class RunDisplay(Protocol):
+    """What shows how far a run has come."""
+
+    def begin(self, stage: str, n_steps: int) -> None:
+        """Begin a stage of so many steps; 0: its length is not known."""
+        ...
+
+    def advance(self) -> None:
+        """One step of the stage is done."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunResult:
+    """What came of a log.
+
+    Attributes
+    ----------
+    log : Log
+        The log.
+    run : OdometryRun
+        Trajectory, outcomes, times.
+    odometry : Odometry
+        What ran, in its last state.
+    sensor : SensorJudgement
+        What the log's scans say of the sensor.
+    issues : tuple of Issue
+        What is wrong or odd with the log, as :func:`curvescan.find_issues` has it.
+    verdict : Verdict
+        Whether the trajectory can be trusted, and if not, why.
+    files : tuple of str
+        Names of the files written; empty without a folder.
+    left_out : tuple of str
+        What was not written and why, a sentence each.
+    """
+
+    log: Log
+    run: OdometryRun
+    odometry: Odometry
+    sensor: SensorJudgement
+    issues: tuple[Issue, ...]
+    verdict: Verdict
+    files: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Stamp, pose and covariance at each scan."""
+        return self.run.trajectory
+
+    def __repr__(self) -> str:
+        written = f", {len(self.files)} files written" if self.files else ""
+        return f"RunResult({self.log.name!r}: {self.run!r}{written})"
+
+
+def run(
+    log: Log | str | os.PathLike[str],
+    *,
+    out: str | os.PathLike[str] | None = None,
+    method: Method | str = DEFAULT_METHOD,
+    config: OdometryConfig | Mapping[str, Any] | None = None,
+    matcher: MatcherConfig | None = None,
+    odometry_prior: bool = False,
+    exports: Sequence[ExportName] = (),
+    occupancy: OccupancyConfig | Mapping[str, Any] | None = None,
+    truth: Pose | None = None,
+    command: Sequence[str] = (),
+    source: str | os.PathLike[str] | None = None,
+    display: RunDisplay | None = None,
+) -> RunResult:
+    """Return the trajectory of a log, and write it with its maps into a folder.
+
+    The folder holds trajectory.tum, trajectory.csv (with covariances), map.png, run.json, and the occupancy map:
+    map.pgm with map.yaml, and occupancy.png. Ctrl-C ends the run and keeps what there is so far, marked as partial.
+
+    Parameters
+    ----------
+    log : Log, str or path-like
+        A log, or the path of one.
+    out : str, path-like or None
+        Folder for the results, made if it is missing; None to write nothing.
+    method : str
+        Name of the matcher.
+    config : OdometryConfig, mapping or None
+        Configuration of the odometry; None for what suits the method.
+    matcher : dataclass, mapping or None
+        Configuration of the matcher.
+    odometry_prior : bool
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
+    exports : sequence of str
+        Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
+    occupancy : OccupancyConfig, mapping or None
+        How to make the occupancy map.
+    truth : (n, 3) float64 or None
+        True poses, drawn with the map.
+    command : sequence of str
+        The command line behind the run, for run.json.
+    source : str, path-like or None
+        The file or folder that a `log` given as a Log was read from, for its size and digest in run.json.
+    display : RunDisplay or None
+        Shows how far the run has come.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When an argument is not of the kinds above, or `odometry_prior` is wanted and the log has none that fits its scans.
+    LogFileError, LogFormatError
+        When the log cannot be read.
+    OutputError
+        When the results cannot be written.
+    """
+    if isinstance(log, str | os.PathLike):
+        opened, source = read_log(log), log
+    else:
+        opened = log
+    hint = "the configuration of the matcher is given as matcher="
+    config = as_config(config, OdometryConfig.of_method(method), hint=hint)
+    map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
+    check_exports(exports)
+    if exports and out is None:
+        raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
+    shown = display or _Silent()
+    graph = PoseGraph()
+
+    def on_step(step: OdometryStep) -> None:
+        if takes_edges(exports):
+            graph.add(step)
+        shown.advance()
+
+    files: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    with _folder(out) as folder:  # first of all: a place that cannot be written costs no work
+        shown.begin("looking for what is wrong with the log", 0)
+        sensor = judge_sensor(opened, is_order_needed=config.deskew)
+        issues = find_issues(inspect_log(opened, sensor))
+        odometry_poses = motion_prior(opened, sensor.rotation) if odometry_prior else None
+        config = replace(config, deskew=config.deskew and sensor.can_deskew)
+        odometry = Odometry(method, config=config, matcher=matcher)
+        shown.begin("odometry", len(opened))
+        done = run_odometry(opened, odometry, odometry_poses=odometry_poses, on_step=on_step)
+        verdict = judge_run(done, issues)
+        if folder is not None:
+            shown.begin("drawing the maps", 0)
+            left_out = save_run(
+                folder,
+                done,
+                opened,
+                odometry=odometry,
+                command=command,
+                source=None if source is None else Path(source),
+                occupancy=map_config,
+                truth=truth,
+                verdict=verdict,
+            )
+            files = tuple(sorted(file.name for file in folder.iterdir()))
+    if exports and out is not None:
+        # on their own: what goes wrong here must not cost the results of the run
+        data = RunData(trajectory=done.trajectory, edges=graph.edges, scans=opened)
+        shown.begin("exporting", 0)
+        with output_folder(out) as folder:
+            files += write_exports(folder, exports, data)
+    return RunResult(
+        log=opened,
+        run=done,
+        odometry=odometry,
+        sensor=sensor,
+        issues=issues,
+        verdict=verdict,
+        files=files,
+        left_out=left_out,
+    )
+
+
+@contextmanager
+def _folder(out: str | os.PathLike[str] | None) -> Iterator[Path | None]:
+    if out is None:
+        yield None
+    else:
+        with output_folder(out) as folder:
+            yield folder
+
+
+class _Silent:
+    """Shows nothing."""
+
+    def begin(self, stage: str, n_steps: int) -> None: ...
+
+    def advance(self) -> None: ...

@@ -1,0 +1,147 @@
+"""The result folder of a SLAM run: that of odometry with every pose revised, and the graph, its closures and the map."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from curvescan.diagnostics.verdict import Verdict
+from curvescan.io.log import Log
+from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.map_server import write_map
+from curvescan.mapping.run_maps import build_maps
+from curvescan.odometry.deskewing import deskewed_along
+from curvescan.plots.graph import draw_graph
+from curvescan.plots.map import draw_map
+from curvescan.plots.occupancy import draw_occupancy
+from curvescan.runs.odometry import as_plain, describe_run
+from curvescan.slam import ClosureOutcome, SlamRun
+from curvescan.slam.closures import Closure
+from curvescan.slam.graph import EdgeKind
+from curvescan.slam.map import SlamMap
+from curvescan.types import Pose, Trajectory
+
+CLOSURE_HEADER = (
+    "scan", "keyframe_i", "keyframe_j", "score", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",
+)  # fmt: skip
+
+
+def save_slam_run(
+    folder: Path,
+    run: SlamRun,
+    log: Log,
+    *,
+    command: Sequence[str] = (),
+    source: Path | None = None,
+    truth: Pose | None = None,
+    occupancy: OccupancyConfig | None = None,
+    verdict: Verdict | None = None,
+) -> tuple[str, ...]:
+    """Write all results of a SLAM run into an existing folder.
+
+    trajectory.tum, trajectory.csv (with covariances), trajectory_online.tum, map.png, graph.png, graph.g2o, closures.csv, map.csmap,
+    run.json; and the occupancy map: map.pgm with map.yaml, and occupancy.png.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; see :func:`curvescan.io.output_folder`.
+    run : SlamRun
+        The run, at least one scan; also a partial one.
+    log : Log
+        What it ran over; read once more for the maps.
+    command : sequence of str
+        The command line that asked for it.
+    source : Path or None
+        The file or folder of the log, for its size and digest.
+    truth : (n, 3) float64 or None
+        True poses, drawn with the map.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map; None for the defaults.
+    verdict : Verdict or None
+        Whether the run can be trusted; None to judge it here.
+
+    Returns
+    -------
+    tuple of str
+        What was left out and why, a sentence each.
+    """
+    occupancy = occupancy or OccupancyConfig()
+    revised, slam = run.revised, run.slam
+    title = f"{log.name}: {len(revised.outcomes):,} scans, {revised.method}, SLAM"
+    write_tum(folder / "trajectory.tum", revised.trajectory)
+    write_tum(folder / "trajectory_online.tum", run.online)
+    write_csv(
+        folder / "trajectory.csv", revised.trajectory, [o.name.lower() for o in revised.outcomes]
+    )
+    seen = deskewed_along(log, revised.trajectory) if slam.config.odometry.deskew else log
+    maps = build_maps(seen, revised.trajectory.poses, revised.is_joined, occupancy=occupancy)
+    draw_map(folder / "map.png", revised, maps, title=title, wheels=log, truth=truth)
+    left_out: tuple[str, ...] = ()
+    if maps.grid is not None:
+        write_map(folder, maps.grid)
+        draw_occupancy(
+            folder / "occupancy.png",
+            maps.grid,
+            revised.trajectory.poses,
+            title=f"{title}: occupancy",
+        )
+    else:
+        left_out = (f"no occupancy map: {maps.why_no_grid}",)
+    slam_map = replace(slam.map, grid=maps.grid)
+    slam_map.save(folder / "map.csmap")
+    save_graph(folder, slam_map)
+    draw_graph(folder / "graph.png", slam_map, maps.standing, title=f"{title}: pose graph")
+    write_closures(folder / "closures.csv", slam.closures)
+    record = describe_run(revised, log, slam.odometry, command, source, verdict)
+    record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
+    record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
+    record["left_out"] = list(left_out)
+    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return left_out
+
+
+def save_graph(folder: Path, slam_map: SlamMap) -> None:
+    """Write graph.g2o: a vertex a keyframe, and every edge that has a weight."""
+    keyframes = Trajectory(
+        stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses
+    )
+    write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
+
+
+def write_closures(path: Path, closures: Sequence[Closure]) -> None:
+    """Write the log of loop-closure candidates: when, with what, and why each is believed or not."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(CLOSURE_HEADER)
+        for c in closures:
+            numbers = [c.score, c.distance, *c.pose.tolist()]
+            writer.writerow([c.scan, c.i, c.j, *numbers, c.outcome.name.lower(), c.outcome.value])
+
+
+def describe_graph(run: SlamRun) -> dict[str, object]:
+    """Return what run.json holds of the graph."""
+    graph, slam = run.slam.backend.graph, run.slam
+    verdicts = Counter(c.outcome for c in slam.closures)
+    return {
+        "keyframes": graph.n_poses,
+        "edges": {
+            kind.name.lower(): int(np.count_nonzero(graph.kinds == kind)) for kind in EdgeKind
+        },
+        "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
+        "candidates": {v.name.lower(): verdicts[v] for v in ClosureOutcome},
+        "fragments": slam.n_fragments,
+        "seconds_to_finish": round(run.seconds_to_finish, 3),
+    }
+
+
+def _as_dict(value: object) -> dict[str, object]:
+    return dict(value) if isinstance(value, dict) else {}

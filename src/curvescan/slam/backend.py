@@ -1,0 +1,420 @@
+"""Backend: keyframes in, a pose graph that closes its loops out.
+
+The state of SLAM but for the odometry. A keyframe is tied to the ones before it, candidates for loop closures are queued, a few of
+them are matched with each scan, and what is believed becomes edges; an optimization runs beside.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
+from curvescan.slam.agreement import Waiting
+from curvescan.slam.belief import Belief
+from curvescan.slam.candidates import choose_candidates
+from curvescan.slam.closures import Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.components import components
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.graph import EdgeKind, PoseGraph
+from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.map import SlamMap
+from curvescan.slam.optimization import Edges
+from curvescan.types import Cov, Pose
+
+
+def difference(one: Pose, other: Pose) -> Pose:
+    """Return the second pose minus the first, angles wrapped."""
+    off = other - one
+    off[2] = se2.wrap(off[2])
+    return off
+
+
+class Candidate(NamedTuple):
+    """Two keyframes to be matched, and where the graph expects j in the frame of i."""
+
+    i: int
+    j: int
+    expected: UncertainPose
+
+
+class Backend:
+    """The graph, its keyframes, and the search for loop closures.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+        Where keyframes are kept.
+    config : SlamConfig
+        The rules.
+    """
+
+    def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
+        self.config = config
+        self.keyframes = keyframes
+        self.graph = PoseGraph()
+        self.current = 0
+        self.since = identity()  # the current keyframe seen from the one of the belief
+        self.closures: list[Closure] = []
+        self._belief: Belief | None = None
+        self._queue: deque[Candidate] = deque()
+        self._tried: set[tuple[int, int]] = set()
+        self._waiting = Waiting(config)
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
+        self._job: Job | None = None
+        self._job_due = 0
+        self._is_dirty = self._is_urgent = False
+        self._n_scans = 0
+        self._fragments: list[int] = []  # of each keyframe
+        self._missed: dict[int, int] = {}  # of the keyframe tried last
+        self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
+
+    @property
+    def belief(self) -> Belief:
+        """What the graph knew after the last optimization."""
+        assert self._belief is not None, "there is no keyframe yet"
+        return self._belief
+
+    def load(self, slam_map: SlamMap) -> None:
+        """Take a map to continue."""
+        for k in range(len(slam_map)):
+            index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
+            self.keyframes.add(slam_map.scans[k], index, session)
+            self.graph.add_pose(slam_map.poses[k])
+            self._motions.append(identity())
+        for k in range(len(slam_map.ends)):
+            i, j = slam_map.ends[k].tolist()
+            self.graph.add_edge(
+                i, j, slam_map.measured[k], slam_map.edge_covariances[k],
+                EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
+            )  # fmt: skip
+        self._fragments = components(self.graph.ends, self.graph.n_poses).tolist()
+
+    def start(self, scan: LaserScan, index: int, pose: Pose, session: int = 0) -> int:
+        """Begin a fragment: take a keyframe that nothing ties to those before it, and return its number.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Its scan, deskewed.
+        index : int
+            Its number in the stream.
+        pose : (3,) float64
+            Where to draw it until a loop closure says how it lies to the rest.
+        session : int
+            Number of the session.
+        """
+        if self._job is not None:
+            self._adopt(self._job.result(), self._job)
+            self._job = None
+        k = self.keyframes.add(scan, index, session)
+        self.graph.add_pose(pose)
+        self._fragments.append(max(self._fragments, default=-1) + 1)
+        self._belief = Belief.at_start(k, self.graph.poses)
+        self.current, self.since = k, identity()
+        self._motions.append(identity())
+        if k > 0:
+            self._enqueue(k)
+        return k
+
+    def add_keyframe(
+        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
+    ) -> int:
+        """Take the next keyframe and return its number.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Its scan, deskewed.
+        index : int
+            Its number in the stream.
+        motion : UncertainPose
+            Its pose in the frame of the current keyframe by the odometry.
+        is_measured : bool
+            Whether matches measured all of the motion.
+        """
+        before = self.current
+        k = self.keyframes.add(scan, index, self.keyframes[before].session)
+        self._fragments.append(self._fragments[before])
+        motion = self._link(before, k, motion, is_measured)
+        self._motions.append(motion)
+        self.since = compose(self.since, motion)
+        self.current = k
+        self._enqueue(k)
+        return k
+
+    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
+        """Tie a keyframe to the one before it, and return how it lies to that."""
+        noise, rules = self.config.noise, self.config.closures
+        self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
+        x, y, theta = np.abs(motion.pose).tolist()
+        vague = UncertainPose(
+            motion.pose,
+            motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
+        )
+        self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
+        result = self.keyframes.match(before, k, None)
+        is_clear = result.ok and result.degenerate_direction is None
+        if is_clear and not result.score < rules.min_score:
+            found = UncertainPose(result.pose, noise.edge(result.covariance))
+            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
+            if fuse(expected, found)[1] < rules.gate:
+                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
+                return found
+            off = difference(expected.pose, found.pose)
+            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
+        if is_measured:
+            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
+            self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
+            return by_chain
+        return vague
+
+    def add_prior(self, k: int, motion: UncertainPose) -> None:
+        """Tie keyframe k to the one before it by a motion that wheels measured: an edge that may lose its weight."""
+        self.graph.add_edge(k - 1, k, motion.pose, motion.cov, EdgeKind.PRIOR)
+
+    def _enqueue(self, k: int) -> None:
+        """Queue the keyframes that the newest one is to be matched with."""
+        linked = [
+            i
+            for i in range(max(k - self.config.keyframes.n_linked, 0), k - 1)
+            if self._fragments[i] == self._fragments[k]
+        ]
+        for i in linked:
+            self._queue.append(Candidate(i, k, self._along(i, k)))
+        relative, covariances = self.belief.seen_from_all(
+            self.graph.poses[: k + 1], self.since, self.current
+        )
+        similarity = self.keyframes.index.similarity(
+            self.keyframes.signature(self.keyframes.prepared(k))
+        )
+        chosen = choose_candidates(
+            relative, covariances, self.config, self.keyframes, similarity[:k]
+        )
+        for i in chosen:
+            expected = UncertainPose(relative[i], covariances[i])
+            self._queue.append(Candidate(i, k, expected))
+
+    def work(self, index: int) -> tuple[tuple[Closure, ...], bool]:
+        """Do a bounded share of what waits, and return the closures accepted and whether poses were revised.
+
+        Parameters
+        ----------
+        index : int
+            Number of the scan.
+        """
+        self._n_scans += 1
+        accepted: list[Closure] = []
+        for _ in range(min(self.config.closures.matches_per_scan, len(self._queue))):
+            accepted += self._try(self._queue.popleft(), index)
+        is_revised = False
+        if self._job is not None and self._n_scans >= self._job_due:
+            self._adopt(self._job.result(), self._job)
+            self._job, is_revised = None, True
+        if self._job is None and self._is_due():
+            self._begin()
+        return tuple(accepted), is_revised
+
+    def _try(self, candidate: Candidate, index: int) -> list[Closure]:
+        i, j, _ = candidate
+        if (i, j) in self._tried:
+            return []
+        self._tried.add((i, j))
+        expected = UncertainPose(
+            se2.between(self.graph.poses[i], self.graph.poses[j]), candidate.expected.cov
+        )
+        expected = vaguely(expected, self.config)
+        guess = expected.pose if is_certain(expected, self.config) else None
+        result = self.keyframes.match(i, j, guess)
+        closure = judged(result, expected, self.config, scan=index, i=i, j=j)
+        if guess is not None and not self._is_linked(i, j):
+            self._count(j, is_found=closure.is_accepted)
+        if closure.outcome is ClosureOutcome.WAITING:
+            agreed = self._waiting.add(closure, self.graph.poses)
+            if not agreed:
+                self.closures.append(closure)
+                return []
+            agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in agreed]
+            for one in agreed:
+                self._accept(one)
+            return agreed
+        if closure.is_accepted:
+            self._accept(closure)
+            if not self._is_linked(i, j):
+                self._waiting.confirm(closure)
+            return [closure]
+        if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
+            self._doubt(expected, closure)
+        self.closures.append(closure)
+        return []
+
+    def _is_linked(self, i: int, j: int) -> bool:
+        return j - i <= self.config.keyframes.n_linked
+
+    def _doubt(self, expected: UncertainPose, closure: Closure) -> None:
+        """Take the way between two keyframes to be as uncertain as two measurements of it differ."""
+        off = difference(expected.pose, closure.pose)
+        self._widen(closure.j, self._doubt_of(off))
+
+    def _doubt_of(self, off: Pose) -> Cov:
+        """Return the covariance of two measurements that differ, no more than that of no measurement."""
+        noise = self.config.noise
+        length, angle = float(np.hypot(off[0], off[1])), abs(float(off[2]))
+        share = min(1.0, noise.step_m / max(length, 1e-9), noise.step_rad / max(angle, 1e-9))
+        return share**2 * np.outer(off, off)
+
+    def _widen(self, k: int, more: Cov) -> None:
+        """Add to the covariance of the way to a keyframe."""
+        self._motions[k] = UncertainPose(self._motions[k].pose, self._motions[k].cov + more)
+        if not self.belief.knows(k):
+            self.since = UncertainPose(self.since.pose, self.since.cov + more)
+
+    def _count(self, j: int, *, is_found: bool) -> None:
+        """Count how keyframe j fares with earlier ones that should show its place; if none does, the graph is in doubt."""
+        n_missed = self._missed.get(j, 0)
+        self._missed = {j: -1000 if is_found else n_missed + 1}
+        if self._missed[j] == self.config.closures.n_missed:
+            self._widen(j, self.config.noise.doubt)
+
+    def _accept(self, closure: Closure) -> None:
+        """Make a closure an edge, and take the newest keyframe to where it says."""
+        self.closures.append(closure)
+        i, j = closure.i, closure.j
+        if self._fragments[i] != self._fragments[j]:
+            self._join(closure)
+        self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
+        if closure.outcome is ClosureOutcome.AGREED:
+            self._is_urgent = True
+        elif closure.distance > self.config.optimizer.surprise:
+            self._is_dirty = True
+        if not self.belief.knows(i) or self.belief.knows(j):
+            return
+        by_closure = compose(
+            inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
+        )
+        self.since, _ = fuse(self.since, compose(by_closure, self._along(j, self.current)))
+        here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
+        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
+        self.graph.poses[j:] = se2.compose(here, onward)
+
+    def _join(self, closure: Closure) -> None:
+        """Move the later fragment to where a closure says that it lies in the earlier one."""
+        fragments = np.array(self._fragments)
+        earlier, later = sorted((fragments[closure.i], fragments[closure.j]))
+        poses = self.graph.poses
+        if fragments[closure.j] == later:
+            wanted, moved = se2.compose(poses[closure.i], closure.pose), closure.j
+        else:
+            wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
+        shift = se2.compose(wanted, se2.inverse(poses[moved]))
+        rows = np.flatnonzero(fragments == later)
+        poses[rows] = se2.compose(shift, poses[rows])
+        fragments[rows] = earlier
+        self._fragments = fragments.tolist()
+
+    def _is_due(self) -> bool:
+        rules, n_new = self.config.optimizer, self.graph.n_poses - self.belief.n
+        least = max(rules.n_least, rules.growth * self.belief.n)
+        return self._is_urgent or n_new >= least or (self._is_dirty and n_new >= rules.n_least)
+
+    def _begin(self) -> None:
+        self._is_dirty = self._is_urgent = False
+        problem = Problem.of(self.graph, self.current)
+        self._job = Job(problem, self.config.optimizer.limit, self._pool)
+        self._job_due = self._n_scans + self.config.optimizer.n_adopt
+
+    def _adopt(self, solution: Solution, job: Job) -> None:
+        """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
+        n, k = job.n_poses, solution.current
+        later = se2.between(self.graph.poses[k], self.graph.poses[n:])
+        onward = self._along(k, self.current)
+        self.graph.poses[:n] = solution.poses
+        self.graph.poses[n:] = se2.compose(solution.poses[k], later)
+        self.graph.weights[: job.n_edges] = solution.weights
+        self._belief = Belief(k, solution.poses, solution.covariances)
+        self.since = onward
+
+    def _along(self, i: int, j: int) -> UncertainPose:
+        """Return keyframe j seen from an earlier one along the keyframes between them."""
+        way = identity()
+        for k in range(i + 1, j + 1):
+            way = compose(way, self._motions[k])
+        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
+
+    def finish(self) -> None:
+        """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""
+        if self._belief is None:
+            return
+        if self._job is not None:
+            self._adopt(self._job.result(), self._job)
+            self._job = None
+        while self._queue:
+            self._try(self._queue.popleft(), self._n_scans)
+        self._settle()
+        self._densify()
+        self._settle()
+
+    def _settle(self) -> None:
+        problem = Problem.of(self.graph, self.current)
+        job = Job(problem, self.config.optimizer.limit, self._pool, is_last=True)
+        self._adopt(job.result(), job)
+        self._is_dirty = self._is_urgent = False
+
+    def _densify(self) -> None:
+        """Match each keyframe with the nearest others that it has not been matched with."""
+        poses, fragments = self.graph.poses, np.array(self._fragments)
+        for k in range(1, self.graph.n_poses):
+            relative = se2.between(poses[:k], poses[k])
+            relative[fragments[:k] != fragments[k], 0] = np.inf
+            cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
+            for i in choose_candidates(relative, cov, self.config, self.keyframes):
+                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), self._n_scans)
+
+    def current_in_map(self) -> UncertainPose:
+        """Return where the current keyframe is in the map."""
+        from_first = compose(self.belief.last_seen_from(0), self.since)
+        first = self.graph.poses[0]
+        in_map = compose(UncertainPose(first, np.zeros((3, 3))), from_first)
+        return UncertainPose(self.graph.poses[self.current], in_map.cov)
+
+    def covariances(self) -> Cov:
+        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
+        graph = self.graph
+        if graph.n_poses == 0:
+            return np.empty((0, 3, 3))
+        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
+        return covariances_seen_from(graph.poses, edges, graph.weights, 0)
+
+    def map(self) -> SlamMap:
+        """Return the map as it is now."""
+        graph, keyframes = self.graph, self.keyframes
+        return SlamMap(
+            scans=tuple(keyframes[k].scan for k in range(len(keyframes))),
+            poses=graph.poses.copy(),
+            covariances=self.covariances(),
+            indices=np.array([keyframes[k].index for k in range(len(keyframes))], dtype=np.int64),
+            sessions=np.array(
+                [keyframes[k].session for k in range(len(keyframes))], dtype=np.int64
+            ),
+            ends=graph.ends.copy(),
+            measured=graph.measured.copy(),
+            edge_covariances=graph.covariances.copy(),
+            kinds=graph.kinds.copy(),
+            weights=graph.weights.copy(),
+        )
+
+    @property
+    def n_fragments(self) -> int:
+        """Parts of the graph that nothing joins."""
+        return len(set(self._fragments))
+
+    def fragment_of(self, k: int) -> int:
+        """Return the number of the fragment that a keyframe is in."""
+        return self._fragments[k]

@@ -1,0 +1,57 @@
+"""Candidates: which earlier keyframes may show the place of the newest one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.overlap import foretold_overlap
+from curvescan.types import Cov, Floats, Pose
+
+if TYPE_CHECKING:
+    from curvescan.slam.keyframes import Keyframes
+
+
+def choose_candidates(
+    relative: Pose,
+    covariances: Cov,
+    config: SlamConfig,
+    keyframes: Keyframes,
+    similarity: Floats | None = None,
+) -> list[int]:
+    """Return the keyframes to match with the newest one, the most promising first.
+
+    Parameters
+    ----------
+    relative : (n, 3) float64
+        Pose of the newest keyframe seen from each.
+    covariances : (n, 3, 3) float64
+        Its covariance by the graph.
+    config : SlamConfig
+        The rules.
+    keyframes : Keyframes
+        All of them.
+    similarity : (n,) float64 or None
+        How alike each is to the newest one by the place index.
+    """
+    rules, noise = config.closures, config.noise
+    variance = noise.drift**2 * np.diagonal(covariances, axis1=1, axis2=2)
+    variance = variance + 4.0 * np.square([noise.floor_m, noise.floor_m, noise.floor_rad])
+    sigma = np.sqrt(variance[:, :2].max(axis=1))
+    distance = np.hypot(relative[:, 0], relative[:, 1])
+    is_near = distance - rules.sigmas * sigma < rules.reach
+    is_certain = (sigma < rules.certain_m) & (variance[:, 2] < rules.certain_rad**2)
+    cost = distance + 0.7 * np.abs(relative[:, 2])
+    newest = len(relative)
+    is_near[max(newest - 1 - config.keyframes.n_linked, 0) :] = False
+    sure = np.flatnonzero(is_near & is_certain)
+    sure = sure[np.argsort(cost[sure], kind="stable")][: 8 * rules.n_certain]
+    overlap = foretold_overlap(keyframes.profiles, sure, relative[sure], keyframes.profiles[newest])
+    sure, overlap = sure[overlap >= rules.min_overlap], overlap[overlap >= rules.min_overlap]
+    sure = sure[np.argsort(-overlap, kind="stable")][: rules.n_certain]
+    vague = np.flatnonzero(is_near & ~is_certain)
+    order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
+    vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]
+    return [*sure.tolist(), *vague.tolist()]

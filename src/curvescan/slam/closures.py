@@ -1,0 +1,135 @@
+"""Loop closures: a match between keyframes that do not follow each other, and whether it is believed.
+
+Where the graph knows the relative pose of two keyframes well, a match that lies there within its covariance is believed. Where it
+does not, matches wait until enough of them agree: Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set
+maximization for robust multi-robot map merging", ICRA 2018. Two closures agree when the cycle through both and the graph between
+their ends closes within its covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from curvescan.matchers import MatchResult
+from curvescan.odometry.gating import as_measurement
+from curvescan.se2.uncertain import UncertainPose, fuse
+from curvescan.slam.config import SlamConfig
+from curvescan.types import Cov, Pose
+
+UNKNOWN_M = 10.0
+"""Standard deviation of a relative pose of which the graph knows nothing, metres."""
+
+
+class ClosureOutcome(Enum):
+    """What became of a loop-closure candidate; the value is a sentence for people."""
+
+    ACCEPTED = "It lies where the graph expects it."
+    AGREED = "Enough others agree with it."
+    WAITING = "It waits for others that agree with it."
+    FORGOTTEN = "Too few others agreed with it."
+    NO_MATCH = "The scans do not match."
+    LOW_SCORE = "The match explains too little of the scans."
+    DEGENERATE = "The match leaves a direction open where the graph does not know it either."
+    UNEXPECTED = "The match lies where the graph cannot have it."
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Closure:
+    """A loop-closure candidate that was matched.
+
+    Attributes
+    ----------
+    scan : int
+        Number of the scan at which it was tried.
+    i, j : int
+        Keyframes; j is the later one.
+    pose : (3,) float64
+        Pose of j in the frame of i by the match; NaN where it failed.
+    covariance : (3, 3) float64
+        Of the edge that it makes.
+    score : float
+        Of the match.
+    distance : float
+        Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
+    outcome : ClosureOutcome
+        What became of it.
+    is_doubtful : bool
+        Whether twice as many must agree: the graph contradicts it, or knows nothing of the relative pose.
+    """
+
+    scan: int
+    i: int
+    j: int
+    pose: Pose
+    covariance: Cov
+    score: float
+    distance: float
+    outcome: ClosureOutcome
+    is_doubtful: bool = False
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether it became an edge of the graph."""
+        return self.outcome in (ClosureOutcome.ACCEPTED, ClosureOutcome.AGREED)
+
+
+def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
+    """Return whether the graph knows a relative pose so well that one match is enough."""
+    rules = config.closures
+    x, y, theta = np.diagonal(expected.cov).tolist()
+    return bool(max(x, y) < rules.certain_m**2 and theta < rules.certain_rad**2)
+
+
+def vaguely(expected: UncertainPose, config: SlamConfig) -> UncertainPose:
+    """Return a relative pose of the graph with all that its covariance may leave out."""
+    return UncertainPose(
+        expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor
+    )
+
+
+def judged(
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
+) -> Closure:
+    """Return a match held against what the graph expects.
+
+    Parameters
+    ----------
+    result : MatchResult
+        The match of keyframe j with i.
+    expected : UncertainPose
+        Pose of j in i by the graph, as :func:`vaguely` has it.
+    config : SlamConfig
+        The rules.
+    scan, i, j : int
+        For the record.
+    """
+    if not result.ok:
+        return Closure(
+            scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
+            score=result.score, distance=float("nan"), outcome=ClosureOutcome.NO_MATCH,
+        )  # fmt: skip
+    found = as_measurement(result)
+    certain = is_certain(expected, config)
+    is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
+    distance = fuse(expected, found)[1]
+    if result.score < config.closures.min_score:
+        outcome = ClosureOutcome.LOW_SCORE
+    elif result.degenerate_direction is not None and not certain:
+        outcome = ClosureOutcome.DEGENERATE
+    elif distance > config.closures.gate:
+        is_far = distance > config.closures.doubt * config.closures.gate
+        is_linked = j - i <= config.keyframes.n_linked
+        is_open = result.degenerate_direction is not None
+        outcome = (
+            ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
+        )
+    else:
+        outcome = ClosureOutcome.ACCEPTED if certain else ClosureOutcome.WAITING
+    return Closure(
+        scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
+        score=result.score, distance=distance, outcome=outcome,
+        is_doubtful=is_unknown or distance > config.closures.gate,
+    )  # fmt: skip

@@ -1,0 +1,178 @@
+"""The parameters of SLAM: one set for all logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from curvescan.errors import require
+from curvescan.odometry import config as odometry_config
+from curvescan.odometry.config import OdometryConfig
+from curvescan.types import Cov
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyframesConfig:
+    """Keyframes: the scans that the map is made of."""
+
+    distance: float = 0.5
+    """A new keyframe is due this far from the last one, metres."""
+    turn: float = 0.5
+    """A new keyframe is due when the sensor has turned by this much, radians."""
+    n_linked: int = 3
+    """Preceding keyframes that a new one is matched with."""
+    max_views: int = 4
+    """Keyframes of one place (`same_place_m`, `same_place_rad`) kept in the map; where there are as many, the scan is tied to one
+    of them, and refines it instead of becoming one more."""
+    same_place_m: float = 0.5
+    """Keyframes nearer than this to each other show one place, metres."""
+    same_place_rad: float = 0.5
+    """The same for their directions, radians."""
+    n_lost: int = 8
+    """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a fragment."""
+    n_prepared: int = 3000
+    """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
+
+    def __post_init__(self) -> None:
+        for name in ("distance", "turn", "same_place_m", "same_place_rad"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("n_linked", "max_views", "n_lost", "n_prepared"):
+            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseConfig:
+    """Noise: what the covariances of matches and motions leave out."""
+
+    kept: float = 0.4
+    """Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to all of
+    their edges. Measured in simulation for the odometry."""
+    floor_m: float = 0.005
+    """Error of a match besides its covariance, metres and axis."""
+    floor_rad: float = 0.002
+    """The same of its rotation, radians."""
+    drift: float = 2.0
+    """Standard deviations of the graph are taken to be this many times too small when a loop closure is looked for and tested:
+    matches that follow each other err together."""
+    step_m: float = 0.3
+    """A motion that no match confirmed errs by this much, metres and axis."""
+    step_rad: float = 0.3
+    """The same of its rotation, radians."""
+    doubt_m: float = 0.1
+    """The way to a keyframe errs by this much where the keyframe does not match the one before it, or earlier ones that should
+    show the same place, metres and axis."""
+    doubt_rad: float = 0.05
+    """The same of its rotation, radians."""
+
+    def __post_init__(self) -> None:
+        require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
+        require(self.drift >= 1.0, "drift must be at least 1", self.drift)
+        for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+
+    @property
+    def floor(self) -> Cov:
+        """(3, 3) covariance that each match has besides its own."""
+        return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
+
+    @property
+    def step(self) -> Cov:
+        """(3, 3) covariance of a motion that no match confirmed."""
+        return np.diag(np.square([self.step_m, self.step_m, self.step_rad]))
+
+    @property
+    def doubt(self) -> Cov:
+        """(3, 3) covariance added to a way that later matches do not confirm."""
+        return np.diag(np.square([self.doubt_m, self.doubt_m, self.doubt_rad]))
+
+    def edge(self, covariance: Cov) -> Cov:
+        """Return the covariance of an edge by that of its match."""
+        return self.kept * covariance + self.floor
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosuresConfig:
+    """Loop closures: where they are looked for, and what is believed."""
+
+    reach: float = 2.5
+    """Keyframes farther from each other than this are not matched, metres."""
+    sigmas: float = 3.0
+    """A keyframe may lie this many standard deviations from where the graph has it."""
+    certain_m: float = 0.25
+    """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
+    agree."""
+    certain_rad: float = 0.1
+    """The same for its rotation, radians."""
+    n_certain: int = 5
+    """Earlier keyframes of a known relative pose that a new one is matched with, at most."""
+    min_overlap: float = 0.4
+    """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
+    n_uncertain: int = 6
+    """The same for those of a relative pose that is not well known."""
+    n_missed: int = 3
+    """Keyframes that should show the place of a new one and do not match it, from which on the graph is in doubt."""
+    matches_per_scan: int = 3
+    """Matches made for each scan that is added; the rest waits."""
+    gate: float = 16.0
+    """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom, 99.9 %."""
+    min_score: float = 0.25
+    """Least score of a match, in [0, 1]."""
+    n_agreeing: int = 3
+    """Matches that must agree where the graph does not know the relative pose well."""
+    doubt: float = 9.0
+    """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
+    shows it."""
+    margin: float = 2.0
+    """They must be this many times as many as those that agree on another pose."""
+    n_waiting: int = 200
+    """Matches that wait for others to agree with, at most."""
+
+    def __post_init__(self) -> None:
+        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "margin"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
+            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+        require(0.0 <= self.min_score <= 1.0, "min_score must lie in [0, 1]", self.min_score)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptimizerConfig:
+    """Optimization: when and how robustly."""
+
+    limit: float = 16.0
+    """Squared Mahalanobis distance beyond which an edge loses its weight."""
+    n_least: int = 10
+    """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
+    surprise: float = 4.0
+    """The graph is optimized when a closure lies this far from where it was expected (squared Mahalanobis distance)."""
+    growth: float = 0.1
+    """It is also optimized when it has grown by this share since the last time."""
+    n_adopt: int = 60
+    """Scans between the start of an optimization and its result; it runs beside them."""
+
+    def __post_init__(self) -> None:
+        for name in ("limit", "surprise", "growth"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
+
+
+def _front_end() -> OdometryConfig:
+    # loops are the graph's business: the odometry stays continuous and holds few keyframes
+    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(max_tries=0, max_keyframes=4))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlamConfig:
+    """The whole of it."""
+
+    keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
+    """Keyframes: the scans that the map is made of."""
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    """Noise: what the covariances of matches and motions leave out."""
+    closures: ClosuresConfig = field(default_factory=ClosuresConfig)
+    """Loop closures: where they are looked for, and what is believed."""
+    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
+    """Optimization: when and how robustly."""
+    odometry: OdometryConfig = field(default_factory=_front_end)
+    """The odometry in front."""

@@ -1,0 +1,120 @@
+"""Keyframes: the scans that the map is made of, compact, and prepared for matching when they are needed."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from curvescan.matchers import MatchResult, PreparedScan, prepare
+from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.registry import MatcherConfig
+from curvescan.scan import LaserScan
+from curvescan.slam.overlap import N_SECTORS, range_profile
+from curvescan.slam.place_index import PlaceIndex, Signature, signature
+from curvescan.types import Floats, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Keyframe:
+    """One keyframe.
+
+    Attributes
+    ----------
+    scan : LaserScan
+        Its scan, deskewed; ranges have the precision of float32, as in the map's file.
+    index : int
+        Number of the scan in its session.
+    session : int
+        Number of the session, from 0.
+    """
+
+    scan: LaserScan
+    index: int
+    session: int = 0
+
+
+class Keyframes:
+    """All keyframes, by number; the features of those used last are kept.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    matcher_config : dataclass, mapping or None
+        Its configuration.
+    n_prepared : int
+        Features held.
+
+    Attributes
+    ----------
+    index : PlaceIndex
+        Which of them look like a scan.
+    """
+
+    def __init__(self, method: str, matcher_config: MatcherConfig | None, n_prepared: int) -> None:
+        self._method = method
+        self._matcher_config = matcher_config
+        self._n_prepared = n_prepared
+        self._all: list[Keyframe] = []
+        self._profiles = np.zeros((16, 2, N_SECTORS))
+        self.index = PlaceIndex()
+        self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __getitem__(self, k: int) -> Keyframe:
+        return self._all[k]
+
+    def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
+        """Append a keyframe and return its number."""
+        keyframe = Keyframe(scan=compact(scan), index=index, session=session)
+        k = len(self._all)
+        self._all.append(keyframe)
+        if k == len(self._profiles):
+            self._profiles = np.concatenate((self._profiles, np.zeros_like(self._profiles)))
+        self._profiles[k] = range_profile(keyframe.scan)
+        self.index.add(self.signature(self.prepared(k)))
+        return k
+
+    def signature(self, scan: PreparedScan) -> Signature:
+        """Return the signature of a scan for the place index, from the default matcher's keypoints."""
+        features = scan.features
+        if not isinstance(features, CurvescanFeatures):
+            features = prepare(scan.scan).features
+        return signature(features.keypoints)
+
+    @property
+    def profiles(self) -> Floats:
+        """(n, 2, N_SECTORS) float64, a view: range profile of each keyframe."""
+        return self._profiles[: len(self._all)]
+
+    def prepared(self, k: int) -> PreparedScan:
+        """Return a keyframe ready to be matched."""
+        found = self._prepared.get(k)
+        if found is None:
+            found = self.prepare(self._all[k].scan)
+            self._prepared[k] = found
+            if len(self._prepared) > self._n_prepared:
+                self._prepared.popitem(last=False)
+        else:
+            self._prepared.move_to_end(k)
+        return found
+
+    def match(self, i: int, j: int, guess: Pose | None) -> MatchResult:
+        """Return the match of keyframe j with keyframe i."""
+        reference, current = self.prepared(i), self.prepared(j)
+        return reference.matcher.match(reference.features, current.features, guess)
+
+    def prepare(self, scan: LaserScan) -> PreparedScan:
+        """Return any scan ready to be matched with keyframes."""
+        return prepare(scan, method=self._method, config=self._matcher_config)
+
+
+def compact(scan: LaserScan) -> LaserScan:
+    """Return a scan without intensities, with ranges of the precision of float32."""
+    with np.errstate(over="ignore"):
+        ranges = scan.ranges.astype(np.float32).astype(np.float64)
+    return replace(scan, ranges=ranges, intensities=None, time_increment=0.0, scan_time=0.0)

@@ -1,0 +1,94 @@
+"""SlamMap: what SLAM leaves behind: keyframes with their poses, the graph between them, and the occupancy that they show."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlamMap:
+    """A map that is saved, loaded, continued, and localized in.
+
+    Attributes
+    ----------
+    scans : tuple of LaserScan
+        Scan of each keyframe, ranges of the precision of float32.
+    poses : (n, 3) float64
+        Pose of the sensor at each keyframe in the frame ``map``: metres, metres, radians.
+    covariances : (n, 3, 3) float64
+        Covariance of each, the first keyframe known exactly.
+    indices, sessions : (n,) int64
+        Number of each keyframe's scan in its session, and of the session.
+    ends : (m, 2) int64
+        Keyframes i and j of each edge.
+    measured : (m, 3) float64
+        Measured pose of j in the frame of i.
+    edge_covariances : (m, 3, 3) float64
+        Its covariance.
+    kinds : (m,) int64
+        An EdgeKind each.
+    weights : (m,) float64
+        Weight of each edge in the optimum, in [0, 1].
+    grid : OccupancyGrid or None
+        Occupancy from all scans of a run; None where only the keyframes can tell.
+    """
+
+    scans: tuple[LaserScan, ...]
+    poses: Pose
+    covariances: Cov
+    indices: Ints
+    sessions: Ints
+    ends: Ints
+    measured: Pose
+    edge_covariances: Cov
+    kinds: Ints
+    weights: Floats
+    grid: OccupancyGrid | None = None
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __repr__(self) -> str:
+        return f"SlamMap({len(self):,} keyframes, {len(self.ends):,} edges, {self.n_sessions} sessions)"
+
+    @property
+    def n_sessions(self) -> int:
+        """Sessions that the map was made in."""
+        return int(self.sessions.max(initial=-1)) + 1
+
+    @property
+    def edges(self) -> Iterator[PoseEdge]:
+        """The edges that the optimum follows, as records."""
+        for k in np.flatnonzero(self.weights > 0.5).tolist():
+            i, j = self.ends[k].tolist()
+            yield PoseEdge(i=i, j=j, pose=self.measured[k], covariance=self.edge_covariances[k])
+
+    def occupancy(self, config: OccupancyConfig | None = None) -> OccupancyGrid:
+        """Return the occupancy: the one that was stored, or, with a config or without a stored one, that of the keyframes."""
+        if config is None and self.grid is not None:
+            return self.grid
+        builder = OccupancyBuilder(config)
+        for scan, pose in zip(self.scans, self.poses, strict=True):
+            builder.add(scan, pose)
+        return builder.grid()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        from curvescan.slam.map_file import write_map_file
+
+        write_map_file(path, self)

@@ -1,0 +1,190 @@
+"""Map files (.csmap): a zip archive of NumPy arrays, as numpy.savez_compressed writes it, with a version.
+
+docs/slam.md lists the arrays. A reader refuses what is damaged or of a later version in one sentence; arrays that it does not know are
+left aside, so that a later version may add some.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.io.arrays.npz_file import NpzFile
+from curvescan.io.files.output import output_file
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyGrid
+from curvescan.scan import LaserScan
+from curvescan.slam.map import SlamMap
+from curvescan.types import Cov, Floats
+
+VERSION = 1
+"""Of the format that is written; files of this version and of those before it are read."""
+
+_UPPER = np.triu_indices(3)
+_SETUP = ("angle_min", "angle_increment", "range_min", "range_max", "is_uneven")
+_GRID = (
+    "resolution", "hit", "miss", "lowest", "highest", "occupied_from", "free_to", "clear_no_return",
+)  # fmt: skip
+_REQUIRED = (
+    "csmap_version", "poses", "covariances", "indices", "sessions", "stamps", "n_beams", "setups", "ranges",
+    "angles", "edge_ends", "edge_poses", "edge_covariances", "edge_kinds", "edge_weights",
+)  # fmt: skip
+
+
+def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
+    """Write a map in one step; see :meth:`SlamMap.save`."""
+    scans = slam_map.scans
+    uneven = [s for s in scans if not s.has_uniform_angles]
+    arrays: dict[str, Any] = {
+        "csmap_version": np.array([VERSION], dtype=np.int64),
+        "poses": slam_map.poses,
+        "covariances": slam_map.covariances[:, _UPPER[0], _UPPER[1]],
+        "indices": slam_map.indices,
+        "sessions": slam_map.sessions,
+        "stamps": np.array([s.stamp for s in scans]),
+        "n_beams": np.array([len(s) for s in scans], dtype=np.int64),
+        "setups": np.array([_setup(s) for s in scans]).reshape(-1, len(_SETUP)),
+        "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
+        "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
+        "edge_ends": slam_map.ends,
+        "edge_poses": slam_map.measured,
+        "edge_covariances": slam_map.edge_covariances[:, _UPPER[0], _UPPER[1]],
+        "edge_kinds": slam_map.kinds,
+        "edge_weights": slam_map.weights,
+    }
+    if slam_map.grid is not None:
+        grid = slam_map.grid
+        arrays["grid_log_odds"] = grid.log_odds
+        arrays["grid_origin"] = grid.origin
+        arrays["grid_config"] = np.array([float(getattr(grid.config, name)) for name in _GRID])
+    try:
+        with output_file(path) as new, new.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"cannot write {os.fspath(path)!r}: {error.strerror or error}") from error
+
+
+def load_map(path: str | os.PathLike[str]) -> SlamMap:
+    """Return a map that was saved.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .csmap file.
+
+    Raises
+    ------
+    LogFileError
+        When it cannot be opened.
+    LogFormatError
+        When it is damaged, no map, or of a later version.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise LogFileError(f"map {path} does not exist: check the path")
+    file = NpzFile(path)
+    if "csmap_version" not in file.headers:
+        raise LogFormatError(f"{path} is not a map that curvescan saved: it has no csmap_version")
+    version = int(file.read("csmap_version").ravel()[0])
+    if not 1 <= version <= VERSION:
+        raise LogFormatError(
+            f"{path} is a map of version {version}, and this curvescan reads up to {VERSION}: install a later one"
+        )
+    missing = [name for name in _REQUIRED if name not in file.headers]
+    if missing:
+        raise LogFormatError(f"map {path} is damaged: {', '.join(missing)} missing")
+    arrays = {name: file.read(name) for name in file.headers}
+    try:
+        return _map_of(arrays)
+    except (InvalidArgumentError, ValueError, IndexError, OverflowError) as error:
+        raise LogFormatError(f"map {path} is damaged: {error}") from error
+
+
+def _map_of(arrays: dict[str, Floats]) -> SlamMap:
+    n, m = len(arrays["poses"]), len(arrays["edge_ends"])
+    shapes = {
+        "poses": (n, 3), "covariances": (n, 6), "indices": (n,), "sessions": (n,), "stamps": (n,),
+        "n_beams": (n,), "setups": (n, len(_SETUP)), "edge_ends": (m, 2), "edge_poses": (m, 3),
+        "edge_covariances": (m, 6), "edge_kinds": (m,), "edge_weights": (m,),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
+        if name != "setups" and not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{name} must be finite")
+    ends = arrays["edge_ends"].astype(np.int64)
+    if m and not (ends.min() >= 0 and ends.max() < n and (ends[:, 0] != ends[:, 1]).all()):
+        raise ValueError("an edge joins keyframes that are not there")
+    return SlamMap(
+        scans=_scans_of(arrays),
+        poses=arrays["poses"],
+        covariances=_full(arrays["covariances"]),
+        indices=arrays["indices"].astype(np.int64),
+        sessions=arrays["sessions"].astype(np.int64),
+        ends=ends,
+        measured=arrays["edge_poses"],
+        edge_covariances=_full(arrays["edge_covariances"]),
+        kinds=arrays["edge_kinds"].astype(np.int64),
+        weights=arrays["edge_weights"],
+        grid=_grid_of(arrays),
+    )
+
+
+def _setup(scan: LaserScan) -> list[float]:
+    return [
+        scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max,
+        float(not scan.has_uniform_angles),
+    ]  # fmt: skip
+
+
+def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
+    n_beams = arrays["n_beams"].astype(np.int64)
+    is_uneven = arrays["setups"][:, 4] != 0.0
+    if (n_beams < 0).any() or n_beams.sum() != len(arrays["ranges"]):
+        raise ValueError("the readings are not as many as its keyframes have beams")
+    if n_beams[is_uneven].sum() != len(arrays["angles"]):
+        raise ValueError("the angles are not as many as its unevenly spaced beams")
+    scans = []
+    first = first_angle = 0
+    for stamp, n, setup, uneven in zip(
+        arrays["stamps"].tolist(), n_beams.tolist(), arrays["setups"].tolist(), is_uneven.tolist(),
+        strict=True,
+    ):  # fmt: skip
+        directions: dict[str, Any] = {"angle_min": setup[0], "angle_increment": setup[1]}
+        if uneven:
+            directions = {"angles": arrays["angles"][first_angle : first_angle + n]}
+            first_angle += n
+        ranges = arrays["ranges"][first : first + n]
+        first += n
+        scans.append(
+            LaserScan(ranges, range_min=setup[2], range_max=setup[3], stamp=stamp, **directions)
+        )
+    return tuple(scans)
+
+
+def _grid_of(arrays: dict[str, Floats]) -> OccupancyGrid | None:
+    if "grid_log_odds" not in arrays:
+        return None
+    values = dict(zip(_GRID, arrays["grid_config"].tolist(), strict=True))
+    is_clear = bool(values.pop("clear_no_return"))
+    log_odds = arrays["grid_log_odds"].astype(np.float32)
+    if log_odds.ndim != 2 or arrays["grid_origin"].shape != (2,):
+        raise ValueError("its occupancy grid has no rows and columns")
+    return OccupancyGrid(
+        log_odds=log_odds,
+        origin=arrays["grid_origin"],
+        config=OccupancyConfig(clear_no_return=is_clear, **values),
+    )
+
+
+def _full(rows: Floats) -> Cov:
+    found: Cov = np.empty((len(rows), 3, 3))
+    found[:, _UPPER[0], _UPPER[1]] = rows
+    found[:, _UPPER[1], _UPPER[0]] = rows
+    return found

@@ -1,0 +1,188 @@
+"""Marginal covariances of a pose graph: how well each pose is known, and how well two are known to each other.
+
+The joint covariance is the inverse of the information matrix, and dense. Of it are needed the diagonal blocks, which the recursion of
+Takahashi, Fagan and Chen (1973) takes from the factorization without ever forming the rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan._jit import kernel
+from curvescan.slam.sparse import BlockPattern, lu_of
+from curvescan.types import Cov, Floats, Ints, Pose
+
+
+def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> Cov:
+    """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
+
+    Anchored at the pose that is asked about, these are the covariances of all others seen from it, with no cancellation of large
+    numbers: what a chain of keyframes has in common is not in them.
+
+    Parameters
+    ----------
+    pattern : BlockPattern
+        Where the blocks of the information matrix lie.
+    data : (n_entries,) float64
+        Its entries; see :func:`optimization.normal_equations`.
+    anchors : (k,) int64
+        Poses that are held.
+    """
+    lu = lu_of(pattern, data)
+    lower = lu.L.tocsc()
+    lower.sort_indices()
+    # L U = A with U = D L^T: the matrix is symmetric and was not pivoted
+    order = lu.perm_c.astype(np.int64)
+    indptr, indices, values = closed_factor(
+        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data, order
+    )
+    blocks = inverse_blocks(indptr, indices, values, lu.U.diagonal(), order)
+    blocks[anchors] = 0.0
+    return blocks
+
+
+def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
+    """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance.
+
+    Parameters
+    ----------
+    poses : (n, 3) float64
+        Poses.
+    covariances : (n, 3, 3) float64
+        Of each, with pose k known exactly.
+    k : int
+        The pose that is seen.
+    """
+    relative = se2.between(poses, poses[k])
+    # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    jac = np.zeros((len(poses), 3, 3))
+    jac[:, 0, 0], jac[:, 0, 1], jac[:, 0, 2] = -c, -s, relative[:, 1]
+    jac[:, 1, 0], jac[:, 1, 1], jac[:, 1, 2] = s, -c, -relative[:, 0]
+    jac[:, 2, 2] = -1.0
+    return relative, jac @ covariances @ jac.transpose(0, 2, 1)
+
+
+@kernel
+def closed_factor(
+    indptr: Ints, indices: Ints, lower: Floats, order: Ints
+) -> tuple[Ints, Ints, Floats]:
+    """Return L in CSC with the entries that are zero by chance, which SciPy drops and the recursion needs.
+
+    If rows i > p > j stand in column j, p its first below the diagonal, then row i stands in column p. The 3 by 3 blocks on the
+    diagonal of A stand, too.
+    """
+    size = len(indptr) - 1
+    head, following = np.full(size, -1, dtype=np.int64), np.full(size, -1, dtype=np.int64)
+    mark = np.full(size, -1, dtype=np.int64)
+    extra = np.full((size, 2), -1, dtype=np.int64)
+    for i in range(size // 3):
+        for r in range(3):
+            n = 0
+            for c in range(3):
+                if order[3 * i + c] > order[3 * i + r]:
+                    extra[order[3 * i + r], n] = order[3 * i + c]
+                    n += 1
+    new_indptr = np.zeros(size + 1, dtype=np.int64)
+    new_indices = np.empty(2 * len(indices) + 16, dtype=np.int64)
+    n = 0
+    for j in range(size):
+        start = n
+        if n + size - j > len(new_indices):
+            wider = np.empty(2 * len(new_indices) + size, dtype=np.int64)
+            wider[:n] = new_indices[:n]
+            new_indices = wider
+        mark[j] = j
+        new_indices[n] = j
+        n += 1
+        for a in range(indptr[j], indptr[j + 1]):
+            if mark[indices[a]] != j:
+                mark[indices[a]] = j
+                new_indices[n] = indices[a]
+                n += 1
+        for a in range(2):
+            if extra[j, a] >= 0 and mark[extra[j, a]] != j:
+                mark[extra[j, a]] = j
+                new_indices[n] = extra[j, a]
+                n += 1
+        child = head[j]
+        while child >= 0:
+            for a in range(new_indptr[child], new_indptr[child + 1]):
+                if new_indices[a] > j and mark[new_indices[a]] != j:
+                    mark[new_indices[a]] = j
+                    new_indices[n] = new_indices[a]
+                    n += 1
+            child = following[child]
+        new_indices[start:n].sort()
+        new_indptr[j + 1] = n
+        if n > start + 1:
+            parent = new_indices[start + 1]
+            following[j], head[parent] = head[parent], j
+    values = np.zeros(n)
+    for j in range(size):
+        p = new_indptr[j]
+        for a in range(indptr[j], indptr[j + 1]):
+            while new_indices[p] != indices[a]:
+                p += 1
+            values[p] = lower[a]
+    return new_indptr, new_indices[:n].copy(), values
+
+
+@kernel
+def inverse_blocks(indptr: Ints, indices: Ints, lower: Floats, pivots: Floats, order: Ints) -> Cov:
+    """Return (n, 3, 3) diagonal blocks of the inverse of A, from its factorization P A P^T = L D L^T.
+
+    Parameters
+    ----------
+    indptr, indices, lower
+        L in CSC, rows sorted, with its unit diagonal.
+    pivots : (3n,) float64
+        The diagonal of D.
+    order : (3n,) int64
+        Row of the factorization of each row of A.
+    """
+    size = len(pivots)
+    z = np.zeros(len(indices))  # the inverse on the pattern of L
+    column = np.zeros(size)
+    for j in range(size - 1, -1, -1):
+        start, stop = indptr[j], indptr[j + 1]
+        # row indices below the diagonal; z_ij = -sum_k l_kj z_ik over k in the pattern of column j
+        for a in range(start + 1, stop):
+            column[indices[a]] = 0.0
+        for b in range(start + 1, stop):
+            k, weight = indices[b], lower[b]
+            # column k holds z_ik for i >= k; those of i < k stand in column i at row k, which the symmetric step takes
+            p = indptr[k]
+            column[k] -= weight * z[p]
+            q = b + 1
+            p += 1
+            while q < stop and p < indptr[k + 1]:
+                if indices[p] == indices[q]:
+                    column[indices[q]] -= weight * z[p]
+                    column[k] -= lower[q] * z[p]
+                    q += 1
+                    p += 1
+                elif indices[p] < indices[q]:
+                    p += 1
+                else:
+                    q += 1
+        on_diagonal = 1.0 / pivots[j]
+        for a in range(start + 1, stop):
+            z[a] = column[indices[a]]
+            on_diagonal -= lower[a] * z[a]
+        z[start] = on_diagonal
+    n = size // 3
+    blocks = np.zeros((n, 3, 3))
+    for i in range(n):
+        for r in range(3):
+            for c in range(r, 3):
+                low, high = (
+                    min(order[3 * i + r], order[3 * i + c]),
+                    max(order[3 * i + r], order[3 * i + c]),
+                )
+                p = indptr[low]
+                while indices[p] != high:
+                    p += 1
+                blocks[i, r, c] = blocks[i, c, r] = z[p]
+    return blocks

@@ -1,0 +1,94 @@
+"""Place index: which of very many keyframes look like a scan, without any idea of where it was taken.
+
+After Himstedt, Frost, Hellbach, Böhme and Maehle, "Large scale place recognition in 2D LIDAR scans using geometrical landmark
+relations" (GLARE), IROS 2014: a scan is described by a histogram over pairs of its keypoints, of their distance and of the bearing of
+one from the other's own direction. Both stay as they are when the sensor moves or turns. Histograms are compared by their cosine after a
+square root (Arandjelovic and Zisserman 2012), which is one product with a matrix: milliseconds for 100,000 keyframes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan._jit import kernel
+from curvescan.types import Floats, Ints
+
+N_DISTANCES, N_BEARINGS, N_KINDS = 16, 12, 3
+"""Bins of distance, of bearing, and whether the surface turns the one way, the other, or ends."""
+
+_STEP = 0.5
+"""Width of a bin of distance, metres; pairs farther apart than 8 m are left out."""
+
+SIGNATURE_SIZE = N_DISTANCES * N_BEARINGS * N_KINDS
+
+Signature = NDArray[np.float32]
+"""(SIGNATURE_SIZE,) float32 of unit length, or zeros where a scan has too few keypoints."""
+
+
+def signature(keypoints: Floats) -> Signature:
+    """Return the signature of a scan from its keypoints, (k, >= 4) float64: x, y, direction, turn."""
+    found = np.sqrt(_histogram(np.ascontiguousarray(keypoints)))
+    norm = float(np.linalg.norm(found))
+    unit: Signature = (found / norm if norm > 0.0 else found).astype(np.float32)
+    return unit
+
+
+class PlaceIndex:
+    """Signatures of keyframes, by number."""
+
+    def __init__(self) -> None:
+        self._n = 0
+        self._signatures: Signature = np.zeros((16, SIGNATURE_SIZE), dtype=np.float32)
+
+    def __len__(self) -> int:
+        return self._n
+
+    def add(self, new: Signature) -> None:
+        """Append the signature of the next keyframe."""
+        if self._n == len(self._signatures):
+            self._signatures = np.concatenate((self._signatures, np.zeros_like(self._signatures)))
+        self._signatures[self._n] = new
+        self._n += 1
+
+    def similarity(self, other: Signature) -> Floats:
+        """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""
+        return (self._signatures[: self._n] @ other).astype(np.float64)
+
+    def most_similar(self, other: Signature, n_most: int) -> Ints:
+        """Return the keyframes most like a scan, the most alike first."""
+        similarity = self.similarity(other)
+        n_most = min(n_most, len(similarity))
+        top = np.argpartition(-similarity, n_most - 1)[:n_most] if n_most else np.empty(0, int)
+        return top[np.argsort(-similarity[top], kind="stable")].astype(np.int64)
+
+
+@kernel
+def _histogram(keypoints: Floats) -> Floats:
+    """Return the weights of all pairs, shared among the neighbouring bins of distance and bearing."""
+    counts = np.zeros(N_DISTANCES * N_BEARINGS * N_KINDS)
+    for a in range(len(keypoints)):
+        for b in range(len(keypoints)):
+            dx, dy = keypoints[b, 0] - keypoints[a, 0], keypoints[b, 1] - keypoints[a, 1]
+            distance = math.sqrt(dx * dx + dy * dy)
+            if a == b or distance < 0.25 or distance >= _STEP * (N_DISTANCES - 0.5):
+                continue
+            bearing = math.atan2(dy, dx) - keypoints[a, 2]
+            bearing -= 2.0 * math.pi * math.floor(bearing / (2.0 * math.pi))
+            turn = keypoints[a, 3]
+            kind = 2 if turn == 0.0 else (0 if turn > 0.0 else 1)
+            d, t = distance / _STEP - 0.5, bearing / (2.0 * math.pi) * N_BEARINGS - 0.5
+            d0, t0 = math.floor(d), math.floor(t)
+            for i in range(2):
+                row = int(d0) + i
+                by_distance = 1.0 - abs(d - row)
+                if row < 0 or row >= N_DISTANCES:
+                    continue
+                for j in range(2):
+                    column = int(t0) + j
+                    weight = by_distance * (1.0 - abs(t - column))
+                    place = (row * N_BEARINGS + column % N_BEARINGS) * N_KINDS + kind
+                    counts[place] += weight
+    return counts

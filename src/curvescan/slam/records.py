@@ -1,0 +1,107 @@
+"""Records: where each scan lies in the frame of a keyframe, from which the trajectory is made anew at any time."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import Cov, Floats, Ints, Pose, Trajectory
+
+_UPPER = np.triu_indices(3)
+
+
+class Records:
+    """One row a scan: stamp, keyframe, pose and covariance in its frame.
+
+    A stretch is the way from a keyframe to the next; a scan lies between both, and is moved by its share of what the graph
+    moved the one against the other.
+    """
+
+    def __init__(self) -> None:
+        self._stamps = array("d")
+        self._stretch = array("q")
+        self._relative = array("d")
+        self._covariances = array("d")
+        self._from: list[int] = []  # keyframe a stretch begins with
+        self._to: list[int] = []  # keyframe it ends with; -1 while it is open
+        self._way: list[Pose] = []  # the one seen from the other by the odometry
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def begin(self, keyframe: int, way: Pose | None) -> None:
+        """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame of the one before, if it leads there."""
+        if self._from and way is not None:
+            self._to[-1] = keyframe
+            self._way[-1] = way
+        self._from.append(keyframe)
+        self._to.append(-1)
+        self._way.append(np.zeros(3))
+
+    def add(self, stamp: float, seen: UncertainPose) -> None:
+        """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
+        self._stamps.append(stamp)
+        self._stretch.append(len(self._from) - 1)
+        self._relative.extend(seen.pose)
+        self._covariances.extend(seen.cov[_UPPER])
+
+    def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
+        """Return all poses so far.
+
+        Parameters
+        ----------
+        poses : (n, 3) float64
+            Of the keyframes in the map.
+        covariances : (n, 3, 3) float64
+            Of these.
+        """
+        n = len(self)
+        if n == 0:
+            return Trajectory(
+                stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3))
+            )
+        stretch = np.array(self._stretch, dtype=np.int64)
+        relative = np.array(self._relative).reshape(n, 3)
+        first = np.array(self._from, dtype=np.int64)[stretch]
+        found = se2.compose(poses[first], relative)
+        found += self._shares(stretch, relative, found, poses)
+        found[:, 2] = se2.wrap(found[:, 2])
+        return Trajectory(
+            stamps=np.array(self._stamps),
+            poses=found,
+            covariances=self._joined(covariances[first], poses[first], relative),
+        )
+
+    def _shares(self, stretch: Ints, relative: Pose, found: Pose, poses: Pose) -> Pose:
+        """Return by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
+        last, way = np.array(self._to)[stretch], np.array(self._way)[stretch]
+        is_closed = last >= 0
+        by_last = se2.compose(poses[last], se2.between(way, relative))
+        off = by_last - found
+        off[:, 2] = se2.wrap(off[:, 2])
+        done, left = _length(relative), _length(se2.between(relative, way))
+        share = np.where(is_closed, done / np.maximum(done + left, 1e-9), 0.0)
+        return share[:, np.newaxis] * off
+
+    def _joined(self, of_keyframe: Cov, pose: Pose, relative: Pose) -> Cov:
+        rows = np.array(self._covariances).reshape(-1, 6)
+        own = np.empty((len(rows), 3, 3))
+        own[:, _UPPER[0], _UPPER[1]] = rows
+        own[:, _UPPER[1], _UPPER[0]] = rows
+        c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        by_keyframe = np.tile(np.eye(3), (len(rows), 1, 1))
+        by_keyframe[:, 0, 2] = -s * relative[:, 0] - c * relative[:, 1]
+        by_keyframe[:, 1, 2] = c * relative[:, 0] - s * relative[:, 1]
+        turn = np.tile(np.eye(3), (len(rows), 1, 1))
+        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
+        cov: Cov = by_keyframe @ of_keyframe @ by_keyframe.transpose(0, 2, 1)
+        cov += turn @ own @ turn.transpose(0, 2, 1)
+        return cov
+
+
+def _length(poses: Pose) -> Floats:
+    length: Floats = np.hypot(poses[:, 0], poses[:, 1]) + 0.5 * np.abs(poses[:, 2])
+    return length

@@ -1,0 +1,119 @@
+"""Robust optimization: which edges may be believed together, by graduated non-convexity.
+
+Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated least squares
+(GNC-TLS): an edge counts in full up to `limit` squared Mahalanobis distance and not at all beyond, and the cost becomes so by steps
+from a convex one. An edge that lost its weight may win it back at any step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.slam.components import anchors_of, components
+from curvescan.slam.initialization import chordal_poses
+from curvescan.slam.optimization import Edges, optimize, squared_distances
+from curvescan.types import Bools, Floats, Ints, Pose
+
+_STEP = 2.0
+"""Factor of the convexity from a step to the next; 1.4 in the paper."""
+
+_MAX_STEPS = 60
+_STEEPEST = 20.0
+"""Convexity at which weights are 0 or 1 but for a twentieth of the limit."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobustOptimum:
+    """Where robust least squares ended.
+
+    Attributes
+    ----------
+    poses : (n, 3) float64
+        The poses.
+    weights : (m,) float64
+        Weight of each edge in [0, 1]; near 0 or 1 at the end.
+    distances : (m,) float64
+        Squared Mahalanobis distance of each edge.
+    n_steps : int
+        Least-squares problems it took.
+    """
+
+    poses: Pose
+    weights: Floats
+    distances: Floats
+    n_steps: int
+
+
+def optimize_robustly(
+    poses: Pose,
+    edges: Edges,
+    is_trusted: Bools,
+    anchors: Ints,
+    *,
+    limit: float,
+    from_chordal: bool = True,
+    weights: Floats | None = None,
+    least_convexity: float = 0.0,
+) -> RobustOptimum:
+    """Return the poses that most of the edges agree on, and which edges do.
+
+    Parameters
+    ----------
+    poses : (n, 3) float64
+        Where to start; only the anchors' matter with `from_chordal`.
+    edges : Edges
+        The edges.
+    is_trusted : (m,) bool
+        Edges that keep weight 1; they must connect every pose with an anchor.
+    anchors : (k,) int64
+        One pose of each connected component.
+    limit : float
+        Squared Mahalanobis distance up to which an edge counts, > 0.
+    from_chordal : bool
+        Whether to begin from the chordal initialization.
+    weights : (m,) float64 or None
+        Weights to begin with; None for 1.
+    least_convexity : float
+        Where to begin, > 0: near an optimum that is known, few steps are left.
+    """
+    m = len(edges.ends)
+    weights = np.ones(m) if weights is None else weights.copy()
+    weights[is_trusted] = 1.0
+    if from_chordal:
+        poses = chordal_poses(poses, edges, weights, anchors)
+    poses = _optimum(poses, edges, weights, anchors)
+    distances = squared_distances(poses, edges)
+    worst = distances[~is_trusted].max(initial=0.0)
+    convexity = max(limit / max(2.0 * worst - limit, 1e-12), least_convexity)
+    n_steps = 1
+    while worst > limit and n_steps < _MAX_STEPS and convexity < _STEEPEST:
+        new = tls_weights(distances, limit, convexity)
+        new[is_trusted] = 1.0
+        settled = bool(np.all((new == 0.0) | (new == 1.0)) and np.array_equal(new, weights))
+        weights = new
+        if settled:
+            break
+        poses = _optimum(poses, edges, weights, anchors)
+        distances = squared_distances(poses, edges)
+        convexity *= _STEP
+        n_steps += 1
+    return RobustOptimum(poses=poses, weights=weights, distances=distances, n_steps=n_steps)
+
+
+def tls_weights(distances: Floats, limit: float, convexity: float) -> Floats:
+    """Return (m,) weights in [0, 1] by squared Mahalanobis distances (Yang et al. 2020, eq. 14)."""
+    inner, outer = convexity / (convexity + 1.0) * limit, (convexity + 1.0) / convexity * limit
+    with np.errstate(divide="ignore"):
+        middle = np.sqrt(limit * convexity * (convexity + 1.0) / distances) - convexity
+    return np.where(distances <= inner, 1.0, np.where(distances >= outer, 0.0, middle))
+
+
+def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
+    used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
+    # a session that hangs on closures alone may come loose
+    anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
+    return optimize(
+        poses, edges.chosen(used), weights[used], anchors, max_iterations=5, tolerance=1e-3
+    ).poses

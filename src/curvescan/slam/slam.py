@@ -1,0 +1,218 @@
+"""Slam: a stream of scans in, a globally consistent trajectory and a map out.
+
+The odometry follows the sensor; every half metre its scan becomes a keyframe of a pose graph, which closes loops and revises all poses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.configs import as_config
+from curvescan.matchers import DEFAULT_METHOD
+from curvescan.matchers.registry import MatcherConfig
+from curvescan.odometry.deskewing import Deskewer
+from curvescan.odometry.odometry import Odometry
+from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, identity
+from curvescan.slam.backend import Backend
+from curvescan.slam.closures import Closure
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.map import SlamMap
+from curvescan.slam.records import Records
+from curvescan.slam.relative import between_steps, wheel_motion
+from curvescan.slam.step import SlamStep
+from curvescan.types import Pose, Trajectory
+
+_UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
+
+
+class Slam:
+    """Where the sensor is, scan by scan, in a map that closes its loops.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher.
+    matcher : dataclass, mapping or None
+        The matcher's configuration; None for its defaults.
+    config : SlamConfig, mapping or None
+        None for the defaults.
+    map : SlamMap or None
+        A map to continue, from anywhere in it; None to begin one.
+    """
+
+    def __init__(
+        self,
+        method: str = DEFAULT_METHOD,
+        *,
+        matcher: MatcherConfig | None = None,
+        config: SlamConfig | Mapping[str, Any] | None = None,
+        map: SlamMap | None = None,  # noqa: A002 - what it is
+    ) -> None:
+        hint = "the configuration of the matcher is given as matcher="
+        self.config = as_config(config, SlamConfig(), hint=hint)
+        self.method = method
+        self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
+        keyframes = Keyframes(method, matcher, self.config.keyframes.n_prepared)
+        self.backend = Backend(keyframes, self.config)
+        self._session = 0
+        if map is not None:
+            self.backend.load(map)
+            self._session = map.n_sessions
+        self._records = Records()
+        self._deskewer = Deskewer()
+        self._last: OdometryStep | None = None
+        self._origin: OdometryStep | None = None  # the step of the current keyframe
+        self._n_lost = self._n_most_lost = (
+            0  # scans without a match, now and since the current keyframe
+        )
+        self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
+        self._n_scans = 0
+
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
+        """Return where the sensor was at this scan.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan; the order of the calls is the order.
+        odometry_pose : (3,) array_like or None
+            Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
+
+        Returns
+        -------
+        SlamStep
+            Pose and covariance in the map as it is now, the pose in ``odom``, and the loop closures that were accepted.
+
+        Raises
+        ------
+        InvalidArgumentError
+            As :meth:`Odometry.add` does.
+        """
+        step = self.odometry.add(scan, odometry_pose)
+        self._deskewer = self._deskewer.ticked(scan)
+        if self._origin is None:
+            k = self.backend.start(scan, step.index, np.zeros(3), self._session)
+            self._records.begin(k, None)
+            self._origin, seen = step, identity()
+            self._add_prior(k, odometry_pose)
+        else:
+            is_lost = step.outcome in _UNMEASURED
+            self._n_lost = self._n_lost + 1 if is_lost else 0
+            self._n_most_lost = max(self._n_most_lost, self._n_lost)
+            seen = between_steps(self._origin, step)
+            if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
+                seen = self._begin_fragment(scan, step, seen)
+            elif self._is_due(seen):
+                seen = self._make_keyframe(scan, step, seen, odometry_pose)
+        self._last = step
+        self._n_scans += 1
+        self._records.add(step.stamp, seen)
+        closures, is_revised = self.backend.work(step.index)
+        return self._step(step, seen, closures, is_revised)
+
+    def _step(
+        self,
+        step: OdometryStep,
+        seen: UncertainPose,
+        closures: tuple[Closure, ...],
+        is_revised: bool,
+    ) -> SlamStep:
+        backend = self.backend
+        here = compose(backend.current_in_map(), seen)
+        return SlamStep(
+            index=step.index,
+            stamp=step.stamp,
+            pose=here.pose,
+            covariance=here.cov,
+            pose_odom=step.pose,
+            outcome=step.outcome,
+            match=step.match,
+            reference=step.reference,
+            closures=closures,
+            is_revised=is_revised,
+            keyframe=backend.current,
+            fragment=backend.fragment_of(backend.current),
+        )
+
+    def _is_due(self, seen: UncertainPose) -> bool:
+        rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
+        return math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn
+
+    def _make_keyframe(
+        self,
+        scan: LaserScan,
+        step: OdometryStep,
+        seen: UncertainPose,
+        odometry_pose: ArrayLike | None,
+    ) -> UncertainPose:
+        assert self._last is not None
+        deskewed = scan
+        if self.config.odometry.deskew:
+            deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
+        k = self.backend.add_keyframe(
+            deskewed, step.index, seen, is_measured=self._n_most_lost == 0
+        )
+        self._records.begin(k, seen.pose)
+        self._origin, self._n_most_lost = step, 0
+        return identity()
+
+    def _add_prior(self, k: int, odometry_pose: ArrayLike | None) -> None:
+        """Tie a keyframe to the one before it by what the wheels measured in between."""
+        before = self._odometry_pose
+        self._odometry_pose = None if odometry_pose is None else np.asarray(odometry_pose, float)
+        if before is None or self._odometry_pose is None:
+            return
+        moved = se2.between(before, self._odometry_pose)
+        if np.isfinite(moved).all():
+            self.backend.add_prior(k, wheel_motion(moved, self.config.odometry.motion))
+
+    def _begin_fragment(
+        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
+    ) -> UncertainPose:
+        """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
+        pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
+        k = self.backend.start(scan, step.index, pose, self._session)
+        self._records.begin(k, None)
+        self._origin, self._n_most_lost = step, 0
+        self._odometry_pose = None
+        return identity()
+
+    def trajectory(self) -> Trajectory:
+        """Return every pose so far, in the map as it is now."""
+        return self._records.trajectory(self.backend.graph.poses, self.backend.covariances())
+
+    @property
+    def map(self) -> SlamMap:
+        """The map as it is now."""
+        return self.backend.map()
+
+    @property
+    def closures(self) -> list[Closure]:
+        """All loop-closure candidates that were matched, and what became of them."""
+        return self.backend.closures
+
+    @property
+    def n_fragments(self) -> int:
+        """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
+        return self.backend.n_fragments
+
+    def finish(self) -> Trajectory:
+        """Match what still waits, optimize to the end, and return every pose."""
+        self.backend.finish()
+        return self.trajectory()
+
+    def __repr__(self) -> str:
+        n_closures = int(np.count_nonzero(self.backend.graph.is_closure))
+        return (
+            f"Slam({self.method}: {self._n_scans:,} scans, {len(self.backend.keyframes):,} keyframes, "
+            f"{n_closures:,} loop closures)"
+        )

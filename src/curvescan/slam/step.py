@@ -1,0 +1,56 @@
+"""What SLAM tells of each scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from curvescan.matchers import MatchResult
+from curvescan.odometry.step import StepOutcome
+from curvescan.slam.closures import Closure
+from curvescan.types import Cov, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlamStep:
+    """Where the sensor was at one scan.
+
+    Attributes
+    ----------
+    index : int
+        Number of the scan, from 0.
+    stamp : float
+        Its stamp, seconds.
+    pose : (3,) float64
+        [x, y, theta] of the sensor in the frame ``map`` as it is now: metres, metres, radians. It may jump when a loop closes.
+    covariance : (3, 3) float64
+        Covariance of the pose, x, y, theta.
+    pose_odom : (3,) float64
+        The same in the frame ``odom``, which drifts and never jumps (REP-105).
+    outcome : StepOutcome
+        How the odometry found it.
+    match : MatchResult or None
+        The odometry's match.
+    reference : int or None
+        Number of the scan that `match` was tried with.
+    closures : tuple of Closure
+        The loop closures that were accepted with this scan.
+    is_revised : bool
+        Whether the poses of earlier scans were revised with this scan.
+    keyframe : int
+        Number of the keyframe that the pose hangs on.
+    fragment : int
+        Number of the part of the map that it is in; more than one where a sensor that was lost has not been found again.
+    """
+
+    index: int
+    stamp: float
+    pose: Pose
+    covariance: Cov
+    pose_odom: Pose
+    outcome: StepOutcome
+    match: MatchResult | None
+    reference: int | None
+    closures: tuple[Closure, ...]
+    is_revised: bool
+    keyframe: int
+    fragment: int

@@ -1,0 +1,182 @@
+"""Warm-up: every kernel that a drive needs is compiled before the robot moves.
+
+Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others. A new
+part of the package that has kernels adds a function to `PARTS`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from curvescan._compilation import watch
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.run_maps import build_maps
+from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
+from curvescan.matchers.curvescan.assessment import assess_pose
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.range_image import RangeImage
+from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
+from curvescan.matchers.curvescan.sampling import choose_samples
+from curvescan.matchers.curvescan.scoring import best_beside
+from curvescan.matchers.curvescan.search import search
+from curvescan.matchers.curvescan.surfels import N_COLUMNS
+from curvescan.odometry import Odometry, OdometryConfig, run_odometry
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, between, compose, fuse, inverse
+from curvescan.types import Floats
+
+_N_BEAMS = 180
+_BEAMS = np.arange(_N_BEAMS) * (2.0 * np.pi / _N_BEAMS)
+_PERIOD_S = 0.1
+
+
+def warm_up(method: str = DEFAULT_METHOD) -> float:
+    """Compile all kernels that matching, odometry and maps need, or load them where they have been compiled before.
+
+    The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
+    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels.
+
+    Parameters
+    ----------
+    method : str
+        Name of the matcher; see ``MATCHERS``.
+
+    Returns
+    -------
+    float
+        Seconds that it took.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When the method is unknown.
+    MissingPackageError
+        When it needs a package that is not installed.
+    """
+    started = time.perf_counter()
+    find_matcher(method, None)
+    with watch.held():
+        for part in PARTS:
+            part(method)
+    watch.report()
+    return time.perf_counter() - started
+
+
+def _warm_up_matches(method: str) -> None:
+    # corners, two scenes that have nothing in common, and a bare wall, which leaves a direction open
+    room, wall = _scan(_room(0.0, 0.0)), _scan(_wall())
+    for reference, current in ((room, room), (room, wall), (wall, wall)):
+        match(reference, current, method=method)
+        match(reference, current, method=method, guess=(0.1, 0.0, 0.0))
+
+
+def _warm_up_drive(method: str) -> None:
+    # there and back with beam times and wheels, a scan that cannot be matched among them
+    xs = [0.0, 0.0, 0.02, 0.05, 0.1, 0.1, 0.05, 0.0]
+    scans = [
+        _scan(_wall() if k == 4 else _room(x, 0.5 * x), stamp=k * _PERIOD_S, sweep=_PERIOD_S)
+        for k, x in enumerate(xs)
+    ]
+    wheels = np.array([(x, 0.5 * x, 0.0) for x in xs])
+    for config in (None, OdometryConfig.scan_to_scan()):
+        run = run_odometry(scans, Odometry(method, config=config), odometry_poses=wheels)
+    build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
+
+
+def help_compile(k: int) -> None:
+    """Compile what the process that is helped comes to last, each helper k something else first; see `_compilation`."""
+    find_matcher(DEFAULT_METHOD, None)
+    for part in BACKWARDS[k:] + BACKWARDS[:k]:
+        part(_no_features(), CurvescanConfig())
+    warm_up()
+
+
+def _assess(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    assess_pose(nothing, nothing, np.zeros(3), config)
+
+
+def _search(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    search(nothing, nothing, None, config)
+
+
+def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    surfels, rules = nothing.image.surfels, config.keypoints
+    sums, most = np.zeros((1, 5)), rules.max_keypoints
+    direction_histogram(surfels)
+    choose_samples(surfels, config.scoring.n_samples)
+    with_ends(nothing.keypoints, surfels, sums, nothing.bounds, rules.end_arm, False, most)
+    sigma = config.segments.range_sigma_min
+    find_corners(surfels, sums, nothing.bounds, rules.arm_lengths, sigma, rules.min_turn, most)
+
+
+BACKWARDS = (_assess, _search, _find_keypoints)
+"""Stages of the default matcher, those used last first; each runs without a scan, so that no other has to be compiled."""
+
+
+def _no_features() -> CurvescanFeatures:
+    """Return the features of a scan without readings: kernels take them, and nothing of a scan has to be compiled."""
+    surfels = np.empty((0, N_COLUMNS))
+    image = RangeImage(surfels, surfels, np.array([0.0, 1.0, 0.01, 1.0]), np.full(1, -2))
+    return CurvescanFeatures(
+        n_beams=0,
+        beam_idx=np.empty(0, dtype=np.int64),
+        bounds=np.zeros(1, dtype=np.int64),
+        image=image,
+        full_image=image,
+        keypoints=np.empty((0, 5)),
+        directions=np.zeros(120),
+    )
+
+
+def _warm_up_whatever_matches(_: str) -> None:
+    """Call the kernels that a drive needs only where its scans match, whatever a matcher makes of the scenes above."""
+    at = UncertainPose(np.zeros(3), np.eye(3))
+    compose(at, at), between(at, at), inverse(at), fuse(at, at)
+    image, fine = _no_features().image, CurvescanConfig().scoring.fine
+    best_beside(np.zeros(3), np.zeros(3), np.zeros(1), image, image, *fine)
+
+
+PARTS: tuple[Callable[[str], None], ...] = (
+    _warm_up_matches,
+    _warm_up_drive,
+    _warm_up_whatever_matches,
+)
+"""What is compiled, in the order of use; each takes the name of the matcher."""
+
+
+def _scan(ranges: Floats, stamp: float = 0.0, sweep: float = 0.0) -> LaserScan:
+    return LaserScan(
+        ranges,
+        angle_min=0.0,
+        angle_increment=float(_BEAMS[1]),
+        range_max=30.0,
+        stamp=stamp,
+        time_increment=sweep / _N_BEAMS,
+    )
+
+
+def _room(x: float, y: float) -> Floats:
+    """Return what a sensor at (x, y) sees of an L-shaped room, metres: of two rectangles it stands in the farther wall."""
+    rectangles = ((-2.0, 2.5, -1.5, 1.8), (-1.0, 1.2, -1.0, 4.0))
+    c, s = np.cos(_BEAMS), np.sin(_BEAMS)
+    with np.errstate(divide="ignore"):
+        walls = [
+            np.minimum(
+                np.where(c > 0.0, x_max - x, x_min - x) / c,
+                np.where(s > 0.0, y_max - y, y_min - y) / s,
+            )
+            for x_min, x_max, y_min, y_max in rectangles
+        ]
+    farther: Floats = np.maximum(*walls)
+    return farther
+
+
+def _wall() -> Floats:
+    """Return the ranges of one long wall, two metres away, metres."""
+    is_seen = np.abs(_BEAMS - np.pi) < 1.0
+    return np.where(is_seen, -2.0 / np.cos(_BEAMS), np.nan)

@@ -1,0 +1,43 @@
+"""Pose graphs with known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.slam.optimization import Edges
+from curvescan.types import Pose
+
+SIGMAS = np.array([0.02, 0.03, 0.01])
+
+
+def loop(n: int, n_laps: int = 2) -> Pose:
+    """Return (n, 3) poses on a circle that is gone round several times."""
+    angle = np.linspace(0.0, 2.0 * np.pi * n_laps, n, endpoint=False)
+    poses = np.column_stack((5.0 * np.sin(angle), 5.0 - 5.0 * np.cos(angle), angle))
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    return poses
+
+
+def measured_edges(truth: Pose, ends: list[tuple[int, int]], seed: int) -> Edges:
+    """Return edges with Gaussian noise of SIGMAS."""
+    rng = np.random.default_rng(seed)
+    rows = np.array(ends, dtype=np.int64)
+    measured = se2.between(truth[rows[:, 0]], truth[rows[:, 1]])
+    measured += SIGMAS * rng.standard_normal(measured.shape)
+    covariances = np.tile(np.diag(SIGMAS**2), (len(rows), 1, 1))
+    return Edges.of(rows, measured, covariances)
+
+
+def ladder(n: int) -> list[tuple[int, int]]:
+    """Return the chain of n poses, and closures between two laps of n / 2."""
+    chain = [(k, k + 1) for k in range(n - 1)]
+    return chain + [(k, k + n // 2) for k in range(0, n // 2, 3)]
+
+
+def dead_reckoning(edges: Edges, n: int) -> Pose:
+    """Return the poses that the chain gives, the first n - 1 edges."""
+    poses = np.zeros((n, 3))
+    for k in range(n - 1):
+        poses[k + 1] = se2.compose(poses[k], edges.measured[k])
+    return poses

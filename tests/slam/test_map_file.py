@@ -1,0 +1,94 @@
+"""Map files: what is written comes back; what is damaged is refused in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from curvescan.errors import LogFileError, LogFormatError
+from curvescan.mapping.occupancy import OccupancyBuilder
+from curvescan.scan import LaserScan
+from curvescan.slam.map import SlamMap
+from curvescan.slam.map_file import load_map
+
+
+def _map() -> SlamMap:
+    even = LaserScan(
+        np.array([1.5, np.inf, 2.0, 0.0], dtype=np.float32),
+        angle_min=-0.5, angle_increment=0.3, range_min=0.1, range_max=9.0, stamp=3.25,
+    )  # fmt: skip
+    uneven = LaserScan(np.array([1.0, 2.0, 4.0]), angles=np.array([-0.4, 0.0, 0.9]), stamp=4.5)
+    builder = OccupancyBuilder()
+    builder.add(even, np.zeros(3))
+    cov = np.stack((np.zeros((3, 3)), np.diag([0.01, 0.02, 0.003])))
+    return SlamMap(
+        scans=(even, uneven), poses=np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.2]]), covariances=cov,
+        indices=np.array([0, 7]), sessions=np.array([0, 0]), ends=np.array([[0, 1]]),
+        measured=np.array([[1.0, 0.5, 0.2]]), edge_covariances=cov[1:], kinds=np.array([0]),
+        weights=np.array([1.0]), grid=builder.grid(),
+    )  # fmt: skip
+
+
+def test_what_is_written_comes_back(tmp_path: Path) -> None:
+    before = _map()
+    before.save(tmp_path / "a.csmap")
+    after = load_map(tmp_path / "a.csmap")
+    for name in ("poses", "covariances", "indices", "sessions", "ends", "measured", "weights"):
+        assert np.array_equal(getattr(after, name), getattr(before, name)), name
+    for one, other in zip(after.scans, before.scans, strict=True):
+        assert np.array_equal(one.ranges, other.ranges)
+        assert np.array_equal(one.angles, other.angles)
+        assert (one.stamp, one.range_max) == (other.stamp, other.range_max)
+    assert after.grid is not None
+    assert before.grid is not None
+    assert np.array_equal(after.grid.log_odds, before.grid.log_odds)
+    assert after.grid.config == before.grid.config
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(LogFileError, match="does not exist"):
+        load_map(tmp_path / "no.csmap")
+
+
+def test_a_file_cut_short_at_any_place_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csmap"
+    _map().save(path)
+    whole = path.read_bytes()
+    for n in range(0, len(whole), 97):
+        path.write_bytes(whole[:n])
+        with pytest.raises((LogFormatError, LogFileError)):
+            load_map(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("csmap_version", np.array([99]), "version 99"),
+        ("edge_ends", np.array([[0, 9]]), "keyframes that are not there"),
+        ("poses", np.array([[0.0, 0.0, np.nan], [0.0, 0.0, 0.0]]), "poses must be finite"),
+        ("n_beams", np.array([4, 99]), "not as many"),
+        ("covariances", np.zeros((2, 5)), "must have shape"),
+    ],
+)
+def test_a_wrong_array_is_named(tmp_path: Path, name: str, value: np.ndarray, reason: str) -> None:
+    path = tmp_path / "a.csmap"
+    _map().save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays[name] = value
+    with path.open("wb") as new:
+        np.savez(new, **arrays)
+    with pytest.raises(LogFormatError, match=reason):
+        load_map(path)
+
+
+def test_an_array_that_is_not_known_is_left_aside(tmp_path: Path) -> None:
+    path = tmp_path / "a.csmap"
+    _map().save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    with path.open("wb") as new:
+        np.savez(new, tomorrow=np.arange(3.0), **arrays)
+    assert len(load_map(path)) == 2

@@ -1,0 +1,82 @@
+"""Gauss-Newton: against SciPy's dense least squares, and its laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from curvescan import se2
+from curvescan.slam.optimization import Edges, normal_equations, optimize, squared_distances
+from curvescan.slam.sparse import block_pattern
+from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
+
+_ANCHOR = np.array([0])
+
+
+def _residuals(poses: np.ndarray, edges: Edges) -> np.ndarray:
+    """The slow twin: each edge's error in the frame of its first pose, whitened."""
+    rows = []
+    for (i, j), measured, information in zip(*edges, strict=True):
+        error = se2.between(poses[i], poses[j]) - measured
+        error[2] = se2.wrap(error[2])
+        rows.append(np.linalg.cholesky(information).T @ error)
+    return np.concatenate(rows)
+
+
+def test_the_optimum_is_that_of_dense_least_squares() -> None:
+    truth = loop(24)
+    edges = measured_edges(truth, ladder(24), seed=1)
+    start = dead_reckoning(edges, 24)
+    found = optimize(start, edges, np.ones(len(edges.ends)), _ANCHOR)
+
+    def residuals(free: np.ndarray) -> np.ndarray:
+        return _residuals(np.vstack((np.zeros((1, 3)), free.reshape(-1, 3))), edges)
+
+    dense = least_squares(residuals, start[1:].ravel(), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    # both stop below 1e-6: the two optima are the same point
+    assert se2.between(found.poses[1:], dense.x.reshape(-1, 3)) == pytest.approx(0.0, abs=1e-5)
+    assert found.cost == pytest.approx(2.0 * dense.cost, rel=1e-6)
+
+
+def test_squared_distances_are_those_of_the_whitened_residuals() -> None:
+    truth = loop(12)
+    edges = measured_edges(truth, ladder(12), seed=2)
+    slow = (_residuals(truth, edges).reshape(-1, 3) ** 2).sum(axis=1)
+    assert squared_distances(truth, edges) == pytest.approx(slow, rel=1e-9)
+
+
+def test_normal_equations_are_jt_j_of_numerical_derivatives() -> None:
+    truth = loop(8)
+    edges = measured_edges(truth, ladder(8), seed=3)
+    pattern = block_pattern(8, edges.ends, 3)
+    data, gradient, _ = normal_equations(
+        truth, edges, np.ones(len(edges.ends)), np.zeros(0, dtype=np.int64), pattern
+    )
+    step = 1e-6
+    jac = np.column_stack(
+        [
+            (
+                _residuals(truth + step * e.reshape(-1, 3), edges)
+                - _residuals(truth - step * e.reshape(-1, 3), edges)
+            )
+            / (2.0 * step)
+            for e in np.eye(24)
+        ]
+    )
+    from scipy.sparse import csc_matrix
+
+    matrix = csc_matrix((data, pattern.indices, pattern.indptr), shape=(24, 24)).toarray()
+    # central differences of step 1e-6 are good to 1e-9 of the largest entry
+    assert matrix == pytest.approx(jac.T @ jac, abs=1e-6 * np.abs(matrix).max())
+    assert gradient == pytest.approx(jac.T @ _residuals(truth, edges), abs=1e-3)
+    assert (matrix == matrix.T).all()
+
+
+def test_an_anchored_pose_stays_where_it_is() -> None:
+    truth = loop(12)
+    edges = measured_edges(truth, ladder(12), seed=4)
+    start = truth + 0.01
+    found = optimize(start, edges, np.ones(len(edges.ends)), np.array([5]))
+    assert found.poses[5] == pytest.approx(start[5], abs=1e-12)
+    assert not np.allclose(found.poses[0], start[0], atol=1e-4)

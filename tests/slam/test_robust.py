@@ -1,0 +1,56 @@
+"""Robust optimization: false closures lose their weight, true ones keep it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from curvescan import se2
+from curvescan.slam.optimization import Edges
+from curvescan.slam.robust import optimize_robustly, tls_weights
+from tests.slam.graphs import SIGMAS, dead_reckoning, ladder, loop, measured_edges
+
+
+def _with_outliers(edges: Edges, n: int, share: float, seed: int) -> tuple[Edges, np.ndarray]:
+    """Replace that share of the closures by random ones; return which edges are false."""
+    rng = np.random.default_rng(seed)
+    measured = edges.measured.copy()
+    closures = np.arange(n - 1, len(measured))
+    false = rng.choice(closures, round(share * len(closures)), replace=False)
+    measured[false] = rng.uniform([-8, -8, -3], [8, 8, 3], (len(false), 3))
+    is_false = np.zeros(len(measured), dtype=np.bool_)
+    is_false[false] = True
+    return edges._replace(measured=measured), is_false
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6])
+def test_it_keeps_the_true_closures_and_no_false_one(share: float) -> None:
+    n = 120
+    truth = loop(n)
+    edges, is_false = _with_outliers(measured_edges(truth, ladder(n), seed=1), n, share, seed=2)
+    is_chain = np.arange(len(edges.ends)) < n - 1
+    found = optimize_robustly(
+        dead_reckoning(edges, n), edges, is_chain, np.array([0]), limit=16.0, from_chordal=False
+    )
+    assert found.weights[is_false].max() == 0.0
+    assert found.weights[~is_false].min() > 0.99
+    off = se2.between(truth, found.poses)
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 10.0 * SIGMAS[1]
+
+
+def test_an_edge_wins_its_vote_back() -> None:
+    n = 60
+    truth = loop(n)
+    edges = measured_edges(truth, ladder(n), seed=3)
+    is_chain = np.arange(len(edges.ends)) < n - 1
+    lost = is_chain.astype(np.float64)
+    found = optimize_robustly(
+        truth, edges, is_chain, np.array([0]), limit=16.0, from_chordal=False, weights=lost
+    )
+    assert found.weights.min() == 1.0
+
+
+def test_weights_of_truncated_least_squares() -> None:
+    weights = tls_weights(np.array([0.0, 1.0, 16.0, 1e9]), 16.0, 1.0)
+    # inner bound 8, outer 32; between them sqrt(limit mu (mu + 1) / d) - mu
+    assert weights == pytest.approx([1.0, 1.0, np.sqrt(2.0) - 1.0, 0.0])

@@ -1,0 +1,121 @@
+"""Slam over simulated floors: loops close, the same input gives the same bits, maps are continued."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.simulation.lookalikes import deceive
+from curvescan.slam import ClosureOutcome, SlamRun, run_slam
+from curvescan.slam.graph import EdgeKind
+
+pytestmark = pytest.mark.slow
+
+
+def _mean_error(poses: np.ndarray, truth: np.ndarray) -> float:
+    true = se2.between(truth[0], truth)
+    return float(np.hypot(*(poses[:, :2] - true[:, :2]).T).mean())
+
+
+@pytest.fixture(scope="module")
+def floor() -> tuple[list[cs.LaserScan], np.ndarray]:
+    return deceive(3)
+
+
+@pytest.fixture(scope="module")
+def run(floor: tuple[list[cs.LaserScan], np.ndarray]) -> SlamRun:
+    return run_slam(floor[0])
+
+
+def test_loops_close_and_the_trajectory_is_no_worse_than_the_odometry(
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
+) -> None:
+    _, truth = floor
+    found = run.revised.trajectory
+    # matches err by millimetres; what is left is the bend of a map of 20 m
+    assert _mean_error(found.poses, truth) < 0.05
+    assert _mean_error(found.poses, truth) <= _mean_error(run.odometry.poses, truth) + 0.01
+    assert np.count_nonzero(run.slam.map.kinds == EdgeKind.CLOSURE) > 50
+    assert run.slam.n_fragments == 1
+
+
+def test_no_closure_joins_two_rooms_that_only_look_alike(
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
+) -> None:
+    _, truth = floor
+    slam_map = run.slam.map
+    true = se2.between(truth[0], truth)
+    accepted = [c for c in run.slam.closures if c.is_accepted]
+    assert accepted
+    for c in accepted:
+        i, j = slam_map.indices[[c.i, c.j]]
+        off = se2.between(se2.between(true[i], true[j]), c.pose)
+        assert abs(off[2]) < 0.15
+        if c.covariance[0, 0] < 0.1 and c.covariance[1, 1] < 0.1:
+            assert np.hypot(off[0], off[1]) < 0.3
+
+
+def test_every_pose_has_a_covariance_that_is_positive_definite(run: SlamRun) -> None:
+    covariances = run.revised.trajectory.covariances
+    assert covariances is not None
+    # the first keyframe is known exactly
+    assert np.linalg.eigvalsh(covariances[200:]).min() > 0.0
+    assert np.isfinite(covariances).all()
+
+
+def test_the_same_input_gives_the_same_bits(
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
+) -> None:
+    again = run_slam(floor[0])
+    assert again.revised.trajectory.poses.tobytes() == run.revised.trajectory.poses.tobytes()
+    assert again.online.poses.tobytes() == run.online.poses.tobytes()
+
+
+def test_a_map_is_continued_from_anywhere(
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun, tmp_path: Path
+) -> None:
+    scans, truth = floor
+    run.slam.map.save(tmp_path / "floor.csmap")
+    start = len(scans) // 3
+    slam = cs.Slam(map=cs.load_map(tmp_path / "floor.csmap"))
+    for scan in scans[start : start + 250]:
+        slam.add(scan)
+    trajectory = slam.finish()
+    assert slam.map.n_sessions == 2
+    assert slam.n_fragments == 1
+    true = se2.between(truth[0], truth[start : start + 250])
+    assert np.hypot(*(trajectory.poses[-1, :2] - true[-1, :2])) < 0.1
+
+
+def test_a_localizer_finds_and_follows_the_sensor(
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
+) -> None:
+    scans, truth = floor
+    start = len(scans) // 2
+    localizer = cs.Localizer(run.slam.map)
+    steps = [localizer.add(scan) for scan in scans[start : start + 300]]
+    known = [k for k, step in enumerate(steps) if step.ok]
+    assert known
+    true = se2.between(truth[0], truth[start : start + 300])
+    errors = [np.hypot(*(steps[k].pose[:2] - true[k, :2])) for k in known]
+    assert max(errors) < 0.3
+
+
+def test_of_no_scan_there_is_an_empty_trajectory() -> None:
+    slam = cs.Slam()
+    assert len(slam.trajectory()) == 0
+    assert len(slam.finish()) == 0
+
+
+def test_scans_without_readings_are_outcomes_not_exceptions() -> None:
+    slam = cs.Slam()
+    nothing = cs.LaserScan(np.full(180, np.inf), angle_min=-1.5, angle_increment=0.017)
+    for _ in range(30):
+        step = slam.add(nothing)
+    assert not step.closures
+    assert len(slam.finish()) == 30
+    assert all(c.outcome is not ClosureOutcome.ACCEPTED for c in slam.closures)

@@ -1,0 +1,64 @@
+"""repr of every public object: one line that says what it is."""
+
+from __future__ import annotations
+
+import pytest
+
+import curvescan as cs
+from curvescan.simulation import simulate_pairs
+from tests.scenes import room_scan
+
+
+@pytest.fixture(scope="module")
+def objects():
+    simulated = cs.simulate("office", n_scans=6, seed=1)
+    run = cs.run(simulated)
+    scan = room_scan(sigma=0.005, seed=1)
+    builder = cs.OccupancyBuilder()
+    builder.add(scan, (0.0, 0.0, 0.0))
+    odometry = cs.Odometry()
+    step = odometry.add(scan)
+    (pair,) = simulate_pairs(n_pairs=1, seed=0)
+    return {
+        "scan": (scan, "LaserScan("),
+        "prepared": (cs.prepare(scan), "PreparedScan(LaserScan("),
+        "match": (cs.match(scan, scan), "MatchResult(curvescan: x="),
+        "failed": (
+            cs.match(*[cs.LaserScan([1.0], angle_min=0.0, angle_increment=0.1)] * 2),
+            "MatchResult(curvescan: ",
+        ),
+        "simulation": (simulated, "Simulation('office"),
+        "world": (simulated.world, "World('office'"),
+        "pair": (pair, "ScanPair(x="),
+        "slice": (simulated[1:3], "Log('office"),
+        "held": (
+            cs.log_from_arrays([(0.0, [1.0])], angle_min=0.0, angle_increment=0.1),
+            "Log('arrays': scans in memory, 1 scans)",
+        ),
+        "trajectory": (run.trajectory, "Trajectory(6 poses over "),
+        "empty": (run.trajectory[:0], "Trajectory(no pose)"),
+        "result": (run, "RunResult('office"),
+        "run": (run.run, "OdometryRun('curvescan': 6 scans, 0 not matched)"),
+        "odometry": (odometry, "Odometry('curvescan', 1 scans, 1 keyframes)"),
+        "step": (step, "OdometryStep(0: STARTED, x=0.0000 m"),
+        "builder": (builder, "OccupancyBuilder(1 scans in cells of 0.05 m)"),
+        "grid": (builder.grid(), "OccupancyGrid("),
+        "edge": (
+            cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None),
+            "PoseEdge(1 -> 2: x=1.0000 m",
+        ),
+    }
+
+
+NAMES = (
+    "scan prepared match failed simulation world pair slice held trajectory empty result run odometry step builder "
+    "grid edge"
+)
+
+
+@pytest.mark.parametrize("name", NAMES.split())
+def test_the_repr_of_every_public_object_is_one_line(objects, name):
+    value, start = objects[name]
+    assert repr(value).startswith(start), repr(value)
+    assert "\n" not in repr(value)
+    assert len(repr(value)) < 160

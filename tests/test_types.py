@@ -1,0 +1,87 @@
+"""The records that travel between rooms: what they are called, written and read as."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+
+
+def some_trajectory(n=7, *, covariances=True):
+    rng = np.random.default_rng(3)
+    poses = rng.uniform(-3.0, 3.0, (n, 3))
+    roots = rng.normal(size=(n, 3, 3))
+    return cs.Trajectory(
+        stamps=1_600_000_000.125 + np.cumsum(rng.uniform(0.01, 0.2, n)),
+        poses=poses,
+        covariances=roots @ roots.transpose(0, 2, 1) if covariances else None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "has_stamps", "has_covariances", "tolerance"),
+    [
+        ("t.tum", True, False, 1e-15),
+        ("t.txt", True, False, 1e-15),
+        ("t.csv", True, True, 0.0),
+        ("t.kitti", False, False, 1e-15),
+    ],
+)
+def test_a_trajectory_comes_back_from_its_file(
+    tmp_path, name, has_stamps, has_covariances, tolerance
+):
+    given = some_trajectory()
+    given.write(tmp_path / name)
+    found = cs.Trajectory.read(tmp_path / name)
+    np.testing.assert_allclose(found.poses, given.poses, rtol=0.0, atol=tolerance)
+    stamps = given.stamps if has_stamps else np.arange(len(given))
+    np.testing.assert_array_equal(found.stamps, stamps)
+    if has_covariances:
+        np.testing.assert_array_equal(found.covariances, given.covariances)
+    else:
+        assert found.covariances is None
+
+
+def test_the_format_may_be_named_and_must_be_known(tmp_path):
+    given = some_trajectory(covariances=False)
+    given.write(tmp_path / "poses", format="kitti")
+    assert len((tmp_path / "poses").read_text().splitlines()[0].split()) == 12
+    with pytest.raises(cs.InvalidArgumentError, match=r"ending '.dat'.*give format="):
+        given.write(tmp_path / "poses.dat")
+    with pytest.raises(cs.InvalidArgumentError, match="one of tum, csv, kitti, got 'tumm'"):
+        given.write(tmp_path / "poses", format="tumm")
+
+
+def test_a_kitti_file_out_of_the_plane_is_refused(tmp_path):
+    path = tmp_path / "camera.kitti"
+    path.write_text("1 0 0 0 0 0 -1 0 0 1 0 0\n")
+    with pytest.raises(cs.LogFormatError, match="line 1: a planar pose"):
+        cs.Trajectory.read(path)
+    path.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0\n")
+    with pytest.raises(cs.LogFormatError, match="line 2: a KITTI line has 12 numbers"):
+        cs.Trajectory.read(path)
+
+
+def test_a_missing_trajectory_is_told(tmp_path):
+    with pytest.raises(cs.LogFileError, match="does not exist"):
+        cs.Trajectory.read(tmp_path / "nowhere.tum")
+
+
+def test_a_trajectory_as_arrays():
+    t = some_trajectory()
+    np.testing.assert_array_equal(t.to_array(), np.column_stack([t.stamps, t.poses]))
+    point = np.array([0.3, -0.2])
+    for pose, matrix in zip(t, t.to_matrices(), strict=True):
+        np.testing.assert_allclose(
+            (matrix @ [*point, 1.0])[:2], cs.se2.transform(pose, point[np.newaxis])[0], atol=1e-14
+        )
+
+
+def test_a_slice_of_a_trajectory_is_one():
+    t = some_trajectory()
+    part = t[2:6:2]
+    np.testing.assert_array_equal(part.stamps, t.stamps[2:6:2])
+    np.testing.assert_array_equal(part.poses, t.poses[2:6:2])
+    np.testing.assert_array_equal(part.covariances, t.covariances[2:6:2])
+    np.testing.assert_array_equal(t[-1], t.poses[-1])

@@ -1,0 +1,182 @@
+"""Warm-up: what a robot needs is compiled before it moves, and nothing after."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+import curvescan as cs
+from curvescan import _compilation
+
+# a process of its own: what other tests have loaded would hide what the warm-up leaves out
+BEGIN = """
+from dataclasses import replace
+import curvescan as cs
+from curvescan import _jit
+from curvescan.simulation import SENSORS, simulate
+
+def variants():
+    return {
+        (k.py_func.__module__ + "." + k.py_func.__name__, str(signature))
+        for k in _jit._kernels
+        for signature in k.signatures
+    }
+"""
+DRIVE = """
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.run_maps import build_maps
+from curvescan.odometry import run_odometry
+
+sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
+# a loop, a leap to where it has not been, and back: failures, recovery and loop closures
+sim = simulate("office", sensor=sensor, n_scans=220, n_people=2, seed=1)
+rows = [*range(60), *range(190, 220), *range(30, 90)]
+scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
+cs.warm_up()
+before = variants()
+run = run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
+assert {"RELOCALIZED", "LOOP_CLOSED", "CHAINED", "PREDICTED"} <= {o.name for o in run.outcomes}
+build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
+sick = simulate("corridor", n_scans=30, n_people=2)
+run_odometry(sick, cs.Odometry())
+for i in range(0, 25, 5):
+    cs.match(sick[i], sick[i + 4])
+    cs.match(sick[i], sick[i + 4], guess=(0.3, 0.0, 0.0))
+    cs.match(sick[i], scans[i])
+print(*sorted(variants() - before))
+"""
+BACKWARDS = """
+from curvescan import warmup
+for part in warmup.BACKWARDS:
+    part(warmup._no_features(), warmup.CurvescanConfig())
+before = variants()
+cs.warm_up()
+kernels = {name for name, _ in before}
+print(*sorted(v for v in variants() - before if v[0] in kernels))
+assert len(kernels) > 8
+"""
+
+
+def run(code):
+    done = subprocess.run(
+        [sys.executable, "-c", BEGIN + code], capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.slow
+def test_a_drive_after_the_warm_up_compiles_and_loads_nothing():
+    assert run(DRIVE) == ""
+
+
+@pytest.mark.slow
+def test_what_is_compiled_backwards_is_what_a_match_uses():
+    assert run(BACKWARDS) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["cfsma", "idc"])
+def test_after_the_warm_up_of_a_method_its_matches_load_nothing(method):
+    code = f"""
+sim = simulate("office", n_scans=6)
+cs.warm_up({method!r})
+before = variants()
+cs.match(sim[0], sim[5], method={method!r})
+print(*sorted(variants() - before))
+"""
+    assert run(code) == ""
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(cs.InvalidArgumentError, match="unknown"):
+        cs.warm_up("slam")
+
+
+@pytest.mark.slow
+def test_the_seconds_are_returned():
+    assert 0.0 < cs.warm_up() < 600.0
+
+
+def test_what_takes_long_is_told_once_with_its_time(caplog, monkeypatch):
+    clock = iter([0.0, 0.4, 1.4, 10.0, 10.5])
+    monkeypatch.setattr(_compilation, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    watch = _compilation.CompilationWatch()
+    with caplog.at_level(logging.WARNING, logger="curvescan"):
+        watch.start()
+        watch.start()
+        watch.end()
+        assert caplog.messages == []
+        watch.end()
+        assert caplog.messages == ["curvescan compiles its kernels, in the first run only ..."]
+        watch.report()
+        assert caplog.messages[1:] == ["curvescan compiled its kernels in 1.4 s"]
+        watch.start()
+        watch.end()
+        watch.report()
+    assert len(caplog.messages) == 2
+
+
+def test_the_garbage_collector_halts_for_the_outermost_compilation_alone():
+    watch = _compilation.CompilationWatch()
+    watch.start()
+    watch.start()
+    watch.end()
+    assert not gc.isenabled()
+    watch.end()
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        watch.start()
+        watch.end()
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+@pytest.mark.slow
+def test_helpers_compile_what_the_first_match_needs(tmp_path):
+    """One process helps, the other has its cores taken away: it finds all it needs for a match."""
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "CURVESCAN_COMPILE_HELPERS": "0"}
+    code = "from curvescan.warmup import help_compile; help_compile(0)"
+    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
+    code = (
+        "import curvescan as cs; from curvescan import _jit\n"
+        "a = cs.simulate('office', n_scans=2)\n"
+        "before = _jit.n_compiled()\n"
+        "assert cs.match(a[0], a[1]).ok\n"
+        "assert _jit.n_compiled() == before"
+    )
+    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
+
+
+def test_helpers_are_started_once_and_only_where_there_are_cores(tmp_path, monkeypatch):
+    started = []
+    monkeypatch.setattr(_compilation.subprocess, "Popen", lambda *a, **k: started.append(a[0]))
+    monkeypatch.setattr(_compilation.atexit, "register", lambda *a: None)
+    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 0)
+    _compilation.start_helpers(tmp_path)
+    assert not started
+    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 2)
+    _compilation.start_helpers(None)
+    assert not started
+    for _ in range(2):
+        _compilation.start_helpers(tmp_path)
+    assert [code[-1].rpartition("; ")[2] for code in started] == [
+        "help_compile(0)",
+        "help_compile(1)",
+    ]
+
+
+def test_no_helper_where_it_is_not_wanted_or_python_has_another_name(monkeypatch):
+    monkeypatch.setenv("CURVESCAN_COMPILE_HELPERS", "0")
+    assert _compilation._n_helpers() == 0
+    monkeypatch.delenv("CURVESCAN_COMPILE_HELPERS")
+    monkeypatch.setattr(sys, "executable", "/usr/bin/blender")
+    assert _compilation._n_helpers() == 0
