@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from curvescan.errors import InvalidArgumentError
 
-SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407"
+SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartographer's"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +54,15 @@ class BenchmarkLog:
     errors: tuple[PublishedError, ...]
 
 
+_CARTOGRAPHER: dict[str, tuple[tuple[float, float], float]] = {
+    "ACES": ((0.0375, 0.0426), 0.373),
+    "Intel": ((0.0229, 0.0239), 0.453),
+    "MIT Killian Court": ((0.0395, 0.0488), 0.352),
+    "Freiburg 079": ((0.0452, 0.0354), 0.538),
+}
+"""Hess, Kohler, Rapp and Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016: mean and standard deviation of the translation,
+metres, and mean of the rotation, degrees; with wheel odometry, and parameters tuned for each sensor."""
+
 _METHODS = ("scan matching", "RBPF", "graph mapping")
 
 
@@ -70,8 +79,17 @@ def _benchmark(
         errors=tuple(
             PublishedError(method=method, translation=metres, rotation=degrees)
             for method, metres, degrees in zip(_METHODS, translation, rotations, strict=True)
-        ),
+        )
+        + _cartographer(name),
     )
+
+
+def _cartographer(name: str) -> tuple[PublishedError, ...]:
+    if name not in _CARTOGRAPHER:
+        return ()
+    metres, degrees = _CARTOGRAPHER[name]
+    method = f"Cartographer, ICRA 2016 (wheels, tuned; {degrees:.3f} deg)"
+    return (PublishedError(method=method, translation=metres),)
 
 
 BENCHMARKS: dict[str, BenchmarkLog] = {

@@ -121,7 +121,7 @@ def find_matcher(
         raise InvalidArgumentError(
             f"unknown method {method!r}: {nearest(method, MATCHERS)}known are {', '.join(sorted(MATCHERS))}"
         )
-    if config is None:  # not asked of _build: the hash of a configuration takes a while
+    if config is None:  # not left to _build: the hash of a configuration takes a while
         return _with_defaults(method)
     hint = f"method {method!r} takes no other"
     return _build(method, as_config(config, default_config(method), name=name, hint=hint))

@@ -74,14 +74,14 @@ class MatchResult:
     degenerate_direction : (3,) float64 or None
         The change of pose, x, y and theta in metres and radians, that the scans leave open: along a corridor, about
         the centre of a round room. It moves a typical reading by a metre. The covariance is wide along it. None
-        where all of the pose is fixed, and for matchers that do not tell.
+        where all of the pose is fixed, and for matchers that do not compute it.
     score, runner_up : float
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
-        none and for matchers that do not tell.
+        none and for matchers that do not compute it.
     confidence : float
         Probability, 0 to 1, that the pose is right within what its covariance says: calibrated on several generators of
         places and on real logs, also on scans that share nothing. Of the matches with 0.99 about 99 in 100 are
-        right. 0 without a pose; NaN for matchers that do not tell. Two matches of one pair of places err
+        right. 0 without a pose; NaN for matchers that do not compute it. Two matches of one pair of places err
         together: do not multiply their confidences.
     is_guess_decisive : bool
         Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.

@@ -19,7 +19,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inve
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
 from curvescan.slam.candidates import choose_candidates
-from curvescan.slam.closures import Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
 from curvescan.slam.components import components
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
@@ -236,7 +236,12 @@ class Backend:
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
         if guess is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
-        if closure.outcome is ClosureOutcome.WAITING:
+        is_waiting = closure.outcome is ClosureOutcome.WAITING
+        is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
+        if is_waiting and is_unknown and not self._is_distinctive(i, j):
+            self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
+            return []
+        if is_waiting:
             agreed = self._waiting.add(closure, self.graph.poses)
             if not agreed:
                 self.closures.append(closure)
@@ -254,6 +259,22 @@ class Backend:
             self._doubt(expected, closure)
         self.closures.append(closure)
         return []
+
+    def _is_distinctive(self, i: int, j: int) -> bool:
+        """Return whether keyframe j looks like the place of i and like no other place of that fragment."""
+        poses, rules = self.graph.poses, self.config.closures
+        likeness = self.keyframes.index.similarity(
+            self.keyframes.signature(self.keyframes.prepared(j))
+        )
+        from_i = np.hypot(*(poses[:, :2] - poses[i, :2]).T)
+        is_there = from_i < rules.reach
+        elsewhere = (from_i > 1.2 * rules.reach) & (
+            np.asarray(self._fragments) == self._fragments[i]
+        )
+        if self._fragments[i] == self._fragments[j]:
+            elsewhere &= np.hypot(*(poses[:, :2] - poses[j, :2]).T) > 1.2 * rules.reach
+        least = float(likeness[is_there].max())
+        return float(likeness[elsewhere].max(initial=0.0)) < rules.distinctive * least
 
     def _is_linked(self, i: int, j: int) -> bool:
         return j - i <= self.config.keyframes.n_linked

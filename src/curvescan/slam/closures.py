@@ -33,6 +33,7 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_SCORE = "The match explains too little of the scans."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
+    NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
 
 

@@ -123,13 +123,23 @@ class ClosuresConfig:
     doubt: float = 9.0
     """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
     shows it."""
+    distinctive: float = 0.9
+    """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "margin"):
+        for name in (
+            "reach",
+            "sigmas",
+            "certain_m",
+            "certain_rad",
+            "gate",
+            "margin",
+            "distinctive",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))

@@ -64,7 +64,7 @@ class HistogramMatcher:
 
     Departure: a reading counts in the x histogram by how much its surface faces x (its normal's x, squared), so that
     a wall along x does not fill that histogram with its length, as T. Röfer, "Using histogram correlation to create
-    consistent laser scan maps", IROS 2002, does. A corridor is then told by its few doors, or not at all.
+    consistent laser scan maps", IROS 2002, does. A corridor is then determined by its few doors, or not at all.
     """
 
     def __init__(self, config: HistogramConfig) -> None:

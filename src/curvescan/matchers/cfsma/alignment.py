@@ -38,7 +38,7 @@ class Alignment:
 
     @property
     def fixes_rotation(self) -> bool:
-        """Whether the points lie apart, so that a rotation can be told from them."""
+        """Whether the points lie apart, so that they determine a rotation."""
         return self.spread > COINCIDENT
 
 

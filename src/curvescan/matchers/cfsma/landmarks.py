@@ -127,7 +127,7 @@ def pair_landmarks(
     cut short at the ends of a segment, equally in both. A negative correlation is no match: it counts as 0,
     so that two negative ones do not make a similarity.
 
-    Departure: distinctiveness is asked of both points of a pair; the paper asks it of the current one. So
+    Departure: distinctiveness is required of both points of a pair; the paper requires it of the current one. So
     does swapping the scans give the same pairs, and the inverse pose.
 
     Parameters

@@ -1,6 +1,6 @@
 """What a match did, stage by stage: which gate each reading came to, and what each gate rejected.
 
-Nothing here takes part in a pose; it is computed when asked for.
+Nothing here takes part in a pose; it is computed on access.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class Assessment:
         Which readings are of surfaces that did not move as a whole.
     n_dynamic : int
         Surfaces that did, of both scans.
-    information, feigned, axes, units
+    information, spurious, axes, units
         Principal directions of the information; see :func:`curvescan.matchers.curvescan.information.pose_information`.
     """
 
@@ -57,12 +57,12 @@ class Assessment:
 
     @property
     def weakest(self) -> Pose:
-        """(3,) change of pose of which least is told: metres, metres and radians; it moves a typical reading by 1 m."""
+        """(3,) least observable direction of the pose: metres, metres and radians; it moves a typical reading by 1 m."""
         weakest: Pose = self.axes[:, 0] * self.units
         return weakest
 
     def is_weakly_observable(self, config: InformationConfig) -> bool:
-        """Return whether much less is told in one direction than in the next."""
+        """Return whether one direction has much less information than the next."""
         return bool(self.information[0] < config.degenerate_ratio * self.information[1])
 
     def is_enough(self, config: ScoringConfig) -> bool:
@@ -186,7 +186,7 @@ def degenerate_directions(
 ) -> Bools:
     """Return (3,) which principal directions the scans leave open, the least informed first.
 
-    A direction is open when no more is told in it than tilted lines feign, or next to nothing; and the least informed,
+    A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next to nothing; and the least informed,
     if it is weak, also when the scans agree as well some way along it.
     """
     rules, images = config.information, (ref.image, cur.image)
@@ -209,7 +209,7 @@ def without_dynamic(
     assessment: Assessment,
     config: CurvescanConfig,
 ) -> tuple[Floats, Assessment]:
-    """Return the poses, the first refined without the surfaces that moved, and the evidence for it."""
+    """Return the poses, the first refined without the surfaces that moved, and its assessment."""
     if not assessment.n_dynamic:
         return poses, assessment
     static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])

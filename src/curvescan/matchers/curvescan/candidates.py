@@ -104,7 +104,7 @@ def _finish(
 ) -> tuple[Floats, Floats]:
     sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
-    # one pose has only to be enough; several are told apart by more probes
+    # one pose has only to be enough; several are compared on more samples
     images = wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
     return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, 0.1)
 
@@ -112,7 +112,7 @@ def _finish(
 def wide_range_images(
     ref: CurvescanFeatures, cur: CurvescanFeatures, config: CurvescanConfig
 ) -> tuple[RangeImage, RangeImage]:
-    """Return the views of both scans with more probes, to tell apart poses that are nearly as good as each other."""
+    """Return the range images of both scans with more samples, to compare poses that are nearly as good as each other."""
     n_wide = config.scoring.n_wide
     return ref.with_samples(n_wide), cur.with_samples(n_wide)
 

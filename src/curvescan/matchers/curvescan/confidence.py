@@ -112,7 +112,7 @@ class Support:
 
     @property
     def is_repeated(self) -> bool:
-        """Whether another pose explains so much of the scans that the two cannot be told apart."""
+        """Whether another pose explains so much of the scans that the two cannot be distinguished."""
         return self.repetition > MAX_REPETITION
 
     @property

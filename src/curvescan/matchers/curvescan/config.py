@@ -86,7 +86,7 @@ class HypothesesConfig:
     turn_tolerance: float = 0.4
     """Two corners may be the same one if their turns differ by no more, radians."""
     max_pairs: int = 4000
-    """Pairs of frames taken, at most."""
+    """Pairs of keypoints taken, at most."""
     cell: float = 0.3
     """Poses in a cell of this width vote for each other, metres; half as many radians wide."""
     max_tried: int = 96
@@ -142,7 +142,7 @@ class ScoringConfig:
     n_kept: int = 4
     """Poses that are refined."""
     n_wide: int = 192
-    """Readings of each scan where poses that are nearly as good as each other are told apart."""
+    """Readings of each scan where poses that are nearly as good as each other are compared."""
     contested: float = 0.3
     """Poses with this share of the best one's score are judged beside it."""
     n_top: int = 5
@@ -157,7 +157,7 @@ class ScoringConfig:
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.02
     """Least score of a pose that is looked at any further."""
-    min_confidence: float = 0.5
+    min_confidence: float = 0.4
     """Least confidence of a match."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
@@ -197,7 +197,7 @@ class RefinementConfig:
     """Refinement: how wrong a pose may be at each iteration."""
 
     quick: tuple[float, ...] = (0.06, 0.02)
-    """Metres of slack of each iteration on the probes, for the few best poses."""
+    """Sigma schedule: standard deviation added in each iteration on the samples, metres, for the few best poses."""
     closer: tuple[float, ...] = (0.01,)
     """The same for the one or two that are left."""
     full: tuple[float, ...] = (0.0,)
@@ -237,7 +237,7 @@ class InformationConfig:
     degenerate_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
     degenerate_ratio: float = 0.1
-    """A direction of which less than this share of the next one's information is known is slid along, and asked whether
+    """A direction of which less than this share of the next one's information is known is searched along, and tested whether
     the scans agree as well some way along it."""
     fine_along_step: float = 0.05
     """The best place along it is looked for in steps of this length, metres at the typical reading."""
@@ -250,7 +250,7 @@ class InformationConfig:
     tie: float = 0.97
     """Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
     along_tolerance: float = 0.15
-    """Two poses differ by a slide or a turn along an open direction when nothing else of their difference exceeds
+    """Two poses differ by a motion along a degenerate direction when nothing else of their difference exceeds
     this, metres and radians."""
 
     def __post_init__(self) -> None:

@@ -191,7 +191,7 @@ def place(
 def along_degenerate_direction(
     poses: Floats, scores: Floats, assessment: Assessment, config: CurvescanConfig
 ) -> list[int]:
-    """Return the rows of the rivals that differ by a motion along the first one's weakest direction."""
+    """Return the rows of the competing hypotheses that differ by a motion along the first one's weakest direction."""
     tolerance = config.information.along_tolerance
     return [
         k
@@ -224,7 +224,7 @@ def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
     """Return the (3, 3) second moment about a pose of those that it may as well be, each as likely, itself among them.
 
-    The covariance of a pose is told at one place along an open direction, and knows the direction there to milliradians:
+    The covariance of a pose is computed at one place along a degenerate direction, and knows the direction there to milliradians:
     a tie a metre along lies beside it by many of its standard deviations.
     """
     min_difference = np.array([difference(tie, pose) for tie in ties])
@@ -240,15 +240,15 @@ def move_to_guess(
     assessment: Assessment,
     config: CurvescanConfig,
 ) -> tuple[Pose, Assessment]:
-    """Return a pose slid along its open direction to where a guess has it, and the evidence there, if the scans agree.
+    """Return a pose moved along its degenerate direction to where a guess has it, and its assessment there, if the scans agree.
 
-    Where nothing tells how far along it went, the pose lies anywhere; and as the direction itself is known to a few
-    milliradians only, a slide of half a metre that is made afterwards would turn the pose by as much.
+    Where motion along it is unobservable, the pose lies anywhere; and as the direction itself is known to a few
+    milliradians only, half a metre along it that is added afterwards would turn the pose by as much.
     """
     along = assessment.weakest * _ARMS
     offset = np.array(difference(guess, pose)) * _ARMS
-    slide = float(along @ offset) / float(along @ along)
-    moved_along = pose + slide * assessment.weakest
+    distance_along = float(along @ offset) / float(along @ along)
+    moved_along = pose + distance_along * assessment.weakest
     moved_along = refine(
         moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule
     )

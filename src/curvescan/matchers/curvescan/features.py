@@ -19,7 +19,7 @@ from curvescan.types import Floats, Ints
 
 
 class CurvescanFeatures(NamedTuple):
-    """Surfels, frames and the polar view of one scan.
+    """Surfels, keypoints and the range image of one scan.
 
     Attributes
     ----------
@@ -32,9 +32,9 @@ class CurvescanFeatures(NamedTuple):
     view : View
         The readings and the lines through them, and which reading stands in which direction.
     whole : View
-        The same with all readings for probes.
-    frames : (k, 5) float64
-        Corners and ends of surfaces; columns as in frames.py.
+        The same with all readings as samples.
+    keypoints : (k, 5) float64
+        Corners and ends of surfaces; columns as in keypoints.py.
     directions : (120,) float64
         Length of surface that faces each direction.
     """
@@ -48,7 +48,7 @@ class CurvescanFeatures(NamedTuple):
     directions: Floats
 
     def with_samples(self, n_samples: int) -> RangeImage:
-        """Return the view with another number of probes."""
+        """Return the range image with another number of samples."""
         return self.image._replace(samples=choose_samples(self.image.surfels, n_samples))
 
     @property
@@ -105,7 +105,7 @@ def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats,
     """Return the beams, segments, surfels, moments and range noise of a scan.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
-    depends on the noise, which the lines tell: where it is large, segments and lines are found anew with it.
+    depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with it.
     """
     jump, arm, step = config.jump, config.arm, abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle

@@ -1,6 +1,6 @@
-"""Hypotheses: where the current scan may have been taken, from pairs of frames, the most voted first.
+"""Hypotheses: where the current scan may have been taken, from pairs of keypoints, the most voted first.
 
-Two frames of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones scatter. So
+Two oriented keypoints of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones scatter. So
 a pose gets the votes of all poses in its cell of a coarse grid, in the manner of Hough's transform.
 """
 
@@ -18,7 +18,7 @@ from curvescan.types import Floats
 
 @kernel
 def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
-    """Return whether a scan leaves the way from its sensor to a place free, as far as it tells."""
+    """Return whether a scan leaves the way from its sensor to a place free, as far as it saw."""
     j = reading_at(x, y, image)
     if j < 0:
         return True
@@ -35,7 +35,7 @@ def pair_keypoints(
     turn_tolerance: float,
     max_pairs: int,
 ) -> Floats:
-    """Return (h, 3) poses of the current scan in the reference, one for each pair of frames of one kind.
+    """Return (h, 3) poses of the current scan in the reference, one for each pair of keypoints of one kind.
 
     Left out are poses at which one sensor would stand behind what the other saw.
     """

@@ -1,8 +1,8 @@
-"""Covariance: what the agreeing readings tell of the pose, and the direction in which they tell nothing.
+"""Covariance: the information of the inliers on the pose, and the directions in which they have none.
 
 The information of a point-to-line fit in closed form (Censi, "An accurate closed-form estimate of ICP's
-covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading tells of the pose along its
-line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to tell
+covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading constrains the pose along its
+line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to give
 something along the wall as well: in a corridor that is all there is. Its expected amount is known from the
 fit and is taken off, so that a corridor stays unobservable along itself.
 """
@@ -26,7 +26,7 @@ def add_information(
     inverse: bool,
     system: Floats,
 ) -> None:
-    """Add what the readings of one scan tell, each against its partner's line.
+    """Add the information of the readings of one scan, each against its partner's line.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def add_information(
     inverse : bool
         Whether `surfels` is the reference.
     system : (15,) float64
-        Upper triangles of the information (0:6) and of the part of it that tilt feigns (6:12); sums of
+        Upper triangles of the information (0:6) and of its spurious part, from tilt (6:12); sums of
         normalised squared residuals (12) and of their weights (13), of squared distances (14).
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -132,14 +132,14 @@ def pose_information(
     partner_cur: Ints,
     pose: Floats,
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return what the agreeing readings tell of the pose, in its principal directions.
+    """Return the information of the inliers on the pose, in its principal directions.
 
     Returns
     -------
-    told : (3,) float64
-        Information in each direction, 1 / m^2, ascending, less what tilted lines feign.
-    feigned : (3,) float64
-        What they feign.
+    information : (3,) float64
+        Information in each direction, 1 / m^2, ascending, less the spurious part.
+    spurious : (3,) float64
+        Spurious information from tilted lines, in the same directions.
     axes : (3, 3) float64
         Columns: the directions, orthonormal over x, y and theta times `lever`.
     units : (3,) float64
@@ -153,7 +153,7 @@ def pose_information(
         add_information(surfels, others, partner, pose, inverse, system)
     n = max(system[13], 1.0)
     lever = math.sqrt(system[14] / n) + 1e-3
-    # every reading is told of twice, once a way: half of the sum. Residuals larger than the noise
+    # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
     # explains widen it, smaller ones do not narrow it
     scale = 0.5 / max(system[12] / n, 1.0)
     units = np.array([1.0, 1.0, 1.0 / lever])

@@ -1,8 +1,8 @@
-"""Frames: characteristic points at three arm lengths, and physical ends of surfaces: the frames that hypotheses are made of.
+"""Oriented keypoints: characteristic points at three arm lengths, and physical ends of surfaces; hypotheses are made of them.
 
 A characteristic point is where a surface turns, as in CF-SMA (eq. 7), but measured between the two lines
 that leave it with arms of a fixed length, so that noise at close range makes no corners. It carries a
-direction, and a frame with it: one pair of frames is a full pose. An end of a surface is physical when what
+direction: one pair of oriented keypoints is a full pose. An end of a surface is physical when what
 lies behind it is farther away, and a shadow when it is nearer: only the first stays where it is as the sensor moves.
 """
 

@@ -1,7 +1,7 @@
-"""The matcher "curvescan": hypotheses from CF-SMA's kind of corners, verified, refined, and judged.
+"""The matcher "curvescan": hypotheses from CF-SMA's kind of corners, scored, refined, and assessed.
 
 It starts where CF-SMA starts, from the characteristic points of surfaces, and closes its two holes. A corner with the
-two directions that leave it is a frame, and one pair of frames a pose, so that no single wrong pair decides; and the
+two directions that leave it is an oriented keypoint, and one pair of keypoints a pose, so that no single wrong pair decides; and the
 pose is refined point to line, so that no index-by-index pairs cost accuracy.
 """
 
@@ -46,7 +46,7 @@ class CurvescanMatcher:
         self.config = config
 
     def prepare(self, scan: LaserScan) -> CurvescanFeatures:
-        """Return the surfels, corners and polar view of a scan."""
+        """Return the surfels, keypoints and range image of a scan."""
         return extract_features(scan, self.config)
 
     def can_be_reference(self, features: CurvescanFeatures) -> bool:

@@ -1,4 +1,4 @@
-"""The polar frame of a scan: from a point to the reading that the sensor has in its direction."""
+"""The range image of a scan: from a point to the reading in its direction (projective association)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class RangeImage(NamedTuple):
 
 
 _SLOTS_A_STEP = 4
-"""Slots of an uneven lookup for each median step: the nearest beam is told but for an eighth of a step."""
+"""Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step."""
 
 _MAX_SLOTS = 1 << 16
 

@@ -142,7 +142,7 @@ def refine(
     poses : (h, 3) float64
         Where to start, of the current scan in the reference.
     ref, cur : View
-        Both scans; their probes are what is compared with the other scan.
+        Both scans; their samples are what is compared with the other scan.
     slacks : (n,) float64
         One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
         for each metre away from it.
@@ -168,7 +168,7 @@ def refine(
 def refine_fully(
     poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats
 ) -> Floats:
-    """Return (h, 3) poses refined on the probes of two views, then on all of their readings; slacks as `refine` takes."""
+    """Return (h, 3) poses refined on the samples of two range images, then on all of their readings; schedules as `refine` takes."""
     all_ref = RangeImage(
         samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table
     )

@@ -1,8 +1,8 @@
-"""Hypotheses for scenes without corners: turns from the directions of surfaces, and slides along a corridor.
+"""Hypotheses for scenes without corners: rotations from the histogram of surface directions, and a search along degenerate directions.
 
 The histogram of the directions of all surfaces turns with the sensor; where those of two scans
 correlate is a rotation (Weiss and von Puttkamer 1995). Where walls fix the pose across but not along, as a corridor does,
-poses along it are tried one by one: some door frame may tell.
+poses along it are tried one by one: some door frame may decide.
 """
 
 from __future__ import annotations

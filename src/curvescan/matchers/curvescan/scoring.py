@@ -1,4 +1,4 @@
-"""Verification: how well two scans agree at a pose, each seen in the other's polar frame.
+"""Scoring: how well two scans agree at a pose, each projected into the other's range image.
 
 A reading agrees when it lies near the line through the reading that the other sensor has in its direction,
 and both surfaces face alike. It contradicts when it lies in front: there the other sensor saw through. What lies
@@ -41,7 +41,7 @@ def score_samples(
     tolerance: float,
     slope: float,
 ) -> float:
-    """Return the agreements less half the contradictions of probes low..high - 1 of one scan in another.
+    """Return the agreements less half the contradictions of samples low..high - 1 of one scan in another.
 
     (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
     """
@@ -91,8 +91,8 @@ def score_pose(
 ) -> float:
     """Return the score of one pose, both ways round, at most 1.
 
-    n_first probes of each scan are tried, then as many more as before, until all are or the score has no
-    prospect of reaching `least`; it is then that of the probes tried.
+    n_first samples of each scan are tried, then as many more as before, until all are or the score has no
+    prospect of reaching `least`; it is then that of the samples tried.
     """
     x, y, theta = pose[0], pose[1], pose[2]
     c, s = math.cos(theta), math.sin(theta)
@@ -125,7 +125,7 @@ def score_pose(
             slope,
         )
         rate = score / (min(high, n_ref) + min(high, n_cur))
-        # few probes err more: what is certain of a score narrows with the root of their number
+        # few samples err more: what is certain of a score narrows with the root of their number
         if rate < least - 0.6 / math.sqrt(min(high, n_ref) + min(high, n_cur)):
             break
         low = high

@@ -52,7 +52,7 @@ class Candidates:
     Attributes
     ----------
     poses : (k, 3) float64
-        Poses that differ from one another, refined on the probes, best first; of the current scan in the reference.
+        Poses that differ from one another, refined on the samples, best first; of the current scan in the reference.
     scores : (k,) float64
         How well the scans agree there, at most 1.
     n_tried : int
@@ -119,7 +119,7 @@ def is_trusted(
 def search(
     ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig
 ) -> Candidates:
-    """Return the best poses of all that frames, directions of surfaces and the guess propose.
+    """Return the best poses of all that keypoints, directions of surfaces and the guess propose.
 
     Where they find little support, and the best is not where the guess has it, the places where walls of both
     scans coincide are tried as well.
@@ -189,10 +189,10 @@ def explore(
     n_along: int,
     degenerate_ratio: float,
 ) -> tuple[Floats, Floats]:
-    """Return a few poses and their scores: the best of those given, refined, and if need be slid and refined.
+    """Return a few poses and their scores: the best of those given, refined, and if need be moved along a degenerate direction and refined.
 
-    `tolerances` are those of rough, slid and closely refined poses, metres and metres for each metre of range; `n_kept`
-    and `n_first` what is kept of each and the probes tried first. They are no constants, for each of which Numba would
+    `tolerances` are those of rough, moved and closely refined poses, metres and metres for each metre of range; `n_kept`
+    and `n_first` what is kept of each and the samples tried first. They are no constants, for each of which Numba would
     compile `select` anew.
     """
     rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
@@ -223,7 +223,7 @@ def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig)
 
 
 def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
-    """Return whether the best pose finds little support, or middling with few poses tried or a near rival."""
+    """Return whether the best pose finds little support, or middling with few poses tried or a close competing hypothesis."""
     scoring, scores = config.scoring, found.scores
     if not len(scores) or scores[0] < scoring.doubtful_score:
         return True

@@ -42,7 +42,7 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
         dx, dy = bx - ax, by - ay
         length2 = dx * dx + dy * dy
         far = max(ranges[a], ranges[b])
-        # no wall is seen at less than 0.04 rad, and none is told from a chance over gaps beyond 1 m
+        # no wall is seen at less than 0.04 rad, and none is distinguishable from chance over gaps beyond 1 m
         if length2 > 1.0 or (ax * by - ay * bx) ** 2 < 0.0016 * length2 * far * far:
             continue
         for k in (i - 2, i + 1):
