@@ -73,7 +73,12 @@ sphinx_gallery_conf = {
 
 def write_commands(_app: object) -> None:
     """Write reference/commands.md: the whole help of each command, as the command prints it."""
-    parts = ["# Commands", "", "Each command's full help, as `curvescan COMMAND --help-all` prints it.", ""]
+    parts = [
+        "# Commands",
+        "",
+        "Each command's full help, as `curvescan COMMAND --help-all` prints it.",
+        "",
+    ]
     for name in COMMANDS:
         done = subprocess.run(
             [sys.executable, "-m", "curvescan", name, "--help-all"],
@@ -88,5 +93,5 @@ def write_commands(_app: object) -> None:
 
 
 def setup(app: object) -> None:
-    """Hook the commands' help into the build."""
+    """Have the commands' help written when the build begins."""
     app.connect("builder-inited", write_commands)  # type: ignore[attr-defined]

@@ -11,7 +11,6 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-import curvescan as cs
 from curvescan.deskew import deskew
 from curvescan.simulation import SENSORS, simulate
 
@@ -22,9 +21,9 @@ log = simulate("room", sensor=sensor, poses=turning, seed=1)
 scan = log[2]
 corrected = deskew(scan, np.array([0.0, 0.0, np.radians(90.0)]))
 
-fig, ax = plt.subplots(figsize=(6, 5), layout="constrained")
+fig, ax = plt.subplots(figsize=(6, 6), layout="constrained")
 ax.plot(*scan.points.T, ".", color="tab:red", ms=3, label="as measured")
 ax.plot(*corrected.points.T, ".", color="tab:blue", ms=3, label="deskewed")
 ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="one sweep of a turning sensor")
-ax.legend(loc="upper right")
+fig.legend(loc="outside lower center", ncols=2, markerscale=2)
 plt.show()
