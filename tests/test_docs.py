@@ -67,7 +67,7 @@ def test_the_python_of_a_document_runs(path, logs, tmp_path, monkeypatch, capsys
     for log in logs.iterdir():
         (tmp_path / log.name).symlink_to(log)
     monkeypatch.chdir(tmp_path)
-    exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "document"})  # noqa: S102
+    exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "__main__"})  # noqa: S102
 
 
 @pytest.mark.parametrize("path", _documents(), ids=_name)

@@ -22,9 +22,9 @@ for scan in first:
 slam.finish()
 
 # %%
-# The same floor on another day, people included: scans 200 to 260, then, carried away, 500 to 560.
+# The same floor on another day, people included: scans 200 to 260, then, carried away, 400 to 460.
 second = cs.simulate("office-floor", sensor=laser, n_people=3, seed=2)
-visited = [*range(200, 261), *range(500, 561)]
+visited = [*range(200, 261), *range(400, 461)]
 truth = cs.se2.between(first.truth.poses[0], second.truth.poses)
 
 localizer = cs.Localizer(slam.map)
@@ -49,7 +49,7 @@ for names, colour, label in (
 ):
     poses = [cs.se2.compose(world, s.pose) for s in steps if s.outcome.name in names]
     ax.plot(*np.reshape(poses, (-1, 3))[:, :2].T, ".", color=colour, ms=4, label=label)
-ax.annotate("", true[500, :2], true[260, :2], arrowprops={"arrowstyle": "->", "ls": "--"})
+ax.annotate("", true[400, :2], true[260, :2], arrowprops={"arrowstyle": "->", "ls": "--"})
 ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="carried from one place to another")
 fig.legend(loc="outside lower center", ncols=3, markerscale=1.5)
 plt.show()
