@@ -7,13 +7,9 @@ import sys
 from pathlib import Path
 
 import curvescan
+from curvescan.cli.main import COMMANDS
 
 DOCS = Path(__file__).parent
-COMMANDS = (
-    *("demo", "info", "odometry", "slam", "localize", "live", "batch", "match", "evaluate"),
-    *("convert", "experiments", "calibrate", "bench"),
-)
-
 project = "curvescan"
 author = "The curvescan developers"
 copyright = "2026, the curvescan developers"  # noqa: A001 - Sphinx's name
@@ -29,6 +25,7 @@ extensions = [
 ]
 # these two are included by calibration/index.md
 exclude_patterns = ["_build", "calibration/calibration.md", "calibration/sweep.md"]
+templates_path = ["_templates"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
@@ -39,6 +36,7 @@ autodoc_typehints = "none"  # the docstrings give types with shapes and units
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_use_ivar = True  # fields are described once, in their class
 
 html_theme = "pydata_sphinx_theme"
 html_title = "curvescan"
