@@ -43,7 +43,7 @@ def scan(
 ) -> Entry:
     usual = {
         "angle_min": -1.0,
-        "angle_increment": 0.5,
+        "angle_increment": min(0.5, 6.0 / max(len(ranges), 1)),
         "range_min": 0.125,
         "range_max": 8.0,
         "angle_max": 0.0,

@@ -525,7 +525,9 @@ def test_sound_logs_turn_with_their_wheels(real_data: Path, name: str) -> None:
     assert report.sense is not None
     assert report.sense.is_along
     assert report.mount is not None
-    assert not [f for f in find_issues(report) if f.topic == "beams"]
+    kinds = {f.kind for f in find_issues(report) if f.topic == "beams"}
+    # the driver of the TurtleBot lists its beams in the reverse of the order in which they were swept
+    assert kinds <= ({"beams_reversed"} if name.startswith("turtlebot4") else set())
 
 
 def test_a_sensor_that_stands_has_no_robot_in_sight(real_data: Path) -> None:

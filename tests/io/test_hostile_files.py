@@ -383,7 +383,9 @@ def test_array_whose_header_is_deeply_nested(tmp_path: Path) -> None:
         archive.writestr(
             "stamps.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
         )
-    with pytest.raises(LogFormatError, match=r"'stamps' has a header of 3,002 bytes, too many"):
+    with pytest.raises(
+        LogFormatError, match=r"'stamps' does not begin like one that numpy.savez wrote"
+    ):
         read_log(path)
 
 

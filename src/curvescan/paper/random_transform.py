@@ -7,6 +7,7 @@ second scan, and a sensor that is moved itself, so that surfaces hide and show a
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -128,17 +129,19 @@ class RandomTransformRuns:
     @property
     def failed_share(self) -> float:
         """Share of the runs whose match failed, 0 to 1."""
-        return float(np.mean(np.isnan(self.translation_error)))
+        failed = np.isnan(self.translation_error)
+        return float(np.mean(failed)) if failed.size else math.nan
 
     @property
     def right_share(self) -> float:
         """Share of all runs that ended within SUCCESS of the truth, 0 to 1."""
-        return float(np.mean(self.is_right))
+        return float(np.mean(self.is_right)) if self.is_right.size else math.nan
 
     @property
     def right_spread(self) -> float:
         """Standard deviation of that share from seed to seed."""
-        return float(np.std([self.is_right[self.batch == b].mean() for b in np.unique(self.batch)]))
+        shares = [self.is_right[self.batch == b].mean() for b in np.unique(self.batch)]
+        return float(np.std(shares)) if shares else math.nan
 
     @property
     def mean_of_right(self) -> Floats:

@@ -10,6 +10,7 @@ import math
 import shutil
 import struct
 import tempfile
+import tokenize
 import warnings
 import weakref
 import zipfile
@@ -179,7 +180,7 @@ class NpzFile:
             raise self._unreadable(
                 f"array {name!r} is of a version of the NPY format that holds no plain numbers"
             ) from None
-        except ValueError as error:
+        except (ValueError, SyntaxError, tokenize.TokenError) as error:  # NumPy evaluates a literal
             reason = printable(str(error).split("\n")[0], 120)
             raise self._unreadable(
                 f"array {name!r} does not begin like one that numpy.savez wrote ({reason})"

@@ -11,7 +11,9 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.keypoints import DIRECTION, FX, FY, KIND, TURN
 from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.surfels import RANGE
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
@@ -22,7 +24,7 @@ def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
     j = reading_at(x, y, image)
     if j < 0:
         return True
-    reach = image.surfels[j, 2] + margin
+    reach = image.surfels[j, RANGE] + margin
     return bool(x * x + y * y < reach * reach)
 
 
@@ -42,17 +44,17 @@ def pair_keypoints(
     poses = np.empty((max_pairs, 3))
     n = 0
     for i in range(keypoints_cur.shape[0]):
-        x, y, direction = keypoints_cur[i, 0], keypoints_cur[i, 1], keypoints_cur[i, 2]
-        turn, kind = keypoints_cur[i, 3], keypoints_cur[i, 4]
+        x, y, direction = keypoints_cur[i, FX], keypoints_cur[i, FY], keypoints_cur[i, DIRECTION]
+        turn, kind = keypoints_cur[i, TURN], keypoints_cur[i, KIND]
         for j in range(keypoints_ref.shape[0]):
-            if keypoints_ref[j, 4] != kind or n >= max_pairs:
+            if keypoints_ref[j, KIND] != kind or n >= max_pairs:
                 continue
-            if abs(keypoints_ref[j, 3] - turn) > turn_tolerance:
+            if abs(keypoints_ref[j, TURN] - turn) > turn_tolerance:
                 continue
-            theta = wrap_angle(keypoints_ref[j, 2] - direction)
+            theta = wrap_angle(keypoints_ref[j, DIRECTION] - direction)
             c, s = math.cos(theta), math.sin(theta)
-            tx = keypoints_ref[j, 0] - c * x + s * y
-            ty = keypoints_ref[j, 1] - s * x - c * y
+            tx = keypoints_ref[j, FX] - c * x + s * y
+            ty = keypoints_ref[j, FY] - s * x - c * y
             if not is_in_sight(tx, ty, ref, 0.1):
                 continue
             if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, 0.1):

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.types import Bools, Floats, Ints
 
 
@@ -45,21 +46,21 @@ def add_information(
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(surfels.shape[0]):
         j = partner[i]
-        if j < 0 or surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+        if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
             continue
-        ax, ay = surfels[i, 0], surfels[i, 1]
+        ax, ay = surfels[i, X], surfels[i, Y]
         if inverse:
             dx, dy = ax - pose[0], ay - pose[1]
             qx, qy = c * dx + s * dy, c * dy - s * dx
         else:
             dx, dy = c * ax - s * ay, s * ax + c * ay
             qx, qy = dx + pose[0], dy + pose[1]
-        nx, ny = surfels_other[j, 5], surfels_other[j, 6]
-        e = nx * (qx - surfels_other[j, 3]) + ny * (qy - surfels_other[j, 4])
+        nx, ny = surfels_other[j, NX], surfels_other[j, NY]
+        e = nx * (qx - surfels_other[j, CX]) + ny * (qy - surfels_other[j, CY])
         if inverse:
             nx, ny = c * nx - s * ny, s * nx + c * ny
-        va = surfels[i, 7]
-        variance = va + surfels_other[j, 7]
+        va = surfels[i, VARIANCE]
+        variance = va + surfels_other[j, VARIANCE]
         weight = 1.0 / variance
         jt = ny * dx - nx * dy
         system[0] += weight * nx * nx
@@ -68,7 +69,7 @@ def add_information(
         system[3] += weight * ny * ny
         system[4] += weight * ny * jt
         system[5] += weight * jt * jt
-        weight *= surfels_other[j, 8]
+        weight *= surfels_other[j, TILT]
         jt = -nx * dx - ny * dy
         system[6] += weight * ny * ny
         system[7] -= weight * ny * nx
@@ -77,7 +78,7 @@ def add_information(
         system[10] += weight * nx * jt
         system[11] += weight * jt * jt
         # a line holds three tenths of the variance of its own reading: OWN_SHARE of it, and the rest of a mean
-        system[12] += e * e / (va + 0.3 * surfels_other[j, 7])
+        system[12] += e * e / (va + 0.3 * surfels_other[j, VARIANCE])
         system[13] += 1.0
         system[14] += dx * dx + dy * dy
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.surfels import fit_line
+from curvescan.matchers.curvescan.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
 from curvescan.types import Floats, Ints
 
 FX, FY, DIRECTION, TURN, KIND = range(5)
@@ -67,31 +67,31 @@ def find_corners(
             for i in range(start, stop):
                 if i < upcoming:
                     continue
-                x, y = surfels[i, 0], surfels[i, 1]
+                x, y = surfels[i, X], surfels[i, Y]
                 while low < i:
-                    dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
+                    dx, dy = surfels[low, X] - x, surfels[low, Y] - y
                     if dx * dx + dy * dy <= arm2 or i - low <= 2:
                         break
                     low += 1
                 high = max(high, i)
                 while high + 1 < stop:
-                    dx, dy = surfels[high + 1, 0] - x, surfels[high + 1, 1] - y
+                    dx, dy = surfels[high + 1, X] - x, surfels[high + 1, Y] - y
                     if dx * dx + dy * dy > arm2 and high - i >= 2:
                         break
                     high += 1
                 if i - low < 2 or high - i < 2:
                     continue
-                dx, dy = surfels[low, 0] - x, surfels[low, 1] - y
+                dx, dy = surfels[low, X] - x, surfels[low, Y] - y
                 if dx * dx + dy * dy < least2:
                     continue
-                dx, dy = surfels[high, 0] - x, surfels[high, 1] - y
+                dx, dy = surfels[high, X] - x, surfels[high, Y] - y
                 if dx * dx + dy * dy < least2:
                     continue
                 # chords to the middle of each arm, times its readings: a mean's end is half as noisy
-                inx = (i - low) * x - (sums[i, 0] - sums[low, 0])
-                iny = (i - low) * y - (sums[i, 1] - sums[low, 1])
-                outx = sums[high + 1, 0] - sums[i + 1, 0] - (high - i) * x
-                outy = sums[high + 1, 1] - sums[i + 1, 1] - (high - i) * y
+                inx = (i - low) * x - (sums[i, SUM_X] - sums[low, SUM_X])
+                iny = (i - low) * y - (sums[i, SUM_Y] - sums[low, SUM_Y])
+                outx = sums[high + 1, SUM_X] - sums[i + 1, SUM_X] - (high - i) * x
+                outy = sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y] - (high - i) * y
                 dot = inx * outx + iny * outy
                 squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
                 if dot * abs(dot) > straight * squares:
@@ -111,10 +111,10 @@ def find_corners(
                         break
                 if not is_peak or n_found >= max_keypoints:
                     continue
-                x, y = surfels[i, 0], surfels[i, 1]
-                inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, 0], y - surfels[low, 1])
+                x, y = surfels[i, X], surfels[i, Y]
+                inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, X], y - surfels[low, Y])
                 outx, outy = arm_direction(
-                    sums, i + 1, high, surfels[high, 0] - x, surfels[high, 1] - y
+                    sums, i + 1, high, surfels[high, X] - x, surfels[high, Y] - y
                 )
                 cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
                 turn = math.atan2(cross, dot)
@@ -124,18 +124,18 @@ def find_corners(
                     continue
                 if abs(cross) > 0.5:
                     # where the two lines meet is sharper than any reading
-                    ax = (sums[i, 0] - sums[low, 0]) / (i - low)
-                    ay = (sums[i, 1] - sums[low, 1]) / (i - low)
-                    bx = (sums[high + 1, 0] - sums[i + 1, 0]) / (high - i)
-                    by = (sums[high + 1, 1] - sums[i + 1, 1]) / (high - i)
+                    ax = (sums[i, SUM_X] - sums[low, SUM_X]) / (i - low)
+                    ay = (sums[i, SUM_Y] - sums[low, SUM_Y]) / (i - low)
+                    bx = (sums[high + 1, SUM_X] - sums[i + 1, SUM_X]) / (high - i)
+                    by = (sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y]) / (high - i)
                     along = ((bx - ax) * outy - (by - ay) * outx) / cross
                     px, py = ax + along * inx, ay + along * iny
                     if (px - x) ** 2 + (py - y) ** 2 < 0.25 * arm2:
                         x, y = px, py
-                found[n_found, 0], found[n_found, 1] = x, y
-                found[n_found, 2] = math.atan2(iny + outy, inx + outx)
-                found[n_found, 3] = turn
-                found[n_found, 4] = a
+                found[n_found, FX], found[n_found, FY] = x, y
+                found[n_found, DIRECTION] = math.atan2(iny + outy, inx + outx)
+                found[n_found, TURN] = turn
+                found[n_found, KIND] = a
                 n_found += 1
     return found[:n_found].copy()
 
@@ -167,14 +167,14 @@ def with_ends(
                 if not is_closed:
                     continue
                 j = m - 1 if j < 0 else 0
-            if surfels[j, 2] < surfels[i, 2] or n_found >= found.shape[0]:
+            if surfels[j, RANGE] < surfels[i, RANGE] or n_found >= found.shape[0]:
                 continue
             k = i
             way = 1 if side == 0 else -1
-            x, y = surfels[i, 0], surfels[i, 1]
+            x, y = surfels[i, X], surfels[i, Y]
             far = 0.0
             while start <= k + way < stop:
-                dx, dy = surfels[k + way, 0] - x, surfels[k + way, 1] - y
+                dx, dy = surfels[k + way, X] - x, surfels[k + way, Y] - y
                 if dx * dx + dy * dy > arm * arm:
                     break
                 far = dx * dx + dy * dy
@@ -182,13 +182,13 @@ def with_ends(
             if abs(k - i) < 3 or far < 0.36 * arm * arm:
                 continue
             low, high = min(i, k), max(i, k)
-            dx, dy = surfels[high, 0] - surfels[low, 0], surfels[high, 1] - surfels[low, 1]
+            dx, dy = surfels[high, X] - surfels[low, X], surfels[high, Y] - surfels[low, Y]
             ux, uy = arm_direction(sums, low, high, dx, dy)
-            if abs(ux * y - uy * x) < 0.2 * surfels[i, 2]:
+            if abs(ux * y - uy * x) < 0.2 * surfels[i, RANGE]:
                 continue  # grazed: where it ends depends on where one stands
-            found[n_found, 0], found[n_found, 1] = x, y
-            found[n_found, 2] = math.atan2(uy, ux)
-            found[n_found, 3] = 0.0
-            found[n_found, 4] = 10.0 + 10.0 * side
+            found[n_found, FX], found[n_found, FY] = x, y
+            found[n_found, DIRECTION] = math.atan2(uy, ux)
+            found[n_found, TURN] = 0.0
+            found[n_found, KIND] = 10.0 + 10.0 * side
             n_found += 1
     return found[:n_found].copy()

@@ -8,6 +8,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
@@ -47,24 +48,24 @@ def compare_readings(
     surfels_other = other.surfels
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(m):
-        ax, ay = surfels[i, 0], surfels[i, 1]
+        ax, ay = surfels[i, X], surfels[i, Y]
         qx, qy = c * ax - s * ay + pose[0], s * ax + c * ay + pose[1]
         j = reading_at(qx, qy, other)
         if j < 0:
             continue
-        ux, uy = qx - surfels_other[j, 3], qy - surfels_other[j, 4]
-        nx, ny = surfels_other[j, 5], surfels_other[j, 6]
+        ux, uy = qx - surfels_other[j, CX], qy - surfels_other[j, CY]
+        nx, ny = surfels_other[j, NX], surfels_other[j, NY]
         across, along = nx * ux + ny * uy, ny * ux - nx * uy
-        variance = abs(surfels[i, 7]) + abs(surfels_other[j, 7])
+        variance = abs(surfels[i, VARIANCE]) + abs(surfels_other[j, VARIANCE])
         limit = 3.0 * math.sqrt(variance) + margin
-        reach = 0.1 + 0.1 * surfels_other[j, 2]
-        if surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+        reach = 0.1 + 0.1 * surfels_other[j, RANGE]
+        if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
             limit, reach = 0.05 + margin, 0.1
         if abs(across) < limit and along * along < reach * reach:
             codes[i] = 1
             partner[i] = j
             continue
-        front = surfels_other[j, 2] - 2.0 * limit - 0.05
+        front = surfels_other[j, RANGE] - 2.0 * limit - 0.05
         if front > 0.0 and qx * qx + qy * qy < front * front:
             codes[i] = 2
     return codes, partner
@@ -115,12 +116,12 @@ def static_segments(
         total, variance, n = 0.0, 0.0, 0
         for i in range(bounds[k], bounds[k + 1]):
             j = partner[i]
-            if j < 0 or surfels[i, 7] < 0.0 or surfels_other[j, 7] < 0.0:
+            if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
                 continue
-            ax, ay = surfels[i, 0], surfels[i, 1]
-            total += surfels_other[j, 5] * (c * ax - s * ay + pose[0] - surfels_other[j, 3])
-            total += surfels_other[j, 6] * (s * ax + c * ay + pose[1] - surfels_other[j, 4])
-            variance += surfels[i, 7] + surfels_other[j, 7]
+            ax, ay = surfels[i, X], surfels[i, Y]
+            total += surfels_other[j, NX] * (c * ax - s * ay + pose[0] - surfels_other[j, CX])
+            total += surfels_other[j, NY] * (s * ax + c * ay + pose[1] - surfels_other[j, CY])
+            variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
         if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
             n_dynamic += 1

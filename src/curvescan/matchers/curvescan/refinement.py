@@ -14,6 +14,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
@@ -51,10 +52,10 @@ def accumulate(
     c, s = math.cos(pose[2]), math.sin(pose[2])
     tx, ty = pose[0], pose[1]
     for i in range(surfels_a.shape[0]):
-        va = surfels_a[i, 7]
+        va = surfels_a[i, VARIANCE]
         if va < 0.0:
             continue
-        ax, ay = surfels_a[i, 0], surfels_a[i, 1]
+        ax, ay = surfels_a[i, X], surfels_a[i, Y]
         if way < 0.0:
             dx, dy = ax - tx, ay - ty
             qx, qy = c * dx + s * dy, c * dy - s * dx
@@ -64,13 +65,13 @@ def accumulate(
         j = reading_at(qx, qy, view_b)
         if j < 0:
             continue
-        vb = surfels_b[j, 7]
+        vb = surfels_b[j, VARIANCE]
         if vb < 0.0:
             continue
-        ux, uy = qx - surfels_b[j, 3], qy - surfels_b[j, 4]
-        nx, ny = surfels_b[j, 5], surfels_b[j, 6]
+        ux, uy = qx - surfels_b[j, CX], qy - surfels_b[j, CY]
+        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
         e = nx * ux + ny * uy
-        extra = sigma_extra + slack_slope * surfels_b[j, 2]
+        extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
         variance = va + vb + extra * extra
         u2 = e * e / variance
         if u2 > 16.0:
@@ -79,11 +80,11 @@ def accumulate(
         min_difference = uy * nx - ux * ny
         if (
             min_difference * min_difference
-            > reach * reach + 0.01 * surfels_b[j, 2] * surfels_b[j, 2]
+            > reach * reach + 0.01 * surfels_b[j, RANGE] * surfels_b[j, RANGE]
         ):
             continue
         # facing: both lines must look the same way
-        mx, my = surfels_a[i, 5], surfels_a[i, 6]
+        mx, my = surfels_a[i, NX], surfels_a[i, NY]
         if way < 0.0:
             mx, my = c * mx + s * my, c * my - s * mx
         else:

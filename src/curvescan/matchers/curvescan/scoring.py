@@ -18,6 +18,7 @@ from curvescan.matchers.curvescan.range_image import (
     reading_beside,
     reading_in,
 )
+from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, SPACING, VARIANCE, X, Y
 from curvescan.types import Floats
 
 DEVIATIONS = 2.0
@@ -48,32 +49,32 @@ def score_samples(
     score = 0.0
     surfels = image.surfels
     for k in range(low, high):
-        ax, ay = samples[k, 0], samples[k, 1]
+        ax, ay = samples[k, X], samples[k, Y]
         qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
         place = place_of(qx, qy, image)
         j = reading_in(place, image)
         if j < 0:
             continue
-        nx, ny = surfels[j, 5], surfels[j, 6]
-        across = nx * (qx - surfels[j, 3]) + ny * (qy - surfels[j, 4])
-        limit = tolerance + slope * surfels[j, 2]
-        noise2 = max(samples[k, 7], 0.0) + max(surfels[j, 7], 0.0)
+        nx, ny = surfels[j, NX], surfels[j, NY]
+        across = nx * (qx - surfels[j, CX]) + ny * (qy - surfels[j, CY])
+        limit = tolerance + slope * surfels[j, RANGE]
+        noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, DEVIATIONS * DEVIATIONS * noise2)
         badness = across * across / limit2
-        ux, uy = qx - surfels[j, 0], qy - surfels[j, 1]
-        along = ALONG * surfels[j, 10]
+        ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
+        along = ALONG * surfels[j, SPACING]
         if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit2 + along * along:
-            mx, my = samples[k, 5], samples[k, 6]
+            mx, my = samples[k, NX], samples[k, NY]
             alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
             if alike > 0.0:
                 score += (1.0 - badness) * alike
                 continue
-        front = surfels[j, 2] - 2.0 * math.sqrt(limit2)
+        front = surfels[j, RANGE] - 2.0 * math.sqrt(limit2)
         if front <= 0.0 or qx * qx + qy * qy >= front * front:
             continue
         # between two beams the nearer surface may reach as far as the other beam
         i = reading_beside(place, image, j)
-        front -= max(surfels[j, 2] - surfels[i, 2], 0.0) if i >= 0 else 0.0
+        front -= max(surfels[j, RANGE] - surfels[i, RANGE], 0.0) if i >= 0 else 0.0
         if front > 0.0 and qx * qx + qy * qy < front * front:
             score -= 0.5
     return score

@@ -20,6 +20,13 @@ of surface that it stands for. Without a line the variance is negative and the l
 
 N_COLUMNS = SPACING + 1
 
+SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)
+"""Columns of the running sums of `moments`."""
+
+FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range(8)
+"""Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings from it,
+sum of squares along it, first and last reading."""
+
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 two readings, none of it lose what the surface does within an arm."""
@@ -36,12 +43,12 @@ def moments(readings: Floats) -> Floats:
     m = readings.shape[0]
     sums = np.zeros((m + 1, 5))
     for i in range(m):
-        x, y = readings[i, 0], readings[i, 1]
-        sums[i + 1, 0] = sums[i, 0] + x
-        sums[i + 1, 1] = sums[i, 1] + y
-        sums[i + 1, 2] = sums[i, 2] + x * x
-        sums[i + 1, 3] = sums[i, 3] + x * y
-        sums[i + 1, 4] = sums[i, 4] + y * y
+        x, y = readings[i, X], readings[i, Y]
+        sums[i + 1, SUM_X] = sums[i, SUM_X] + x
+        sums[i + 1, SUM_Y] = sums[i, SUM_Y] + y
+        sums[i + 1, SUM_XX] = sums[i, SUM_XX] + x * x
+        sums[i + 1, SUM_XY] = sums[i, SUM_XY] + x * y
+        sums[i + 1, SUM_YY] = sums[i, SUM_YY] + y * y
     return sums
 
 
@@ -60,11 +67,11 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
     """
     n = high - low + 1
     share = 1.0 / n
-    cx = (sums[high + 1, 0] - sums[low, 0]) * share
-    cy = (sums[high + 1, 1] - sums[low, 1]) * share
-    sxx = sums[high + 1, 2] - sums[low, 2] - n * cx * cx
-    sxy = sums[high + 1, 3] - sums[low, 3] - n * cx * cy
-    syy = sums[high + 1, 4] - sums[low, 4] - n * cy * cy
+    cx = (sums[high + 1, SUM_X] - sums[low, SUM_X]) * share
+    cy = (sums[high + 1, SUM_Y] - sums[low, SUM_Y]) * share
+    sxx = sums[high + 1, SUM_XX] - sums[low, SUM_XX] - n * cx * cx
+    sxy = sums[high + 1, SUM_XY] - sums[low, SUM_XY] - n * cx * cy
+    syy = sums[high + 1, SUM_YY] - sums[low, SUM_YY] - n * cy * cy
     half = 0.5 * (sxx - syy)
     root = math.sqrt(half * half + sxy * sxy)
     mean = 0.5 * (sxx + syy)
@@ -110,29 +117,29 @@ def fit_lines(
         start, stop = bounds[s], bounds[s + 1]
         low, high = start, start
         for i in range(start, stop):
-            x, y = readings[i, 0], readings[i, 1]
+            x, y = readings[i, X], readings[i, Y]
             while i - low > 2:
-                dx, dy = readings[low, 0] - x, readings[low, 1] - y
+                dx, dy = readings[low, X] - x, readings[low, Y] - y
                 if dx * dx + dy * dy <= arm * arm:
                     break
                 low += 1
             high = max(high, i)
             while high + 1 < stop:
-                dx, dy = readings[high + 1, 0] - x, readings[high + 1, 1] - y
+                dx, dy = readings[high + 1, X] - x, readings[high + 1, Y] - y
                 if high - i >= 2 and dx * dx + dy * dy > arm * arm:
                     break
                 high += 1
             n = high - low + 1
-            fits[i, 6], fits[i, 7] = low, high
+            fits[i, FIT_LOW], fits[i, FIT_HIGH] = low, high
             if n < 3:
-                fits[i, 4] = 1.0
+                fits[i, FIT_VARIANCE] = 1.0
                 continue
             cx, cy, ux, uy, across, along = fit_line(sums, low, high)
             variance = across / (n - 2)
-            fits[i, 0], fits[i, 1], fits[i, 2], fits[i, 3] = cx, cy, ux, uy
-            fits[i, 4], fits[i, 5] = variance, along
+            fits[i, FIT_X], fits[i, FIT_Y], fits[i, FIT_UX], fits[i, FIT_UY] = cx, cy, ux, uy
+            fits[i, FIT_VARIANCE], fits[i, FIT_ALONG] = variance, along
             if n >= 5:
-                facing = (ux * y - uy * x) / readings[i, 2]
+                facing = (ux * y - uy * x) / readings[i, RANGE]
                 cos2 = max(facing * facing, 0.05)
                 variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
@@ -167,13 +174,15 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
     hold reading i is taken from which its readings lie least far.
     """
     best = i
-    if fits[i, 4] <= 1.5 * sigma2 * max(facing2, 0.01):
+    if fits[i, FIT_VARIANCE] <= 1.5 * sigma2 * max(facing2, 0.01):
         return best
-    least = fits[i, 4] / 1.3
-    for j in range(int(fits[i, 6]), int(fits[i, 7]) + 1):
-        holds = fits[j, 6] <= i <= fits[j, 7] and fits[j, 7] - fits[j, 6] >= 3
-        if holds and fits[j, 4] < least:
-            best, least = j, fits[j, 4]
+    least = fits[i, FIT_VARIANCE] / 1.3
+    for j in range(int(fits[i, FIT_LOW]), int(fits[i, FIT_HIGH]) + 1):
+        holds = (
+            fits[j, FIT_LOW] <= i <= fits[j, FIT_HIGH] and fits[j, FIT_HIGH] - fits[j, FIT_LOW] >= 3
+        )
+        if holds and fits[j, FIT_VARIANCE] < least:
+            best, least = j, fits[j, FIT_VARIANCE]
     return best
 
 
@@ -188,32 +197,32 @@ def fit_surfels(readings: Floats, fits: Floats, step: float, sigma: float) -> Fl
     sigma2 = sigma * sigma
     surfels = np.empty((m, N_COLUMNS))
     for i in range(m):
-        x, y, r = readings[i, 0], readings[i, 1], readings[i, 2]
+        x, y, r = readings[i, X], readings[i, Y], readings[i, RANGE]
         bx, by = x / r, y / r
-        surfels[i, 0], surfels[i, 1], surfels[i, 2] = x, y, r
-        if fits[i, 7] - fits[i, 6] < 2.0:
+        surfels[i, X], surfels[i, Y], surfels[i, RANGE] = x, y, r
+        if fits[i, FIT_HIGH] - fits[i, FIT_LOW] < 2.0:
             # alone: a point that faces the sensor and holds no line
-            surfels[i, 3], surfels[i, 4] = x, y
-            surfels[i, 5], surfels[i, 6] = -bx, -by
-            surfels[i, 7], surfels[i, 8], surfels[i, 9] = -1.0, 1.0, 0.0
-            surfels[i, 10] = r * step
+            surfels[i, CX], surfels[i, CY] = x, y
+            surfels[i, NX], surfels[i, NY] = -bx, -by
+            surfels[i, VARIANCE], surfels[i, TILT], surfels[i, LENGTH] = -1.0, 1.0, 0.0
+            surfels[i, SPACING] = r * step
             continue
-        facing = fits[i, 2] * by - fits[i, 3] * bx
+        facing = fits[i, FIT_UX] * by - fits[i, FIT_UY] * bx
         best = best_fit(fits, i, facing * facing, sigma2)
-        nx, ny = -fits[best, 3], fits[best, 2]
+        nx, ny = -fits[best, FIT_UY], fits[best, FIT_UX]
         facing = nx * bx + ny * by
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
         variance = sigma2 * max(facing * facing, 0.01)
-        rough = fits[best, 4] - 4.0 * variance
+        rough = fits[best, FIT_VARIANCE] - 4.0 * variance
         if rough > 0.0:
             variance += rough
-        off = OWN_SHARE * (nx * (x - fits[best, 0]) + ny * (y - fits[best, 1]))
-        surfels[i, 3], surfels[i, 4] = fits[best, 0] + off * nx, fits[best, 1] + off * ny
-        surfels[i, 5], surfels[i, 6] = nx, ny
-        surfels[i, 7] = variance
-        surfels[i, 8] = variance / max(fits[best, 5], 1e-12)
+        off = OWN_SHARE * (nx * (x - fits[best, FIT_X]) + ny * (y - fits[best, FIT_Y]))
+        surfels[i, CX], surfels[i, CY] = fits[best, FIT_X] + off * nx, fits[best, FIT_Y] + off * ny
+        surfels[i, NX], surfels[i, NY] = nx, ny
+        surfels[i, VARIANCE] = variance
+        surfels[i, TILT] = variance / max(fits[best, FIT_ALONG], 1e-12)
         spacing = r * step / max(-facing, 0.1)
-        surfels[i, 9] = min(max(spacing, 0.03), 0.3)
-        surfels[i, 10] = spacing
+        surfels[i, LENGTH] = min(max(spacing, 0.03), 0.3)
+        surfels[i, SPACING] = spacing
     return surfels
