@@ -1,5 +1,6 @@
 # make demo    install into .venv and run the main job on simulated scans
 # make test    install into .venv and run all checks, and the tests compiled and without the JIT
+# make docs    build the documentation into docs/_build/html
 # Needs Python 3.11 or newer, git and make; PYTHON=python3.12 names another interpreter.
 
 PYTHON ?= python3
@@ -7,13 +8,14 @@ VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
 INSTALLED := $(VENV)/.installed
+DOCS_INSTALLED := $(VENV)/.installed-docs
 LOWEST := .venv-lowest
 
 export MPLBACKEND := Agg
 
 ROS_VENV := .venv-ros
 
-.PHONY: demo test test-lowest test-ros test-wheel dist lint coverage bench format clean
+.PHONY: demo docs test test-lowest test-ros test-wheel dist lint coverage bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -25,6 +27,10 @@ test: lint
 # the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
 test-ros:
 	bash ros2/test.sh $(ROS_VENV) $(PYTHON)
+
+# the site, with its gallery run and warnings as errors: docs/_build/html/index.html
+docs: $(DOCS_INSTALLED)
+	CURVESCAN_COMPILE_HELPERS=0 $(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)
@@ -73,5 +79,10 @@ $(INSTALLED): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
+$(DOCS_INSTALLED): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) $(LOWEST) .cache demo src/curvescan/__pycache__
+	rm -rf $(VENV) $(LOWEST) .cache demo docs/_build docs/gallery docs/reference/generated
+	rm -rf docs/reference/commands.md src/curvescan/__pycache__

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 
 from tests.cli.test_main import flaser
@@ -19,11 +18,3 @@ def test_the_ten_lines_run(tmp_path, monkeypatch, capsys):
     exec(compile(code, "README.md", "exec"), {})  # noqa: S102 - our own README
     printed = capsys.readouterr().out
     assert printed.startswith("True The scans match.")
-
-
-def test_every_file_the_documents_link_to_is_there():
-    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
-        text = document.read_text(encoding="utf-8")
-        for target in re.findall(r"\]\((?!http)([^)#]+)", text):
-            path = os.path.normpath(document.parent / target)
-            assert os.path.exists(path), f"{document.name} links to {target}"  # noqa: PTH110

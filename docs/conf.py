@@ -1,0 +1,97 @@
+"""Sphinx configuration: `make docs` builds the site into docs/_build/html, offline, warnings as errors."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import curvescan
+from curvescan.cli.main import COMMANDS
+
+DOCS = Path(__file__).parent
+project = "curvescan"
+author = "The curvescan developers"
+copyright = "2026, the curvescan developers"  # noqa: A001 - Sphinx's name
+release = version = curvescan.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
+]
+# these two are included by calibration/index.md
+exclude_patterns = ["_build", "calibration/calibration.md", "calibration/sweep.md"]
+templates_path = ["_templates"]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+autosummary_generate = True
+autodoc_typehints = "none"  # the docstrings give types with shapes and units
+autodoc_member_order = "bysource"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True  # fields are described once, in their class
+
+html_theme = "pydata_sphinx_theme"
+html_title = "curvescan"
+html_static_path = ["_static"]
+html_show_sourcelink = False
+html_theme_options = {
+    "navigation_with_keys": False,
+    "header_links_before_dropdown": 6,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": ["theme-version"],
+    "icon_links": [
+        {
+            "name": "Source",
+            "url": "https://github.com/curvescan/curvescan",
+            "icon": "fa-brands fa-github",
+        }
+    ],
+}
+
+sphinx_gallery_conf = {
+    "examples_dirs": ["../examples/gallery"],
+    "gallery_dirs": ["gallery"],
+    "filename_pattern": r"plot_",
+    "within_subsection_order": "FileNameSortKey",
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "min_reported_time": 60,
+    "backreferences_dir": "reference/generated/backreferences",
+    "doc_module": ("curvescan",),
+}
+
+
+def write_commands(_app: object) -> None:
+    """Write reference/commands.md: the whole help of each command, as the command prints it."""
+    parts = [
+        "# Commands",
+        "",
+        "Each command's full help, as `curvescan COMMAND --help-all` prints it.",
+        "",
+    ]
+    for name in COMMANDS:
+        done = subprocess.run(
+            [sys.executable, "-m", "curvescan", name, "--help-all"],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={"COLUMNS": "100", "PATH": "", "TERM": "dumb", "NO_COLOR": "1"},
+        )
+        if done.returncode == 0:
+            parts += [f"## curvescan {name}", "", "```text", done.stdout.rstrip(), "```", ""]
+    (DOCS / "reference" / "commands.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def setup(app: object) -> None:
+    """Have the commands' help written when the build begins."""
+    app.connect("builder-inited", write_commands)  # type: ignore[attr-defined]

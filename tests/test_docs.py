@@ -1,0 +1,99 @@
+"""What README and documentation show runs as it stands, and what they link to exists."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+import curvescan as cs
+from tests.conftest import ROOT
+
+DOCS = ROOT / "docs"
+GENERATED = ("_build", "gallery", "reference/generated", "reference/commands.md")
+# pages that the build writes, as links name them
+BUILT = {DOCS / "reference/commands.md", DOCS / "gallery/index.rst"} | {
+    DOCS / "gallery" / f"{script.stem}.rst"
+    for script in (ROOT / "examples/gallery").glob("plot_*.py")
+}
+
+
+def _documents() -> list[Path]:
+    return [ROOT / "README.md"] + [
+        path
+        for path in sorted(DOCS.rglob("*.md"))
+        if not path.relative_to(DOCS).as_posix().startswith(GENERATED)
+    ]
+
+
+def _name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def _blocks(path: Path) -> str:
+    """Return the Python blocks of a document, later ones go on from earlier ones; lines keep their numbers."""
+    lines, fence = [], ""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("```"):
+            lines.append("")
+            fence = "" if fence else line
+        else:
+            lines.append(line if fence == "```python" else "")
+    return "\n".join(lines)
+
+
+WITH_PYTHON = [path for path in _documents() if "```python" in path.read_text(encoding="utf-8")]
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with simulated logs under the names that the documents use."""
+    folder = tmp_path_factory.mktemp("logs")
+    log = cs.simulate("office", n_scans=25, seed=1)
+    for name in ("intel.clf", "robot.bag", "drive.mcap"):
+        cs.write_log(folder / name, log)
+    return folder
+
+
+def test_documents_show_python():
+    assert len(WITH_PYTHON) >= 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", WITH_PYTHON, ids=_name)
+def test_the_python_of_a_document_runs(path, logs, tmp_path, monkeypatch, capsys):
+    for log in logs.iterdir():
+        (tmp_path / log.name).symlink_to(log)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "__main__"})  # noqa: S102
+
+
+@pytest.mark.parametrize("path", _documents(), ids=_name)
+def test_what_a_document_links_to_is_there(path):
+    text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", text):
+        there = Path(os.path.normpath(path.parent / target))
+        assert there.exists() or there in BUILT, f"links to {target}"
+        # the site holds the documentation alone
+        is_page = DOCS in path.parents and there.suffix in (".md", ".rst")
+        assert not is_page or DOCS in there.parents, f"{target} is no page of the site"
+
+
+def test_every_page_is_in_a_table_of_contents():
+    named = {DOCS / "index.md", DOCS / "calibration/calibration.md", DOCS / "calibration/sweep.md"}
+    for path in _documents():
+        for tree in re.findall(r"```{toctree}\n(.*?)```", path.read_text(encoding="utf-8"), re.S):
+            for entry in re.findall(r"^(?!:)(\S+)$", tree, re.M):
+                named.add(Path(os.path.normpath(path.parent / f"{entry}.md")))
+    missing = [_name(path) for path in _documents()[1:] if path not in named]
+    assert not missing
+
+
+def test_the_reference_lists_every_public_name():
+    text = (DOCS / "reference/api.rst").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^   ([A-Za-z_]\w*)$", text, re.M))
+    # constants and modules are described in sentences, not on pages of their own
+    described = {name for name in ("MATCHERS", "plot", "se2") if re.search(rf"\b{name}``", text)}
+    assert set(cs.__all__) - {"__version__"} <= listed | described
