@@ -37,7 +37,7 @@ test-lowest: $(INSTALLED)
 	$(PYTHON) -m venv --clear $(LOWEST)
 	$(BIN)/python tests/lowest.py > $(LOWEST)/constraints.txt
 	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check \
-		--constraint $(LOWEST)/constraints.txt '.[icp]' hypothesis pytest pyyaml
+		--constraint $(LOWEST)/constraints.txt '.' hypothesis pytest pyyaml
 	$(LOWEST)/bin/python -m pytest -q -W ignore::DeprecationWarning
 
 # kernels are seen line by line only without the JIT; slow
