@@ -116,6 +116,10 @@ def slam(
             )
     OUT.print(summarise(run.revised, len(source)))
     OUT.print(f"{tracker!r}; finished in {run.seconds_to_finish:.1f} s", markup=False)
+    if tracker.is_deceived:
+        OUT.print(
+            "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly the odometry's"
+        )
     for remark in left_out:
         ERR.print(remark, markup=False)
     maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
