@@ -39,7 +39,7 @@ def test_where_the_graph_is_vague_it_waits(result: MatchResult) -> None:
 
 
 def test_a_match_that_is_likely_wrong_is_not_believed(result: MatchResult) -> None:
-    doubtful = dataclasses.replace(result, confidence=0.6)
+    doubtful = dataclasses.replace(result, confidence=0.3)
     assert _outcome(doubtful) is ClosureOutcome.LOW_CONFIDENCE
 
 
