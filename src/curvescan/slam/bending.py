@@ -2,7 +2,7 @@
 
 Closures that are true leave the odometry's steps nearly as they were: it errs now and then by much, and else by centimetres. False ones,
 which agree with each other because rooms are alike, shorten or fold way after way. The motion model's edges, wide and never given up,
-measure it: on real logs their squared Mahalanobis distances are 0.01 to 0.05 on the mean, on folded maps 0.5 to 2.
+measure it: their mean squared Mahalanobis distance, the worst hundredth left out, was 0.001 on Intel, 0.01 on ACES, and 0.37 to 1.3 on folded maps.
 """
 
 from __future__ import annotations
