@@ -100,6 +100,12 @@ def slam(
     OUT.print(summarise(result.run.revised, len(source)))
     seconds = result.run.seconds_to_finish
     OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)
+    if result.run.slam.is_deceived:
+        OUT.print(
+            "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly the "
+            "odometry's",
+            markup=False,
+        )
     for remark in result.left_out:
         ERR.print(remark, markup=False)
     maps = "" if result.left_out else ", occupancy.png, map.pgm with map.yaml"

@@ -31,7 +31,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.types import Pose, Trajectory
 
 CLOSURE_HEADER = (
-    "scan", "keyframe_i", "keyframe_j", "score", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",
+    "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",
 )  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def write_closures(path: Path, closures: Sequence[Closure]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CLOSURE_HEADER)
         for c in closures:
-            numbers = [c.score, c.distance, *c.pose.tolist()]
+            numbers = [c.score, c.confidence, c.distance, *c.pose.tolist()]
             writer.writerow([c.scan, c.i, c.j, *numbers, c.outcome.name.lower(), c.outcome.value])
 
 
@@ -140,6 +140,7 @@ def describe_graph(run: SlamRun) -> dict[str, object]:
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
         "candidates": {v.name.lower(): verdicts[v] for v in ClosureOutcome},
         "fragments": slam.n_fragments,
+        "closures_withdrawn_because_places_look_alike": slam.is_deceived,
         "seconds_to_finish": round(run.seconds_to_finish, 3),
     }
 

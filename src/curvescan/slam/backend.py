@@ -18,8 +18,17 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.agreement import Waiting
 from curvescan.slam.belief import Belief
+from curvescan.slam.bending import bending, suspects
 from curvescan.slam.candidates import choose_candidates
-from curvescan.slam.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.closures import (
+    UNKNOWN_M,
+    Closure,
+    ClosureOutcome,
+    is_certain,
+    is_confident,
+    judged,
+    vaguely,
+)
 from curvescan.slam.components import components
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.graph import EdgeKind, PoseGraph
@@ -63,6 +72,7 @@ class Backend:
         self.current = 0
         self.since = identity()  # the current keyframe seen from the one of the belief
         self.closures: list[Closure] = []
+        self.n_withdrawals = 0
         self._belief: Belief | None = None
         self._queue: deque[Candidate] = deque()
         self._tried: set[tuple[int, int]] = set()
@@ -162,7 +172,7 @@ class Backend:
         self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
         result = self.keyframes.match(before, k, None)
         is_clear = result.ok and result.degenerate_direction is None
-        if is_clear and not result.score < rules.min_score:
+        if is_clear and is_confident(result, self.config):
             found = UncertainPose(result.pose, noise.edge(result.covariance))
             expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
             if fuse(expected, found)[1] < rules.gate:
@@ -237,6 +247,9 @@ class Backend:
         if guess is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
         is_waiting = closure.outcome is ClosureOutcome.WAITING
+        if is_waiting and self.n_withdrawals:  # agreement means nothing where places look alike
+            self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
+            return []
         is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
         if is_waiting and is_unknown and not self._is_distinctive(i, j):
             self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
@@ -252,7 +265,8 @@ class Backend:
             return agreed
         if closure.is_accepted:
             self._accept(closure)
-            if not self._is_linked(i, j):
+            # where the guess decided between several poses the match says no more than the graph did
+            if not self._is_linked(i, j) and not result.is_guess_decisive:
                 self._waiting.confirm(closure)
             return [closure]
         if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
@@ -361,6 +375,39 @@ class Backend:
         self.graph.weights[: job.n_edges] = solution.weights
         self._belief = Belief(k, solution.poses, solution.covariances)
         self.since = onward
+        if self.n_withdrawals < 2 and self._is_bent():
+            self._withdraw()
+
+    def _is_bent(self) -> bool:
+        """Return whether the closures bend the odometry more than it can err."""
+        graph = self.graph
+        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
+        return bending(graph.poses, edges, graph.kinds) > self.config.closures.max_bend
+
+    def _withdraw(self) -> None:
+        """Take back the closures that bend the odometry: the map falls back to it, and is never worse than it."""
+        graph = self.graph
+        rows = suspects(
+            self.closures, self.config.keyframes.n_linked, all_of_them=self.n_withdrawals > 0
+        )
+        self.n_withdrawals += 1
+        pairs = {(self.closures[row].i, self.closures[row].j) for row in rows}
+        for row in rows:
+            self.closures[row] = replace(self.closures[row], outcome=ClosureOutcome.WITHDRAWN)
+        graph.keep_edges(np.array([tuple(ends) not in pairs for ends in graph.ends.tolist()]))
+        self._waiting = Waiting(self.config)
+        self._queue.clear()
+        is_step = np.zeros(graph.n_poses, dtype=np.bool_)
+        is_step[graph.ends[graph.kinds == EdgeKind.MOTION, 1]] = True
+        ways = se2.between(graph.poses[:-1], graph.poses[1:])
+        for k in range(1, graph.n_poses):
+            way = self._motions[k].pose if is_step[k] else ways[k - 1]
+            graph.poses[k] = se2.compose(graph.poses[k - 1], way)
+        graph.weights[:] = 1.0
+        self._fragments = components(graph.ends, graph.n_poses).tolist()
+        problem = Problem.of(graph, self.current)
+        job = Job(problem, self.config.optimizer.limit, self._pool)
+        self._adopt(job.result(), job)
 
     def _along(self, i: int, j: int) -> UncertainPose:
         """Return keyframe j seen from an earlier one along the keyframes between them."""

@@ -8,6 +8,7 @@ their ends closes within its covariance.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -31,10 +32,13 @@ class ClosureOutcome(Enum):
     WAITING = "It waits for others that agree with it."
     FORGOTTEN = "Too few others agreed with it."
     NO_MATCH = "The scans do not match."
-    LOW_SCORE = "The match explains too little of the scans."
+    LOW_CONFIDENCE = "The match is too likely to be wrong."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
     NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
+    WITHDRAWN = (
+        "It was believed, and bent the odometry more than it can err: places here look alike."
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,6 +57,8 @@ class Closure:
         Of the edge that it makes.
     score : float
         Of the match.
+    confidence : float
+        Of the match: the probability that it is right; NaN of a matcher that gives none.
     distance : float
         Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
     outcome : ClosureOutcome
@@ -70,6 +76,7 @@ class Closure:
     distance: float
     outcome: ClosureOutcome
     is_doubtful: bool = False
+    confidence: float = math.nan
 
     @property
     def is_accepted(self) -> bool:
@@ -111,14 +118,15 @@ def judged(
         return Closure(
             scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
             score=result.score, distance=float("nan"), outcome=ClosureOutcome.NO_MATCH,
+            confidence=result.confidence,
         )  # fmt: skip
     found = as_measurement(result)
     certain = is_certain(expected, config)
     is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
-    if result.score < config.closures.min_score:
-        outcome = ClosureOutcome.LOW_SCORE
-    elif result.degenerate_direction is not None and not certain:
+    if not is_confident(result, config):
+        outcome = ClosureOutcome.LOW_CONFIDENCE
+    elif not certain and not _knows_along(result, expected, config):
         outcome = ClosureOutcome.DEGENERATE
     elif distance > config.closures.gate:
         is_far = distance > config.closures.doubt * config.closures.gate
@@ -132,5 +140,25 @@ def judged(
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
         score=result.score, distance=distance, outcome=outcome,
-        is_doubtful=is_unknown or distance > config.closures.gate,
+        is_doubtful=is_unknown or distance > config.closures.gate, confidence=result.confidence,
     )  # fmt: skip
+
+
+def is_confident(result: MatchResult, config: SlamConfig) -> bool:
+    """Return whether a match is likely enough to be right; of a matcher that does not say, its score decides."""
+    if math.isnan(result.confidence):
+        return not result.score < config.closures.min_score
+    return result.confidence >= config.closures.min_confidence
+
+
+def _knows_along(result: MatchResult, expected: UncertainPose, config: SlamConfig) -> bool:
+    """Return whether the graph knows what a match leaves open; of a match that leaves nothing open it need not."""
+    along = result.degenerate_direction
+    if along is None:
+        return True
+    x, y, theta = along.tolist()
+    return bool(
+        along @ expected.cov @ along
+        < (config.closures.certain_m * math.hypot(x, y)) ** 2
+        + (config.closures.certain_rad * theta) ** 2
+    )

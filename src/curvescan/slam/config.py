@@ -22,22 +22,15 @@ class KeyframesConfig:
     """A new keyframe is due when the sensor has turned by this much, radians."""
     n_linked: int = 3
     """Preceding keyframes that a new one is matched with."""
-    max_views: int = 4
-    """Keyframes of one place (`same_place_m`, `same_place_rad`) kept in the map; where there are as many, the scan is tied to one
-    of them, and refines it instead of becoming one more."""
-    same_place_m: float = 0.5
-    """Keyframes nearer than this to each other show one place, metres."""
-    same_place_rad: float = 0.5
-    """The same for their directions, radians."""
     n_lost: int = 8
     """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a fragment."""
     n_prepared: int = 3000
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
-        for name in ("distance", "turn", "same_place_m", "same_place_rad"):
+        for name in ("distance", "turn"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_linked", "max_views", "n_lost", "n_prepared"):
+        for name in ("n_linked", "n_lost", "n_prepared"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 
@@ -117,7 +110,9 @@ class ClosuresConfig:
     gate: float = 16.0
     """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom, 99.9 %."""
     min_score: float = 0.25
-    """Least score of a match, in [0, 1]."""
+    """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
+    min_confidence: float = 0.4
+    """Least confidence of a match: the probability that it is right."""
     n_agreeing: int = 3
     """Matches that must agree where the graph does not know the relative pose well."""
     doubt: float = 9.0
@@ -127,6 +122,9 @@ class ClosuresConfig:
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
+    max_bend: float = 0.2
+    """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
+    closures that did it are withdrawn, and from then on only those are believed that lie where the graph surely expects them."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -139,11 +137,15 @@ class ClosuresConfig:
             "gate",
             "margin",
             "distinctive",
+            "max_bend",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
-        require(0.0 <= self.min_score <= 1.0, "min_score must lie in [0, 1]", self.min_score)
+        for name in ("min_score", "min_confidence"):
+            require(
+                0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name)
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

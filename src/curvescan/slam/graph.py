@@ -90,6 +90,13 @@ class PoseGraph:
         self.n_poses += 1
         return self.n_poses - 1
 
+    def keep_edges(self, is_kept: Bools) -> None:
+        """Remove the edges that are not kept; the others keep their order."""
+        rows = np.flatnonzero(is_kept)
+        for column in (self._ends, self._measured, self._covariances, self._kinds, self._weights):
+            column[: len(rows)] = column[: self.n_edges][rows]
+        self.n_edges = len(rows)
+
     def add_edge(
         self, i: int, j: int, pose: Pose, covariance: Cov, kind: EdgeKind, weight: float = 1.0
     ) -> int:
