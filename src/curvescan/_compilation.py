@@ -1,6 +1,6 @@
-"""The wait for kernels to compile: made shorter, and told.
+"""The wait for kernels to compile: made shorter, and reported.
 
-Compiling takes seconds, once a version. Whoever waits longer than a second is told, and how long it took; the logger
+Compiling takes seconds, once a version. A wait longer than a second is reported, with its duration; the logger
 "curvescan" says so as a warning, which Python prints on stderr where no logging is set up.
 """
 
@@ -28,7 +28,7 @@ _COMPILER_BYTES = 1_000_000_000  # of memory for each process that compiles: it 
 
 
 class CompilationWatch:
-    """Measures how long kernels take to compile, tells it once a process, and halts the garbage collector meanwhile.
+    """Measures how long kernels take to compile, reports it once a process, and halts the garbage collector meanwhile.
 
     A compiler makes millions of objects that live until it is done: looking through them again and again takes a
     tenth of its time.
@@ -75,7 +75,7 @@ class CompilationWatch:
             self.report(is_over=True)
 
     def report(self, *, is_over: bool = False) -> None:
-        """Tell how long it took, if it was told that it began.
+        """Report how long it took, if its start was reported.
 
         Parameters
         ----------

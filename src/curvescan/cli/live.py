@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
 DEFAULT_PORT = 8765
-"""Where the page is unless another port is asked for or this one is in use."""
+"""Default port of the page, unless it is in use."""
 
 
 def live(
@@ -204,7 +204,7 @@ def _saved_map(path: Path) -> Any:
 
 
 def _can_deskew(log: Log) -> bool:
-    """Return whether the sweeps of a log can be deskewed; what is wrong with it is told, as `curvescan odometry` does."""
+    """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
     from curvescan.cli.console import ERR
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
@@ -299,7 +299,7 @@ def _track(
 
 
 def _free_port(host: str, port: int | None) -> int:
-    """Return the port asked for; else the default one, or 0, for any, where that is in use."""
+    """Return the given port; else the default one, or 0, for any, where that is in use."""
     if port is not None:
         return port
     family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -105,7 +105,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _help(arguments: list[str]) -> str | None:
-    """Return the help on one screen that is asked for; None where none is, or --help-all."""
+    """Return the help on one screen for -h; None without it, or with --help-all."""
     if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
         return None
     if arguments[0] in COMMANDS:

@@ -65,7 +65,7 @@ class ChainConfigs:
     """Parameters of the odometry."""
 
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
-    """Key scans, what is expected of the next scan, and how far each is believed."""
+    """Keyframes, the motion model, and their gates."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,7 +84,7 @@ class Log(Protocol):
 
 @runtime_checkable
 class MountedLog(Protocol):
-    """A log that knows how its laser is mounted, and so tells the robot's motion from the laser's."""
+    """A log that knows how its laser is mounted, and so can give the motion of the robot as well as of the laser."""
 
     def robot_odometry(self) -> Trajectory | None:
         """Return the wheel odometry of the *robot* at each scan; None without."""

@@ -18,7 +18,7 @@ class McapRecorder(WorkerSink):
     """Writes each scan to /scan, and its pose by odometry to /odom and /tf, in a thread of its own.
 
     The file appears, whole, when the recorder is closed. Ranges are written as float32, what a LaserScan message has;
-    beams that are not evenly spaced are not written, and that is told at the end.
+    beams that are not evenly spaced are not written, and that is reported at the end.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class ResultsSink(WorkerSink):
         self._map.redraw()
 
     def trajectory(self) -> Trajectory:
-        """Return stamp, pose and covariance of each scan, as they were told at the time."""
+        """Return stamp, pose and covariance of each scan, as they were reported at the time."""
         n = len(self._outcomes)
         return Trajectory(
             stamps=np.array(self._stamps),
@@ -86,17 +86,17 @@ class ResultsSink(WorkerSink):
         name : str
             Name of the source.
         slam : Slam or None
-            What was run: its revised trajectory and its map are written, and beside them what was told at the time.
+            What was run: its revised trajectory and its map are written, and beside them what was reported at the time.
         details : mapping or None
             Further entries of run.json.
         """
-        told = self.trajectory()
-        trajectory = told if slam is None else slam.finish()
+        online = self.trajectory()
+        trajectory = online if slam is None else slam.finish()
         write_tum(folder / "trajectory.tum", trajectory)
         write_csv(folder / "trajectory.csv", trajectory, self._outcomes)
         written = ["trajectory.tum", "trajectory.csv"]
         if slam is not None:
-            write_tum(folder / "trajectory_online.tum", told)
+            write_tum(folder / "trajectory_online.tum", online)
             slam.map.save(folder / "map.csmap")
             written += ["trajectory_online.tum", "map.csmap"]
             self._map.redraw(trajectory.poses)

@@ -63,7 +63,7 @@ class WorkerSink:
                 try:
                     self._take(tracked)
                 except CurvescanError as error:
-                    self.error = error  # told at the end; the other sinks and the poses go on
+                    self.error = error  # reported at the end; the other sinks and the poses go on
 
     def _take(self, tracked: TrackedScan) -> None:
         """Process one scan, in the sink's thread."""

@@ -1,4 +1,4 @@
-"""Tracker: one verb for odometry, SLAM and localization, and what a sink is told of each scan."""
+"""Tracker: one verb for odometry, SLAM and localization, and what a sink gets of each scan."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrackedScan:
-    """A scan and what became of it: all that sinks are told.
+    """A scan and what became of it: all that sinks get.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ _FRAME_PERIOD = 0.025
 """Least time between two scans sent to a browser, seconds."""
 
 _HEARTBEAT = 5.0
-"""A browser from which nothing is to be told for so long is sent a comment, seconds: it shows whether it is there."""
+"""A browser to which nothing was sent for so long gets a comment, seconds: that shows whether it is still there."""
 
 _N_POINTS = 1500
 """Readings of a scan that are sent at most."""
@@ -111,7 +111,7 @@ class Viewer(WorkerSink):
             self._changed.notify_all()
 
     def events(self) -> Iterator[Event | None]:
-        """Yield what a new browser has to be told, from the beginning; None when there is nothing to tell.
+        """Yield what a new browser has to be sent, from the beginning; None when there is nothing to send.
 
         The path and the map come first, then scans as they come, the newest when the browser is slower.
         """

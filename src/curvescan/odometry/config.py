@@ -24,20 +24,20 @@ class KeyframesConfig:
     max_keyframes: int = 2000
     """Keyframes held in memory; beyond it the one not used for longest is forgotten. 1: no earlier one is come back to."""
     least_score: float = 0.25
-    """A match where none was expected is not believed below this score, in [0, 1]; nor, after a failure, are two with
+    """A match far from where it was expected is rejected below this score, in [0, 1]; nor, after a failure, are two with
     earlier keyframes that agree."""
     variance_retained: float = 0.4
     """Share of the variance of a match that stays when the scan becomes a keyframe: the rest cancels along the chain,
     for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
     max_searches: int = 20
-    """After a failure, scans for which earlier keyframes are asked at once, and not only when one is left behind."""
+    """After a failure, scans for which earlier keyframes are searched at once, and not only when one is left behind."""
     max_gap: int = 3
     """Scans in a row that the expected motion may carry; if then still none matches what was known before the failure,
     the track is lost and starts anew. 0: never."""
     max_tries: int = 3
     """Earlier keyframes tried for a scan, at most."""
     drift: float = 2.0
-    """Standard deviations of the chain are taken to be this many times too small when it is asked whether two places
+    """Standard deviations of the chain are taken to be this many times too small when deciding whether two places
     are the same: matches that follow each other err together."""
     drift_floor_m: float = 0.03
     """Error of the chain that is added for the same question, metres."""
@@ -107,7 +107,7 @@ class MotionConfig:
     wheel_floor_rad: float = 0.003
     """Wheel odometry errs by this much at the least, radians a step."""
     motion_gate_chi2: float = 20.0
-    """A match this far from what was expected is not believed alone: squared Mahalanobis distance."""
+    """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
 
     def __post_init__(self) -> None:
         sigmas = ("least_sigma_m", "least_sigma_rad", "recovery_sigma_m", "recovery_sigma_rad")
@@ -140,7 +140,7 @@ class OdometryConfig:
     """Motion: what is expected of the next scan before it is matched."""
 
     deskew: bool = True
-    """Where a scan tells the times of its beams, the motion during the sweep is taken out of it."""
+    """Where a scan gives the times of its beams, the motion during the sweep is taken out of it."""
 
     @classmethod
     def scan_to_scan(cls) -> OdometryConfig:

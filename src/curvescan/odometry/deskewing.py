@@ -32,7 +32,7 @@ class Deskewer:
     stamps : tuple of float
         The last few stamps, seconds.
     seconds : float
-        Time between two scans; 0 where no scan tells the times of its beams.
+        Time between two scans; 0 where no scan gives the times of its beams.
     """
 
     stamps: tuple[float, ...] = ()

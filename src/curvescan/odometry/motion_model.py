@@ -18,7 +18,7 @@ from curvescan.se2.uncertain import UncertainPose, identity
 from curvescan.types import Pose
 
 _MAX_STRETCH = 20.0
-"""A longer pause than this many scans tells no more."""
+"""A pause longer than this many scans counts as this many."""
 
 _LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
 """Limits of the variance of another odometry, in those of the configuration."""
@@ -134,7 +134,7 @@ class MotionModel:
             was longer is not concluded, for many logs are written in bursts.
         odometry_pose : (3,) float64 or None
             Pose of the sensor by its wheels or a gyro, in a frame of their own; NaN where they do not tell, as a gyro
-            tells no place.
+            gives no position.
         """
         clock, stretch = self.clock.ticked(stamp, self.config.memory)
         pose, cov = self.last.pose.copy(), self.last.cov.copy()

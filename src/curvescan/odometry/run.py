@@ -46,7 +46,7 @@ class OdometryRun:
     is_partial : bool
         Whether the run was interrupted before the end of the log.
     has_prior : bool
-        Whether wheels or a gyroscope told what to expect.
+        Whether wheels or a gyroscope gave a motion prior.
     """
 
     method: str

@@ -43,7 +43,7 @@ class OdometryStep:
         Its stamp, seconds.
     pose : (3,) float64
         [x, y, theta] of the sensor in the frame of the first scan: metres, metres, radians; at the middle of the sweep
-        where the scan tells the times of its beams.
+        where the scan gives the times of its beams.
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta; zero at the first scan.
     motion : (3,) float64

@@ -93,7 +93,7 @@ class Experiments:
     is_quick : bool
         Whether they were cut short: ten runs, one seed, a quarter of the scans.
     random_transforms : dict of RandomTransformCondition to (RandomTransformRuns, RandomTransformRuns)
-        Experiment 1 by cfsma, as printed and with its consistency test; empty where only logs were asked for.
+        Experiment 1 by cfsma, as printed and with its consistency test; empty where only logs are evaluated.
     drives : tuple of ScenarioComparison
         Experiments 2, 3 and 4, each under both conditions; empty likewise.
     n_parameters : dict of str to int

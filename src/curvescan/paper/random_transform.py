@@ -33,7 +33,7 @@ SUCCESS = (0.1, np.radians(2.0))
 """A match counts as right within this translation, metres, and rotation, radians."""
 
 N_BATCHES = 5
-"""Seeds the runs of a condition are spread over; what differs between them is the spread told of."""
+"""Seeds the runs of a condition are spread over; what differs between them is the spread that is reported."""
 
 Moves: TypeAlias = Literal["scan", "sensor"]
 """What is moved by the random transform: the points of the second scan, or the sensor that takes it."""

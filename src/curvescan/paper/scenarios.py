@@ -379,7 +379,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
 
 
 def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
-    """Return how well the moving readings of a drive are told under the poses of a run; nothing without people."""
+    """Return how well the dynamic readings of a run are found under the poses of a run; nothing without people."""
     if not log.is_person.any():
         return MovedScore(n_right=0, n_said=0, n_true=0)
     found = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))

@@ -131,8 +131,8 @@ def _save(
     figures: Sequence[tuple[str, str]],
     record: dict[str, object],
 ) -> None:
-    told = "\n".join(f"- {key.replace('_', ' ')}: {value}" for key, value in about.items())
-    parts: list[Part] = ["# Evaluation", told, *notes, *tables, *figures]
+    facts = "\n".join(f"- {key.replace('_', ' ')}: {value}" for key, value in about.items())
+    parts: list[Part] = ["# Evaluation", facts, *notes, *tables, *figures]
     write_markdown(folder / "evaluation.md", parts)
     whole = {"curvescan": __version__, **about, **record}
     (folder / "evaluation.json").write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")

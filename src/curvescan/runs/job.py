@@ -37,11 +37,11 @@ class JobResult:
 class Job(Protocol):
     """What a batch does with each log: a frozen dataclass of a module, so that worker processes can be sent it.
 
-    Its fields are the options; their digest tells :func:`run_batch` with ``resume=True`` which results still stand.
+    Its fields are the options; by their digest :func:`run_batch` with ``resume=True`` finds which results still stand.
     """
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
-        """Run over a log and write the results into a folder that need not exist; errors are told by raising."""
+        """Run over a log and write the results into a folder that need not exist; errors are raised."""
         ...
 
     def warm_up(self) -> None:
@@ -52,14 +52,14 @@ class Job(Protocol):
 def digest_of(job: Job) -> str:
     """Return a digest of what a job is and of its options, as 16 hexadecimal digits."""
     kind = type(job)
-    told = {
+    fields = {
         name
         for name, f in getattr(kind, "__dataclass_fields__", {}).items()
         if not f.metadata.get("is_option", True)
     }
     plain: Any = as_plain(job)
     options = (
-        {k: v for k, v in plain.items() if k not in told} if isinstance(plain, Mapping) else {}
+        {k: v for k, v in plain.items() if k not in fields} if isinstance(plain, Mapping) else {}
     )
     text = json.dumps([kind.__module__, kind.__qualname__, options], sort_keys=True, default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

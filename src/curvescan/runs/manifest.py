@@ -1,4 +1,4 @@
-"""The manifest of a batch: a line of JSON for each log that was run, on the disk before the next one is told.
+"""The manifest of a batch: a line of JSON for each log that was run, on the disk before the next one is written.
 
 A later line of the same log stands for an earlier one. A line that was cut short when the machine went is left out.
 """
@@ -21,7 +21,7 @@ MANIFEST = "manifest.jsonl"
 
 @dataclass(frozen=True, kw_only=True)
 class LogState:
-    """What tells whether a log is still the one that was run.
+    """What identifies a log as the one that was run.
 
     Attributes
     ----------

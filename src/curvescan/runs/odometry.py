@@ -58,7 +58,7 @@ def save_run(
     odometry : Odometry
         What ran, for its configuration.
     command : sequence of str
-        The command line that asked for it.
+        The command line behind it.
     source : Path or None
         The file or folder of the log, for its size and digest.
     truth : (n, 3) float64 or None

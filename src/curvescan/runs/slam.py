@@ -60,7 +60,7 @@ def save_slam_run(
     log : Log
         What it ran over; read once more for the maps.
     command : sequence of str
-        The command line that asked for it.
+        The command line behind it.
     source : Path or None
         The file or folder of the log, for its size and digest.
     truth : (n, 3) float64 or None
@@ -119,7 +119,7 @@ def save_graph(folder: Path, slam_map: SlamMap) -> None:
 
 
 def write_closures(path: Path, closures: Sequence[Closure]) -> None:
-    """Write the log of loop-closure candidates: when, with what, and why each is believed or not."""
+    """Write the log of loop-closure candidates: when, with what, and why each is accepted or not."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CLOSURE_HEADER)

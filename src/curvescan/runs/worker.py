@@ -1,4 +1,4 @@
-"""A worker of a batch: a process that runs one job over one log after another, told by pipes.
+"""A worker of a batch: a process that runs one job over one log after another, driven by pipes.
 
 Messages are pickled, both ways. First comes the job, answered by `Ready`; then tasks, each answered by a `JobResult`
 or by the sentence why there is none. When the supervisor is gone, however it went, the pipe ends and the worker with it.

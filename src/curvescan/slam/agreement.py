@@ -1,4 +1,4 @@
-"""Waiting: closures that are not yet believed, and the sets of them that agree."""
+"""Pending closures, and the sets of them that agree."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Waiting:
         self._closures: list[Closure] = []
 
     def confirm(self, closure: Closure) -> None:
-        """Take a closure that is believed already: others of its scans must agree with it."""
+        """Take a closure that is accepted already: others of its scans must agree with it."""
         self._closures.append(closure)
         del self._closures[: -self._config.closures.n_waiting]
 
     def add(self, closure: Closure, poses: Pose) -> list[Closure]:
-        """Take a closure, and return those that are believed now because they agree; none if too few do.
+        """Take a closure, and return those that are accepted now because they agree; none if too few do.
 
         Parameters
         ----------

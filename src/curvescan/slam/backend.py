@@ -1,7 +1,7 @@
 """Backend: keyframes in, a pose graph that closes its loops out.
 
 The state of SLAM but for the odometry. A keyframe is tied to the ones before it, candidates for loop closures are queued, a few of
-them are matched with each scan, and what is believed becomes edges; an optimization runs beside.
+them are matched with each scan, and accepted matches become edges; an optimization runs beside.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class Belief:
         _, known = composed_covariances(self._relative, self._covariances, since)
         covariances = np.empty((newest, 3, 3))
         covariances[: self.n] = known[:newest]
-        # of keyframes that came since no more is asked than how the newest lies to the last known one
+        # of keyframes that came since only the pose of the newest relative to the last known one is needed
         widest = float(max(since.cov[0, 0], since.cov[1, 1]))
         covariances[self.n :] = np.diag([widest, widest, since.cov[2, 2]])
         return relative, covariances

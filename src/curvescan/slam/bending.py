@@ -51,7 +51,7 @@ def suspects(closures: list[Closure], n_linked: int, *, all_of_them: bool) -> se
     n_linked : int
         Closures of keyframes no farther apart than this are steps of the odometry, and above suspicion.
     all_of_them : bool
-        Whether each is suspected; else those that were believed because they agreed, and what was believed since.
+        Whether each is suspected; else those that were accepted because they agreed, and what was accepted since.
     """
     rows: set[int] = set()
     has_begun = all_of_them

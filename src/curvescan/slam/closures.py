@@ -1,6 +1,6 @@
-"""Loop closures: a match between keyframes that do not follow each other, and whether it is believed.
+"""Loop closures: a match between keyframes that do not follow each other, and whether it is accepted.
 
-Where the graph knows the relative pose of two keyframes well, a match that lies there within its covariance is believed. Where it
+Where the graph knows the relative pose of two keyframes well, a match that lies there within its covariance is accepted. Where it
 does not, matches wait until enough of them agree: Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set
 maximization for robust multi-robot map merging", ICRA 2018. Two closures agree when the cycle through both and the graph between
 their ends closes within its covariance.
@@ -37,7 +37,7 @@ class ClosureOutcome(Enum):
     NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
     WITHDRAWN = (
-        "It was believed, and bent the odometry more than it can err: places here look alike."
+        "It was accepted, and bent the odometry more than it can err: places here look alike."
     )
 
 

@@ -86,7 +86,7 @@ class NoiseConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosuresConfig:
-    """Loop closures: where they are looked for, and what is believed."""
+    """Loop closures: where they are searched, and which are accepted."""
 
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
@@ -124,7 +124,7 @@ class ClosuresConfig:
     """They must be this many times as many as those that agree on another pose."""
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
-    closures that did it are withdrawn, and from then on only those are believed that lie where the graph surely expects them."""
+    closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -183,7 +183,7 @@ class SlamConfig:
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     """Noise: what the covariances of matches and motions leave out."""
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
-    """Loop closures: where they are looked for, and what is believed."""
+    """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     """Optimization: when and how robustly."""
     odometry: OdometryConfig = field(default_factory=_front_end)

@@ -21,7 +21,7 @@ class EdgeKind(IntEnum):
     MATCH = 0
     """A match of keyframes that follow each other."""
     MOTION = 1
-    """The motion model: what is believed where no match measured the motion."""
+    """The motion model: what is assumed where no match measured the motion."""
     PRIOR = 2
     """Wheels or a gyroscope."""
     CLOSURE = 3

@@ -231,7 +231,7 @@ class Localizer:
         earlier, then = before
         moved = between_steps(then, step)
         if np.hypot(moved.pose[0], moved.pose[1]) < 0.1 and abs(moved.pose[2]) < 0.1:
-            self._hint = before  # the same view again tells nothing new
+            self._hint = before  # the same view again adds nothing
             return None
         if earlier.keyframe == best.keyframe:
             return None

@@ -17,7 +17,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> Cov:
     """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
 
-    Anchored at the pose that is asked about, these are the covariances of all others seen from it, with no cancellation of large
+    Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of large
     numbers: what a chain of keyframes has in common is not in them.
 
     Parameters

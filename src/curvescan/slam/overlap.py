@@ -45,7 +45,7 @@ def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Float
     profiles : (n, 2, N_SECTORS) float64
         Of all keyframes.
     rows : (k,) int64
-        Keyframes asked for.
+        Keyframes wanted.
     relative : (k, 3) float64
         Pose of the newest seen from each of them.
     newest : (2, N_SECTORS) float64

@@ -1,4 +1,4 @@
-"""Robust optimization: which edges may be believed together, by graduated non-convexity.
+"""Robust optimization: which edges are consistent with each other, by graduated non-convexity.
 
 Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated least squares
 (GNC-TLS): an edge counts in full up to `limit` squared Mahalanobis distance and not at all beyond, and the cost becomes so by steps

@@ -1,4 +1,4 @@
-"""What SLAM tells of each scan."""
+"""The result of SLAM for each scan."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SlamStep:
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta.
     pose_odom : (3,) float64
-        The same in the frame ``odom``, which drifts and does not jump (REP-105), unless the odometry was told to look for known
+        The same in the frame ``odom``, which drifts and does not jump (REP-105), unless the odometry is configured to look for known
         places itself.
     covariance_odom : (3, 3) float64
         Covariance of `pose_odom`.

@@ -180,7 +180,7 @@ def as_ros2(kind: int, record: bytes) -> bytes:
 
     A file says by its profile for whom it was written, and by each channel how its messages are encoded. rosbags reads the
     profile "ros2" alone, though the mcap package, Foxglove and exporters write others, or none, around the same messages; and
-    it stumbles over schemas that are not ROS 2's, of channels that nobody asked for. The channels are asked instead.
+    it stumbles over schemas that are not ROS 2's, of channels that nobody reads. The channels decide instead.
     """
     if kind == _HEADER:
         return b"\x04\x00\x00\x00ros2".ljust(len(record), b"\x00")

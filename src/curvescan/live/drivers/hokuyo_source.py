@@ -66,7 +66,7 @@ class HokuyoSource:
 
     def __enter__(self) -> Self:
         try:
-            # its clock is not asked: that takes a second, and we stamp what arrives
+            # its clock is not queried: that takes a second, and we stamp what arrives
             self._laser = self._package.HokuyoLX(
                 addr=self._address, tsync=False, convert_time=False, timeout=SILENCE
             )

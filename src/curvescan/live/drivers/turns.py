@@ -26,7 +26,7 @@ class TurnClock:
     """When each turn of a steadily spinning laser began and ended, from when its bytes came.
 
     Bytes come when the sensor has sent them or later, never earlier: a turn that comes late, behind others in a buffer,
-    ended one period after the turn before it. A delay that stays for ten turns is a gap, and is believed.
+    ended one period after the turn before it. A delay that stays for ten turns is a gap, and is kept.
     """
 
     def __init__(self) -> None:
