@@ -155,12 +155,17 @@ def _warm_up_whatever_matches(_: str) -> None:
 def _warm_up_slam() -> None:
     """Call the kernels of SLAM: three keyframes that stand in a triangle, and the three edges between them."""
     # SciPy's sparse matrices take their time to load
-    from curvescan.slam.consistency import largest_clique
-    from curvescan.slam.marginals import marginal_covariances
-    from curvescan.slam.optimization import Edges, normal_equations, optimize, squared_distances
-    from curvescan.slam.overlap import foretold_overlap, range_profile
-    from curvescan.slam.place_index import signature
-    from curvescan.slam.sparse import block_pattern
+    from curvescan.slam.loops.overlap import foretold_overlap, range_profile
+    from curvescan.slam.loops.place_index import signature
+    from curvescan.slam.pose_graph.consistency import largest_clique
+    from curvescan.slam.pose_graph.marginals import marginal_covariances
+    from curvescan.slam.pose_graph.optimization import (
+        Edges,
+        normal_equations,
+        optimize,
+        squared_distances,
+    )
+    from curvescan.slam.pose_graph.sparse import block_pattern
 
     ends, anchors = np.array([[0, 1], [1, 2], [0, 2]]), np.zeros(1, dtype=np.int64)
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 1.0, 1.0]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.optimization import Edges
+from curvescan.slam.pose_graph.optimization import Edges
 from curvescan.types import Pose
 
 SIGMAS = np.array([0.02, 0.03, 0.01])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.bending import bending, suspects
-from curvescan.slam.closures import Closure, ClosureOutcome
-from curvescan.slam.graph import EdgeKind
-from curvescan.slam.optimization import Edges
+from curvescan.slam.loops.bending import bending, suspects
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.slam.pose_graph.optimization import Edges
 from curvescan.types import Ints, Pose
 
 

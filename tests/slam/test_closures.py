@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
-from curvescan.slam.closures import ClosureOutcome, judged, vaguely
+from curvescan.slam.loops.closures import ClosureOutcome, judged, vaguely
 
 
 @pytest.fixture(scope="module")

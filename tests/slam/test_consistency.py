@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from curvescan.slam.consistency import largest_clique
+from curvescan.slam.pose_graph.consistency import largest_clique
 
 
 @pytest.mark.parametrize("seed", range(8))

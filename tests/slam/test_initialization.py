@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.slam.initialization import chordal_poses
-from curvescan.slam.optimization import optimize
+from curvescan.slam.pose_graph.initialization import chordal_poses
+from curvescan.slam.pose_graph.optimization import optimize
 from tests.slam.graphs import ladder, loop, measured_edges
 
 _ANCHOR = np.array([0])

@@ -7,9 +7,9 @@ import pytest
 from scipy.sparse import csc_matrix
 
 from curvescan import se2
-from curvescan.slam.marginals import marginal_covariances, seen_from
-from curvescan.slam.optimization import normal_equations
-from curvescan.slam.sparse import block_pattern
+from curvescan.slam.pose_graph.marginals import marginal_covariances, seen_from
+from curvescan.slam.pose_graph.optimization import normal_equations
+from curvescan.slam.pose_graph.sparse import block_pattern
 from tests.slam.graphs import SIGMAS, ladder, loop, measured_edges
 
 

@@ -7,8 +7,13 @@ import pytest
 from scipy.optimize import least_squares
 
 from curvescan import se2
-from curvescan.slam.optimization import Edges, normal_equations, optimize, squared_distances
-from curvescan.slam.sparse import block_pattern
+from curvescan.slam.pose_graph.optimization import (
+    Edges,
+    normal_equations,
+    optimize,
+    squared_distances,
+)
+from curvescan.slam.pose_graph.sparse import block_pattern
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
 _ANCHOR = np.array([0])

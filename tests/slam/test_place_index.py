@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.slam.place_index import SIGNATURE_SIZE, PlaceIndex, signature
+from curvescan.slam.loops.place_index import SIGNATURE_SIZE, PlaceIndex, signature
 
 
 def _keypoints(seed: int, n: int = 12) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.slam.optimization import Edges
-from curvescan.slam.robust import optimize_robustly, tls_weights
+from curvescan.slam.pose_graph.optimization import Edges
+from curvescan.slam.pose_graph.robust import optimize_robustly, tls_weights
 from tests.slam.graphs import SIGMAS, dead_reckoning, ladder, loop, measured_edges
 
 

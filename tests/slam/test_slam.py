@@ -10,7 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.slam import ClosureOutcome, SlamRun, run_slam
-from curvescan.slam.graph import EdgeKind
+from curvescan.slam.pose_graph.graph import EdgeKind
 
 pytestmark = pytest.mark.slow
 

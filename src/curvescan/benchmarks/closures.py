@@ -14,7 +14,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.simulation.lookalikes import Deceit, deceive
 from curvescan.slam import Slam
-from curvescan.slam.graph import EdgeKind
+from curvescan.slam.pose_graph.graph import EdgeKind
 
 FALSE_M, FALSE_RAD = 0.3, 0.15
 """A closure is false when its pose is off by more than this, metres and radians: along a corridor only what it measures counts."""

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from curvescan.plots.canvas import FAILED, GREY, PAIRED, PATH, as_place, drawing_places
-from curvescan.slam.graph import EdgeKind
 from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Points
 
 

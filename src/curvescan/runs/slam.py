@@ -25,9 +25,9 @@ from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.odometry import describe_run
 from curvescan.runs.plain import as_plain
 from curvescan.slam import ClosureOutcome, SlamRun
-from curvescan.slam.closures import Closure
-from curvescan.slam.graph import EdgeKind
+from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Pose, Trajectory
 
 CLOSURE_HEADER = (

@@ -6,9 +6,9 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from curvescan.slam.closures import Closure, ClosureOutcome
     from curvescan.slam.config import SlamConfig
     from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
+    from curvescan.slam.loops.closures import Closure, ClosureOutcome
     from curvescan.slam.map import SlamMap
     from curvescan.slam.map_file import load_map
     from curvescan.slam.run import SlamRun, run_slam

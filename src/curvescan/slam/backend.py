@@ -16,11 +16,14 @@ import numpy as np
 from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
-from curvescan.slam.agreement import Waiting
-from curvescan.slam.belief import Belief
-from curvescan.slam.bending import bending, suspects
-from curvescan.slam.candidates import choose_candidates
-from curvescan.slam.closures import (
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.agreement import Waiting
+from curvescan.slam.loops.belief import Belief
+from curvescan.slam.loops.bending import bending, suspects
+from curvescan.slam.loops.candidates import choose_candidates
+from curvescan.slam.loops.closures import (
     UNKNOWN_M,
     Closure,
     ClosureOutcome,
@@ -29,13 +32,10 @@ from curvescan.slam.closures import (
     judged,
     vaguely,
 )
-from curvescan.slam.components import components
-from curvescan.slam.config import SlamConfig
-from curvescan.slam.graph import EdgeKind, PoseGraph
-from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
-from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.map import SlamMap
-from curvescan.slam.optimization import Edges
+from curvescan.slam.pose_graph.components import components
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.optimization import Edges
 from curvescan.types import Cov, Pose
 
 

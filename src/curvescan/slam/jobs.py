@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.slam.belief import UNKNOWN
-from curvescan.slam.components import anchors_of, components
-from curvescan.slam.graph import EdgeKind, PoseGraph
-from curvescan.slam.marginals import marginal_covariances
-from curvescan.slam.optimization import Edges, normal_equations
-from curvescan.slam.robust import optimize_robustly
-from curvescan.slam.sparse import block_pattern
+from curvescan.slam.loops.belief import UNKNOWN
+from curvescan.slam.pose_graph.components import anchors_of, components
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.marginals import marginal_covariances
+from curvescan.slam.pose_graph.optimization import Edges, normal_equations
+from curvescan.slam.pose_graph.robust import optimize_robustly
+from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 

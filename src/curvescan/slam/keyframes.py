@@ -11,8 +11,8 @@ from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.curvescan.features import CurvescanFeatures
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
-from curvescan.slam.overlap import N_SECTORS, range_profile
-from curvescan.slam.place_index import PlaceIndex, Signature, signature
+from curvescan.slam.loops.overlap import N_SECTORS, range_profile
+from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
 from curvescan.types import Floats, Pose
 
 

@@ -25,9 +25,9 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
-from curvescan.slam.overlap import foretold_overlap, range_profile
-from curvescan.slam.relative import between_steps
+from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Cov, Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)

@@ -22,12 +22,12 @@ from curvescan.odometry.step import OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
-from curvescan.slam.closures import Closure
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
 from curvescan.slam.records import Records
-from curvescan.slam.relative import between_steps, wheel_motion
 from curvescan.slam.step import SlamStep
 from curvescan.types import Pose, Trajectory
 

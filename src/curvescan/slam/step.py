@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from curvescan.matchers import MatchResult
 from curvescan.odometry.step import StepOutcome
-from curvescan.slam.closures import Closure
+from curvescan.slam.loops.closures import Closure
 from curvescan.types import Cov, Pose
 
 

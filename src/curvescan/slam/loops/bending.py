@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.slam.closures import Closure, ClosureOutcome
-from curvescan.slam.graph import EdgeKind
-from curvescan.slam.optimization import Edges, squared_distances
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.types import Floats, Ints, Pose
 
 _N_LEAST = 100

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.slam.components import anchors_of, components
-from curvescan.slam.initialization import chordal_poses
-from curvescan.slam.optimization import Edges, optimize, squared_distances
+from curvescan.slam.pose_graph.components import anchors_of, components
+from curvescan.slam.pose_graph.initialization import chordal_poses
+from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
 from curvescan.types import Bools, Floats, Ints, Pose
 
 _STEP = 2.0

@@ -6,9 +6,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
-from curvescan.slam.closures import Closure
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.consistency import largest_clique
+from curvescan.slam.loops.closures import Closure
+from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Bools, Pose
 
 

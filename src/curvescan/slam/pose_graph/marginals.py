@@ -10,7 +10,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.slam.sparse import BlockPattern, lu_of
+from curvescan.slam.pose_graph.sparse import BlockPattern, lu_of
 from curvescan.types import Cov, Floats, Ints, Pose
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.marginals import seen_from
+from curvescan.slam.pose_graph.marginals import seen_from
 from curvescan.types import Cov, Pose
 
 UNKNOWN: Cov = np.diag([1e6, 1e6, 10.0])

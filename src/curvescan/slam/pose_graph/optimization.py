@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.slam.sparse import BlockPattern, block_pattern, factorize
+from curvescan.slam.pose_graph.sparse import BlockPattern, block_pattern, factorize
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 

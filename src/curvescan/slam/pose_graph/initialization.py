@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.slam.optimization import Edges
-from curvescan.slam.sparse import BlockPattern, block_pattern, factorize
+from curvescan.slam.pose_graph.optimization import Edges
+from curvescan.slam.pose_graph.sparse import BlockPattern, block_pattern, factorize
 from curvescan.types import Floats, Ints, Pose
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.overlap import foretold_overlap
+from curvescan.slam.loops.overlap import foretold_overlap
 from curvescan.types import Cov, Floats, Pose
 
 if TYPE_CHECKING:
