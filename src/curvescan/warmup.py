@@ -17,15 +17,15 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.matchers.curvescan.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import CurvescanFeatures
-from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.sampling import choose_samples
+from curvescan.matchers.curvescan.features.surfels import N_COLUMNS
 from curvescan.matchers.curvescan.movable import free_standing, information_without
-from curvescan.matchers.curvescan.range_image import RangeImage
-from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
-from curvescan.matchers.curvescan.sampling import choose_samples
 from curvescan.matchers.curvescan.scoring import best_beside
 from curvescan.matchers.curvescan.search import search
-from curvescan.matchers.curvescan.surfels import N_COLUMNS
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
 from curvescan.se2 import between as between_poses

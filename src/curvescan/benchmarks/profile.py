@@ -32,7 +32,7 @@ class StageTime:
     method : str
         Name of the matcher.
     stage : str
-        A file of the package, ``matchers/curvescan/surfels.py``, or REST. What a kernel calls counts as its own.
+        A file of the package, ``matchers/curvescan/features/surfels.py``, or REST. What a kernel calls counts as its own.
     prepare_seconds, match_seconds, guess_seconds : float
         For each scan that is prepared, each match without a guess, and each with one as good as odometry's.
     """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from curvescan.slam.step import SlamStep
 
 _HOMES = {
-    "Closure": "closures",
+    "Closure": "loops.closures",
     "Localizer": "localizer",
     "LocalizerOutcome": "localizer",
     "LocalizerStep": "localizer",
@@ -25,7 +25,7 @@ _HOMES = {
     "SlamMap": "map",
     "SlamRun": "run",
     "SlamStep": "step",
-    "ClosureOutcome": "closures",
+    "ClosureOutcome": "loops.closures",
     "load_map": "map_file",
     "run_slam": "run",
 }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.matchers import MatchResult, PreparedScan, prepare
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile

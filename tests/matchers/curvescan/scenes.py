@@ -8,7 +8,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import extract_features
+from curvescan.matchers.curvescan.features.features import extract_features
 from tests.scenes import room_ranges, room_scan
 
 MOTION = np.array([0.12, -0.07, 0.09])

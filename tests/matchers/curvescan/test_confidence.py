@@ -16,8 +16,8 @@ from curvescan.matchers.curvescan.confidence import (
     support_of,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, X, Y
 from curvescan.matchers.curvescan.search import Problem
-from curvescan.matchers.curvescan.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, X, Y
 from tests.matchers.curvescan.scenes import MOTION, pair
 
 CONFIG = CurvescanConfig()

@@ -9,8 +9,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import KeypointsConfig
-from curvescan.matchers.curvescan.keypoints import arm_direction
-from curvescan.matchers.curvescan.surfels import moments
+from curvescan.matchers.curvescan.features.keypoints import arm_direction
+from curvescan.matchers.curvescan.features.surfels import moments
 from tests.matchers.curvescan.scenes import features, pillar_scan
 from tests.scenes import ROOM, room_scan
 

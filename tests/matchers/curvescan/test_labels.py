@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.labels import (
     DYNAMIC,
     INLIER,
@@ -15,7 +16,6 @@ from curvescan.matchers.curvescan.labels import (
     compare_readings,
     static_segments,
 )
-from curvescan.matchers.curvescan.range_image import reading_at
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 

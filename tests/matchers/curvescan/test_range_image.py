@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.range_image import (
+from curvescan.matchers.curvescan.features.range_image import (
     azimuth_table,
     bearing,
     reading_at,

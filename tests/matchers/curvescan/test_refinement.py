@@ -7,7 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import RefinementConfig
-from curvescan.matchers.curvescan.range_image import reading_at
+from curvescan.matchers.curvescan.features.range_image import reading_at
 from curvescan.matchers.curvescan.refinement import accumulate, refine, solve
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.rotation_hypotheses import (
     aligned_translations,
     degenerate_hypotheses,
-    direction_histogram,
     dominant_axis,
     rotation_hypotheses,
     wall_offsets,

@@ -9,8 +9,8 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import extract_features
-from curvescan.matchers.curvescan.range_image import place_of, reading_at, reading_beside
+from curvescan.matchers.curvescan.features.features import extract_features
+from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow

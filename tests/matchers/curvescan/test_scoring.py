@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import ScoringConfig
-from curvescan.matchers.curvescan.range_image import place_of, reading_at, reading_beside
+from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.scoring import best_beside, score_pose, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow

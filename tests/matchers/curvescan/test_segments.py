@@ -10,7 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.segments import ordered_readings
+from curvescan.matchers.curvescan.features.segments import ordered_readings
 from tests.matchers.curvescan.scenes import pillar_scan
 from tests.reference import curvescan as slow
 

@@ -7,7 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.surfels import (
+from curvescan.matchers.curvescan.features.surfels import (
     fit_line,
     fit_lines,
     fit_surfels,

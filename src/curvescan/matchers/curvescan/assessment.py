@@ -13,10 +13,10 @@ from curvescan.matchers.curvescan.config import (
     InformationConfig,
     ScoringConfig,
 )
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.information import covariance, pose_information
 from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER, compare_readings, static_segments
-from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.scoring import best_beside
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose

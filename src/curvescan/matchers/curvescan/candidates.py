@@ -13,9 +13,9 @@ import numpy as np
 from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
 from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, explained_share
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine_fully
 from curvescan.matchers.curvescan.scoring import select
 from curvescan.matchers.curvescan.search import Candidates, Problem

@@ -17,11 +17,11 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment import Assessment
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER, compare_readings
 from curvescan.matchers.curvescan.pose_difference import difference
-from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.search import Problem
-from curvescan.matchers.curvescan.surfels import CX, CY, LENGTH, NX, NY, X, Y
 from curvescan.types import Codes, Floats, Ints, Pose
 
 MAX_REPETITION = 0.36

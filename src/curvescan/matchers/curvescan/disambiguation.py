@@ -19,7 +19,7 @@ from curvescan.matchers.curvescan.candidates import (
 )
 from curvescan.matchers.curvescan.confidence import Support, support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.movable import without_movable
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.refinement import refine

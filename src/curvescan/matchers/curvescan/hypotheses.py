@@ -11,9 +11,9 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.keypoints import DIRECTION, FX, FY, KIND, TURN
-from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.surfels import RANGE
+from curvescan.matchers.curvescan.features.keypoints import DIRECTION, FX, FY, KIND, TURN
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.features.surfels import RANGE
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, TILT, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.types import Bools, Floats, Ints
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2

@@ -15,7 +15,7 @@ import numpy as np
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, disambiguate
-from curvescan.matchers.curvescan.features import CurvescanFeatures, extract_features
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan

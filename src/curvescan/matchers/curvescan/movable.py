@@ -13,10 +13,10 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment import Assessment
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
 from curvescan.matchers.curvescan.information import pose_information
 from curvescan.matchers.curvescan.labels import INLIER
-from curvescan.matchers.curvescan.surfels import RANGE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints, Pose
 
 _MAX_EXTENT = 0.6  # metres: no person shows more

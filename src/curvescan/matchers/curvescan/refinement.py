@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 

@@ -12,13 +12,23 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.range_image import (
+from curvescan.matchers.curvescan.features.range_image import (
     RangeImage,
     place_of,
     reading_beside,
     reading_in,
 )
-from curvescan.matchers.curvescan.surfels import CX, CY, NX, NY, RANGE, SPACING, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.surfels import (
+    CX,
+    CY,
+    NX,
+    NY,
+    RANGE,
+    SPACING,
+    VARIANCE,
+    X,
+    Y,
+)
 from curvescan.types import Floats
 
 DEVIATIONS = 2.0

@@ -9,10 +9,10 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.hypotheses import most_voted, pair_keypoints
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.range_image import RangeImage
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.curvescan.rotation_hypotheses import (
     aligned_translations,

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
+from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
 from curvescan.types import Floats, Ints
 
 FX, FY, DIRECTION, TURN, KIND = range(5)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.surfels import LENGTH, N_COLUMNS
+from curvescan.matchers.curvescan.features.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats
 
 

@@ -8,12 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
-from curvescan.matchers.curvescan.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.range_image import RangeImage, azimuth_table, uneven_azimuth_table
-from curvescan.matchers.curvescan.rotation_hypotheses import direction_histogram
-from curvescan.matchers.curvescan.sampling import choose_samples
-from curvescan.matchers.curvescan.segments import ordered_readings
-from curvescan.matchers.curvescan.surfels import fit_lines, fit_surfels
+from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
+from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.range_image import (
+    RangeImage,
+    azimuth_table,
+    uneven_azimuth_table,
+)
+from curvescan.matchers.curvescan.features.sampling import choose_samples
+from curvescan.matchers.curvescan.features.segments import ordered_readings
+from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
 

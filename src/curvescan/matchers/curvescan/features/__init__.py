@@ -1,0 +1,1 @@
+"""What the matcher computes from one scan alone: segments, surfels, keypoints and the range image."""
