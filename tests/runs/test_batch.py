@@ -114,7 +114,11 @@ def test_what_failed_is_run_again(tmp_path):
 
 
 _SUPERVISOR = """
+import signal
+
 import curvescan as cs
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
 from tests.runs.batch_jobs import NamedJob
 cs.run_batch({logs!r}, out={out!r}, job=NamedJob(), workers=2)
 """
