@@ -207,6 +207,7 @@ def test_too_many_visitors_are_turned_away_and_room_comes_back(page, monkeypatch
     assert ask(page, "/")[0].status == 200
 
 
+@pytest.mark.slow
 def test_a_browser_that_reads_nothing_holds_up_neither_the_run_nor_others():
     viewer = Viewer("slow browser", is_lossless=True)
     log = simulate("room", sensor="spinning-360", n_scans=150)
@@ -217,7 +218,7 @@ def test_a_browser_that_reads_nothing_holds_up_neither_the_run_nor_others():
         started = time.monotonic()
         report = run_live(LogSource(log, speed=0), Tracker(Odometry()), [viewer])
         assert report.n_scans == len(log)
-        assert time.monotonic() - started < 10.0
+        assert time.monotonic() - started < 30.0
         assert dict(events(server, 5))["scan"]["index"] > 0
         viewer.close()
         lazy.close()

@@ -15,6 +15,9 @@ from curvescan._jit import kernel
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Pose
 
+_LEAST_VARIANCE = 1e-18
+"""Square metres and radians: a nanometre and a nanoradian."""
+
 
 class UncertainPose(NamedTuple):
     """Pose of a frame b in a frame a, and how well it is known.
@@ -147,7 +150,10 @@ def _inverse(pose_ab: Pose, cov_ab: Cov) -> tuple[Pose, Cov]:
 @kernel
 def _inverse3(m: Cov) -> Cov:
     """Return the inverse of a symmetric positive definite matrix, by cofactors of it scaled to a unit diagonal."""
-    x, y, z = 1.0 / math.sqrt(m[0, 0]), 1.0 / math.sqrt(m[1, 1]), 1.0 / math.sqrt(m[2, 2])
+    # a matcher's covariance may not be positive where its fit is degenerate: no square root of that
+    x = 1.0 / math.sqrt(max(m[0, 0], _LEAST_VARIANCE))
+    y = 1.0 / math.sqrt(max(m[1, 1], _LEAST_VARIANCE))
+    z = 1.0 / math.sqrt(max(m[2, 2], _LEAST_VARIANCE))
     a, b, c = m[0, 1] * x * y, m[0, 2] * x * z, m[1, 2] * y * z
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     inverse = np.empty((3, 3))
