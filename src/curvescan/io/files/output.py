@@ -14,6 +14,9 @@ from curvescan.io.files.hidden import HIDDEN_PREFIX, hidden_folder
 from curvescan.io.files.printable import printable
 from curvescan.io.files.replacing import move_results
 
+_MAX_PATH = 4_000
+"""Characters of a path in a sentence."""
+
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
 
@@ -53,7 +56,7 @@ def output_folder(
         yield temporary
         with held_back():
             move_results(temporary, target, [Path(source) for source in inputs])
-            note_written(printable(os.fspath(path)))
+            note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 @contextmanager
@@ -83,7 +86,7 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         with held_back():
             (temporary / target.name).replace(target)
             if not target.parent.name.startswith(HIDDEN_PREFIX):
-                note_written(printable(os.fspath(path)))
+                note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 @contextmanager
