@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from rosbags.interfaces import Connection
@@ -31,6 +31,10 @@ ODOM_FRAME, LASER_FRAME = "odom", "laser"
 SCAN_TOPIC, ODOM_TOPIC, TF_TOPIC = "/scan", "/odom", "/tf"
 
 _SECOND = 10**9
+_METADATA_VERSION: Literal[8, 9] = 8
+"""Of metadata.yaml: the last whose quality of service is a text, as all releases since Foxy read it; 9 gives a list, over which
+Humble and Iron stumble."""
+
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
 _UNKNOWN = 1e6
@@ -109,7 +113,7 @@ class BagWriter:
         self._writer: _Writer = (
             Ros1Writer(self._path)
             if self._is_ros1
-            else Ros2Writer(self._path, version=9, storage_plugin=_PLUGINS[kind])
+            else Ros2Writer(self._path, version=_METADATA_VERSION, storage_plugin=_PLUGINS[kind])
         )
 
     def __enter__(self) -> Self:
