@@ -14,7 +14,16 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, TILT, VARIANCE, X, Y
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    distances,
+    lever,
+    motion_of,
+    projected,
+    turned,
+)
+from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
 from curvescan.types import Bools, Floats, Ints
 
 
@@ -24,7 +33,7 @@ def add_information(
     surfels_other: Floats,
     partner: Ints,
     pose: Floats,
-    inverse: bool,
+    way: float,
     system: Floats,
 ) -> None:
     """Add the information of the readings of one scan, each against its partner's line.
@@ -37,28 +46,23 @@ def add_information(
         Reading of the other scan, -1 for none.
     pose : (3,) float64
         Of the current scan in the reference.
-    inverse : bool
-        Whether `surfels` is the reference.
+    way : float
+        FORWARD where `surfels` is the current scan, BACKWARD where it is the reference.
     system : (15,) float64
         Upper triangles of the information (0:6) and of its spurious part, from tilt (6:12); sums of
         normalised squared residuals (12) and of their weights (13), of squared distances (14).
     """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    motion = motion_of(pose, way)
     for i in range(surfels.shape[0]):
         j = partner[i]
         if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
             continue
-        ax, ay = surfels[i, X], surfels[i, Y]
-        if inverse:
-            dx, dy = ax - pose[0], ay - pose[1]
-            qx, qy = c * dx + s * dy, c * dy - s * dx
-        else:
-            dx, dy = c * ax - s * ay, s * ax + c * ay
-            qx, qy = dx + pose[0], dy + pose[1]
+        dx, dy = lever(surfels, i, motion)
+        x, y = projected(surfels, i, motion)
+        e = distances(x, y, surfels_other, j)[0]
         nx, ny = surfels_other[j, NX], surfels_other[j, NY]
-        e = nx * (qx - surfels_other[j, CX]) + ny * (qy - surfels_other[j, CY])
-        if inverse:
-            nx, ny = c * nx - s * ny, s * nx + c * ny
+        if way < 0.0:
+            nx, ny = turned(nx, ny, motion)
         va = surfels[i, VARIANCE]
         variance = va + surfels_other[j, VARIANCE]
         weight = 1.0 / variance
@@ -148,16 +152,14 @@ def pose_information(
         root mean square distance of the readings.
     """
     system = np.zeros(15)
-    for inverse in (False, True):  # no constants: each would be compiled for
-        surfels, others = (surfels_ref, surfels_cur) if inverse else (surfels_cur, surfels_ref)
-        partner = partner_ref if inverse else partner_cur
-        add_information(surfels, others, partner, pose, inverse, system)
+    add_information(surfels_cur, surfels_ref, partner_cur, pose, FORWARD, system)
+    add_information(surfels_ref, surfels_cur, partner_ref, pose, BACKWARD, system)
     n = max(system[13], 1.0)
-    lever = math.sqrt(system[14] / n) + 1e-3
+    arm = math.sqrt(system[14] / n) + 1e-3
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
     # explains widen it, smaller ones do not narrow it
     scale = 0.5 / max(system[12] / n, 1.0)
-    units = np.array([1.0, 1.0, 1.0 / lever])
+    units = np.array([1.0, 1.0, 1.0 / arm])
     net = np.empty((3, 3))
     false = np.empty((3, 3))
     k = 0

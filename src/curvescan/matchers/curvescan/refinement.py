@@ -13,8 +13,17 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    associate,
+    lever,
+    motion_of,
+    turned,
+    turned_back,
+)
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
@@ -35,67 +44,50 @@ def accumulate(
     ----------
     surfels_a : (p, 10) float64
         Readings of scan a.
-    view_b : View
+    view_b : RangeImage
         Scan b.
     pose : (3,) float64
         Of the current scan in the reference.
     way : float
-        1 where scan a is the current one, -1 where it is the reference (no bool: for each constant one Numba would
-        compile anew).
-    slack, slack_slope : float
+        FORWARD where scan a is the current one, BACKWARD where it is the reference.
+    sigma_extra, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64
         What is added to: the upper triangle of the information (0:6) over x, y and theta, theta turning about the
         current sensor; the gradient (6:9).
     """
     surfels_b = view_b.surfels
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    tx, ty = pose[0], pose[1]
+    motion = motion_of(pose, way)
     for i in range(surfels_a.shape[0]):
         va = surfels_a[i, VARIANCE]
         if va < 0.0:
             continue
-        ax, ay = surfels_a[i, X], surfels_a[i, Y]
-        if way < 0.0:
-            dx, dy = ax - tx, ay - ty
-            qx, qy = c * dx + s * dy, c * dy - s * dx
-        else:
-            dx, dy = c * ax - s * ay, s * ax + c * ay
-            qx, qy = dx + tx, dy + ty
-        j = reading_at(qx, qy, view_b)
+        j, _, _, _, e, along = associate(surfels_a, i, motion, view_b)
         if j < 0:
             continue
         vb = surfels_b[j, VARIANCE]
         if vb < 0.0:
             continue
-        ux, uy = qx - surfels_b[j, CX], qy - surfels_b[j, CY]
-        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
-        e = nx * ux + ny * uy
         extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
         variance = va + vb + extra * extra
         u2 = e * e / variance
         if u2 > 16.0:
             continue
         reach = 0.1 + 3.0 * extra
-        min_difference = uy * nx - ux * ny
-        if (
-            min_difference * min_difference
-            > reach * reach + 0.01 * surfels_b[j, RANGE] * surfels_b[j, RANGE]
-        ):
+        if along * along > reach * reach + 0.01 * surfels_b[j, RANGE] * surfels_b[j, RANGE]:
             continue
         # facing: both lines must look the same way
+        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
         mx, my = surfels_a[i, NX], surfels_a[i, NY]
-        if way < 0.0:
-            mx, my = c * mx + s * my, c * my - s * mx
-        else:
-            mx, my = c * mx - s * my, s * mx + c * my
+        mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
         if mx * nx + my * ny < 0.7:
             continue
         weight = 1.0 / variance
         if u2 > 4.0:
             weight *= (16.0 - u2) * (16.0 - u2) / 144.0
         if way < 0.0:
-            nx, ny = -(c * nx - s * ny), -(s * nx + c * ny)
+            nx, ny = turned(-nx, -ny, motion)
+        dx, dy = lever(surfels_a, i, motion)
         j2 = nx * -dy + ny * dx
         wx, wy, wt = weight * nx, weight * ny, weight * j2
         system[0] += wx * nx
@@ -142,9 +134,9 @@ def refine(
     ----------
     poses : (h, 3) float64
         Where to start, of the current scan in the reference.
-    ref, cur : View
+    ref, cur : RangeImage
         Both scans; their samples are what is compared with the other scan.
-    slacks : (n,) float64
+    sigmas : (n,) float64
         One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
         for each metre away from it.
     """
@@ -154,8 +146,8 @@ def refine(
         pose = refined[h]
         for sigma_extra in sigmas:
             system[:] = 0.0
-            accumulate(cur.samples, ref, pose, 1.0, sigma_extra, 0.3 * sigma_extra, system)
-            accumulate(ref.samples, cur, pose, -1.0, sigma_extra, 0.3 * sigma_extra, system)
+            accumulate(cur.samples, ref, pose, FORWARD, sigma_extra, 0.3 * sigma_extra, system)
+            accumulate(ref.samples, cur, pose, BACKWARD, sigma_extra, 0.3 * sigma_extra, system)
             dx, dy, dtheta = solve(system, 10.0)
             step = max(abs(dx), abs(dy), abs(dtheta))
             shrink = 0.5 / step if step > 0.5 else 1.0
