@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from curvescan.matchers import MatchResult
 from curvescan.odometry.config import MotionConfig
+from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
-
-_OPEN = 100.0
-"""Standard deviation of what is not measured, metres: more than any prediction errs."""
 
 
 class GatedMatch(NamedTuple):
@@ -63,15 +59,6 @@ class GatedMatch(NamedTuple):
     def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
         score = self.result.score
         return *self._standing, min(score, min_score) if self.is_plausible else score
-
-
-def as_measurement(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match as it may be fused: what the scans leave open is not measured at all."""
-    cov = result.covariance
-    if result.degenerate_direction is not None:
-        # a matcher goes along there as its guess does: to count that as a measurement would count the guess twice
-        cov = cov + _OPEN**2 * np.outer(result.degenerate_direction, result.degenerate_direction)
-    return UncertainPose(result.pose, cov)
 
 
 def gate(

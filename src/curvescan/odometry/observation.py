@@ -11,6 +11,7 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
+from curvescan.odometry.measurement import decided_by_expectation
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
@@ -54,6 +55,8 @@ class Matching:
         expected = compose(origin, prediction.motion)
         repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
         result = self.matcher.match(reference.features, current.features, expected.pose)
+        if self.config.motion.is_fused:
+            result = decided_by_expectation(result, expected, self.config.motion)
         return gate(result, expected, self.config.motion, repeated)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
