@@ -10,6 +10,10 @@ from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 
 
+_SURE = 0.8
+"""Least confidence of a match that explains little of the scans: in an unseen room such ones come about by chance."""
+
+
 class GatedMatch(NamedTuple):
     """A match of the current scan with one reference.
 
@@ -41,8 +45,11 @@ class GatedMatch(NamedTuple):
         return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
     def is_accepted(self, least_score: float) -> bool:
-        """Return whether the match may decide: one in an unexpected place must at least explain some of the scans."""
-        return self.result.ok and (self.is_plausible or not self.result.score < least_score)
+        """Return whether the match may decide: one that explains little of the scans must lie where expected, and be sure."""
+        result = self.result
+        if not result.ok or not result.score < least_score:
+            return result.ok
+        return self.is_plausible and not result.confidence < _SURE
 
     def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
