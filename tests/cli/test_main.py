@@ -397,3 +397,27 @@ def test_a_progress_bar_tells_all_steps_and_runs_no_thread_beside_the_work(monke
             advance()
         assert set(threading.enumerate()) <= before
     assert "40/40" in shown.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "name", ["esc\x1b[31mred.log", "bad\udcff.log", "a$b$x_{.log", "n" * 200 + ".log"]
+)
+def test_names_of_files_are_printed_plainly(log, tmp_path, capsys, name):
+    strange = tmp_path / name
+    log.rename(strange)
+    for words in (["info"], ["odometry", "--out", f"{tmp_path}/{name[:-4]}"]):
+        assert run([words[0], str(strange), *words[1:]]) == 0
+    missing = tmp_path / f"no-{name}"
+    assert run(["info", str(missing)]) == 1
+    captured = capsys.readouterr()
+    printed = captured.out + captured.err
+    assert "\x1b" not in printed
+    assert printed.isascii() or "\udcff" not in printed
+    assert name[:3] in printed
+    assert (tmp_path / name[:-4] / "map.png").stat().st_size > 1000
+
+
+def test_what_could_not_be_read_is_told_by_the_run(log, tmp_path, capsys):
+    log.write_text(log.read_text() + "FLASER 361 1.0 1.0")
+    assert run(["odometry", str(log), "--out", str(tmp_path / "o")]) == 0
+    assert "cut short" in " ".join(capsys.readouterr().err.split())

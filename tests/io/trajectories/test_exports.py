@@ -22,10 +22,11 @@ from curvescan.io.trajectories.exports import (
     takes_edges,
     write_exports,
 )
-from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
-from curvescan.odometry import Odometry, run_odometry
+from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
 from curvescan.odometry.pose_graph import PoseGraph
+from curvescan.simulation import simulate
 from curvescan.types import PoseEdge, Trajectory
 from tests.logs import assert_same_scan, rich_log
 from tests.scenes import room_scan
@@ -132,7 +133,9 @@ def test_a_pose_graph(tmp_path: Path) -> None:
 def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
     gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed: pip install gtsam")
     path = trajectory()
-    closure = PoseEdge(i=0, j=7, pose=path.poses[7] - path.poses[0], covariance=np.diag([1e-4, 4e-4, 1e-6]))
+    closure = PoseEdge(
+        i=0, j=7, pose=path.poses[7] - path.poses[0], covariance=np.diag([1e-4, 4e-4, 1e-6])
+    )
     edges = [*edges_along(path.poses), closure]
     write_g2o(tmp_path / "a.g2o", path, edges)
     graph, values = gtsam.readG2o(str(tmp_path / "a.g2o"), False)
@@ -165,10 +168,8 @@ def test_a_return_has_both_its_edges() -> None:
         assert by_match.i < step.index - 1
         np.testing.assert_array_equal(by_motion.pose, step.motion)
     assert len(graph.edges) == len(steps) - 1 + len(returns)
-    written = Trajectory(stamps=np.arange(len(steps)), poses=np.array([s.pose for s in steps]))
-    for edge in graph.edges:
+    for edge in graph.edges:  # which refuses a covariance that is not positive definite
         assert np.isfinite(information_of(edge)).all()
-    assert len(written) == len(steps)
 
 
 def run_odometry_steps() -> list[OdometryStep]:
