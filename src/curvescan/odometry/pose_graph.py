@@ -8,8 +8,6 @@ from curvescan import se2
 from curvescan.odometry import OdometryStep, StepOutcome
 from curvescan.types import Cov, Pose, PoseEdge
 
-_RETURNS = (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
-
 GUESS_SIGMAS = (0.1, 0.1, 0.1)
 """Standard deviations of a motion that no match measured: metres, metres, radians a step."""
 
