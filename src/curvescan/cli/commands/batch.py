@@ -97,7 +97,7 @@ def batch(
     configs
         Parameters of the methods; those of the method that runs are used.
     chain_config
-        Parameters of the odometry, where key scans are used and --slam is not given.
+        Parameters of the odometry, where keyframes are used and --slam is not given.
     slam_config
         Parameters of SLAM.
     """
