@@ -6,8 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
@@ -30,9 +29,9 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
-    from curvescan.runs.batch import BatchDisplay
-    from curvescan.runs.job import Job
-    from curvescan.runs.manifest import BatchRecord
+    from curvescan.runs.batch.job import Job
+    from curvescan.runs.batch.manifest import BatchRecord
+    from curvescan.runs.batch.run_batch import BatchDisplay
 
 Patterns: TypeAlias = Annotated[
     tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
@@ -46,9 +45,10 @@ def batch(
     patterns: Patterns,
     /,
     *,
-    out: Path,
+    out: str,
     slam: Flag = False,
     resume: Flag = False,
+    engine: Literal["local", "ray"] = "local",
     workers: int | None = None,
     timeout: float = 3600.0,
     method: Method = "curvescan",
@@ -62,7 +62,7 @@ def batch(
     chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
     slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Run odometry or SLAM over many logs, on all cores; one bad log stops no other.
+    """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
 
     Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line for each log
     as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit status 1 if any log failed.
@@ -70,15 +70,17 @@ def batch(
     Parameters
     ----------
     patterns
-        Logs, or patterns of them in quotes: `'logs/**/*.bag'`.
+        Logs, or patterns of them in quotes: `'logs/**/*.bag'`, `'s3://bucket/logs/*.mcap'`.
     out
-        Folder for the results; made if it is missing.
+        Folder for the results; made if it is missing. May be one of a bucket: s3://, gs:// or az://.
     slam
         SLAM in place of odometry.
     resume
         Leave out logs whose results stand: same log, same options, same version. What failed is run again.
+    engine
+        Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names.
     workers
-        How many processes; one a core if not given.
+        How many logs at once; one a core if not given.
     timeout
         Time that one log may take, seconds; inf for any.
     method
@@ -105,8 +107,8 @@ def batch(
     from curvescan.cli.console import ERR, OUT
     from curvescan.cli.flags import with_flags
     from curvescan.cli.tracker import make_config
-    from curvescan.runs.batch import run_batch
-    from curvescan.runs.jobs import LogOptions, OdometryJob, SlamJob
+    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
+    from curvescan.runs.batch.run_batch import run_batch
 
     logs = LogOptions(range_max=range_max, topic=topic, setup=sensor_setup(laser))
     job: Job
@@ -136,6 +138,7 @@ def batch(
                 patterns,
                 out=out,
                 job=job,
+                engine=engine,
                 workers=workers,
                 timeout=timeout,
                 resume=resume,
