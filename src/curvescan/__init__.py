@@ -85,8 +85,8 @@ if TYPE_CHECKING:
     from curvescan.odometry import Odometry, OdometryRun, OdometryStep, StepOutcome, run_odometry
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.plots import on_axes as plot
+    from curvescan.runs.batch.batch import BatchResult, run_batch
     from curvescan.runs.batch.jobs import OdometryJob, SlamJob
-    from curvescan.runs.batch.run_batch import BatchResult, run_batch
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
@@ -103,7 +103,7 @@ if TYPE_CHECKING:
     from curvescan.warmup import warm_up
 
 _HOMES = {
-    "BatchResult": "curvescan.runs.batch.run_batch",
+    "BatchResult": "curvescan.runs.batch.batch",
     "CfSmaConfig": "curvescan.matchers.cfsma.config",
     "ConvergenceConfig": "curvescan.matchers.baselines.config",
     "CoxConfig": "curvescan.matchers.baselines.config",
@@ -180,7 +180,7 @@ _HOMES = {
     "read_relations": "curvescan.io",
     "read_tum": "curvescan.io",
     "run": "curvescan.runs.run",
-    "run_batch": "curvescan.runs.batch.run_batch",
+    "run_batch": "curvescan.runs.batch.batch",
     "run_odometry": "curvescan.odometry",
     "simulate": "curvescan.simulation",
     "warm_up": "curvescan.warmup",

@@ -29,9 +29,9 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
+    from curvescan.runs.batch.batch import BatchDisplay
     from curvescan.runs.batch.job import Job
     from curvescan.runs.batch.manifest import BatchRecord
-    from curvescan.runs.batch.run_batch import BatchDisplay
 
 Patterns: TypeAlias = Annotated[
     tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
@@ -107,8 +107,8 @@ def batch(
     from curvescan.cli.console import ERR, OUT
     from curvescan.cli.flags import with_flags
     from curvescan.cli.tracker import make_config
+    from curvescan.runs.batch.batch import run_batch
     from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
-    from curvescan.runs.batch.run_batch import run_batch
 
     logs = LogOptions(range_max=range_max, topic=topic, setup=sensor_setup(laser))
     job: Job

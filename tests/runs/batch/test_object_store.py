@@ -16,7 +16,7 @@ from curvescan.runs.batch import transfer
 from curvescan.runs.batch.claims import Claims
 from curvescan.runs.batch.logs import _matches, name_folders, unique_name
 from curvescan.runs.batch.object_store import Bucket, is_url, split_url
-from tests.runs.batch.named_jobs import NamedJob
+from tests.runs.batch.batch_jobs import NamedJob
 
 
 @pytest.fixture

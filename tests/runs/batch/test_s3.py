@@ -19,7 +19,7 @@ import pytest
 import curvescan as cs
 from curvescan.runs.batch.object_store import Bucket
 from tests.conftest import ROOT
-from tests.runs.batch.named_jobs import CountedJob, NamedJob
+from tests.runs.batch.batch_jobs import CountedJob, NamedJob
 from tests.runs.batch.s3_server import s3_server
 
 pytest.importorskip("obstore", reason="needs obstore: pip install 'curvescan[cloud]'")
@@ -132,7 +132,7 @@ def test_a_real_log_gives_the_same_bits_from_a_bucket(bucket, tmp_path):
 
 _SUPERVISOR = """
 import curvescan as cs
-from tests.runs.batch.named_jobs import CountedJob
+from tests.runs.batch.batch_jobs import CountedJob
 
 cs.run_batch("s3://fleet/logs/*.log", out="s3://fleet/out", job=CountedJob(tally={tally!r}), workers=2, resume={resume})
 """

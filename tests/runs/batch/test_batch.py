@@ -20,7 +20,7 @@ from curvescan.runs.batch.job import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
 from curvescan.runs.batch.manifest import open_manifest, read_manifest
 from tests.conftest import ROOT
-from tests.runs.batch.named_jobs import NamedJob, UnloadableJob
+from tests.runs.batch.batch_jobs import NamedJob, UnloadableJob
 
 
 def make_logs(folder, *names):
@@ -119,7 +119,7 @@ import signal
 import curvescan as cs
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
-from tests.runs.batch.named_jobs import NamedJob
+from tests.runs.batch.batch_jobs import NamedJob
 cs.run_batch({logs!r}, out={out!r}, job=NamedJob(), workers=2)
 """
 
