@@ -181,6 +181,7 @@ def run_tasks(
                 yield one.done(_said(reply, log))
             else:
                 del assigned[worker]
+                worker.end()
                 if one.task is not None:
                     yield one.done(worker.cause_of_death())
                 n_false_starts += not one.is_ready
@@ -188,7 +189,6 @@ def run_tasks(
                     raise WorkerError(
                         f"the workers cannot be started: {_last_line(log) or worker.cause_of_death()}"
                     )
-                worker.end()
     finally:
         for worker in assigned:
             worker.dismiss()
