@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +18,7 @@ from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.plots.occupancy import draw_occupancy
+from curvescan.runs.results import write_record
 from curvescan.types import Trajectory
 
 
@@ -109,7 +109,7 @@ class ResultsSink(WorkerSink):
         record = (
             {"curvescan": __version__, "source": name} | record_of(report) | dict(details or {})
         )
-        (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        write_record(folder, record)
         return (*written, "run.json")
 
 

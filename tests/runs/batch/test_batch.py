@@ -203,7 +203,7 @@ def test_sigterm_ends_the_command_with_a_sentence(tmp_path):
             workers = children_of(batch.pid)
     batch.terminate()
     _, said = batch.communicate(timeout=10)
-    assert batch.returncode == 130
+    assert batch.returncode == 143
     assert "interrupted: the logs listed in" in said
     assert "Traceback" not in said
     assert len(workers) == 2

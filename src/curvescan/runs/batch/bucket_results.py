@@ -7,6 +7,7 @@ results are there; without it they do not count. manifest.jsonl and fleet.csv ga
 from __future__ import annotations
 
 import os
+import shutil
 import socket
 import tempfile
 import time
@@ -16,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from curvescan._interrupts import cleaned_up_by
 from curvescan.runs.batch.claims import Claims
 from curvescan.runs.batch.logs import unique_name
 from curvescan.runs.batch.manifest import MANIFEST, BatchRecord, parse_record, record_line
@@ -32,7 +34,10 @@ _POLL_S = 1.0
 def open_bucket_results(url: str) -> Iterator[BucketResults]:
     """Yield the results in a folder of a bucket; see :func:`.results.open_results`."""
     address, prefix = split_url(url)
-    with tempfile.TemporaryDirectory(prefix="curvescan-log-") as scratch:
+    with (
+        tempfile.TemporaryDirectory(prefix="curvescan-log-") as scratch,
+        cleaned_up_by(lambda: shutil.rmtree(scratch, ignore_errors=True)),
+    ):
         yield BucketResults(Bucket(address), prefix, Path(scratch) / WORKERS_LOG)
 
 
@@ -65,7 +70,10 @@ class BucketResults:
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
     ) -> Iterator[TaskQueue]:
         """Give out the logs that no other batch has."""
-        with closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims:
+        with (
+            closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims,
+            cleaned_up_by(claims.close),
+        ):
             self._queue = SharedTasks(self, claims, tasks, on_record)
             yield self._queue
             self._queue = None

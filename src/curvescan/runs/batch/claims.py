@@ -46,7 +46,7 @@ class Claims:
         self._held: dict[str, str] = {}
         self._seen: dict[str, tuple[str, float]] = {}
         self._n_written = 0
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal may end the batch in the middle of a claim
         self._over = threading.Event()
         threading.Thread(target=self._renew_all, daemon=True).start()
 

@@ -13,6 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Protocol
 
+from curvescan._interrupts import cleaned_up_by
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
 from curvescan.runs.batch.logs import name_folders
 from curvescan.runs.batch.manifest import MANIFEST, BatchRecord, Manifest, open_manifest
@@ -88,7 +89,7 @@ def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
             yield results
     else:
         root = Path(out).absolute()
-        with open_manifest(root) as manifest:
+        with open_manifest(root) as manifest, cleaned_up_by(lambda: _remove_leftovers(root)):
             yield FolderResults(root, manifest)
 
 

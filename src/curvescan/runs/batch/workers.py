@@ -16,6 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import Protocol, TypeAlias
 
 from curvescan import __version__
+from curvescan._interrupts import cleaned_up_by
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.job import Job, JobResult
 from curvescan.runs.batch.results import TaskQueue
@@ -146,9 +147,22 @@ def run_tasks(
     WorkerError
         When workers die before they have begun, or run another version of curvescan.
     """
-    sent = _pickled(job)
+    sent, assigned = _pickled(job), dict[Worker, _Assignment]()
+    # a supervisor that a signal ends at once cannot wait for its workers
+    with cleaned_up_by(lambda: _kill(assigned)):
+        yield from _supervise(sent, queue, assigned, pool=pool, timeout=timeout, log=log)
+
+
+def _supervise(
+    job: bytes,
+    queue: TaskQueue,
+    assigned: dict[Worker, _Assignment],
+    *,
+    pool: WorkerPool,
+    timeout: float,
+    log: Path,
+) -> Generator[Done, None, None]:
     events: SimpleQueue[Event] = SimpleQueue()
-    assigned: dict[Worker, _Assignment] = {}
     waiting: Task | None = None
     n_false_starts = 0
     try:
@@ -158,7 +172,7 @@ def run_tasks(
             if not n_busy and not n_left:
                 return
             while len(assigned) < min(pool.n_workers, n_left + n_busy):
-                worker = pool.start(sent, events)
+                worker = pool.start(job, events)
                 assigned[worker] = _Assignment(worker)
             for one in assigned.values():
                 if one.is_ready and one.task is None:
@@ -194,6 +208,13 @@ def run_tasks(
             worker.dismiss()
         for worker in assigned:
             worker.end()
+
+
+def _kill(assigned: dict[Worker, _Assignment]) -> None:
+    for worker in tuple(assigned):
+        worker.kill()
+    for worker in tuple(assigned):
+        worker.end()
 
 
 def _stopped(assigned: dict[Worker, _Assignment], one: _Assignment, timeout: float) -> Done:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
+from curvescan._interrupts import reported_as
 from curvescan.cli.options import (
     ChainConfig,
     ChainConfigs,
@@ -25,6 +25,7 @@ from curvescan.cli.options import (
     Topic,
     sensor_setup,
 )
+from curvescan.io.files.printable import printable
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
@@ -37,8 +38,6 @@ Patterns: TypeAlias = Annotated[
     tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
 ]
 """Paths of logs, or patterns of them."""
-
-INTERRUPTED = 130
 
 
 def batch(
@@ -132,24 +131,21 @@ def batch(
             logs=logs,
             command=tuple(sys.argv),
         )
-    try:
-        with _ended_by_sigterm(), _display() as display:
-            result = run_batch(
-                patterns,
-                out=out,
-                job=job,
-                engine=engine,
-                workers=workers,
-                timeout=timeout,
-                resume=resume,
-                display=display,
-            )
-    except KeyboardInterrupt:
-        ERR.print(
-            f"interrupted: the logs listed in {out}/manifest.jsonl are done; --resume goes on with the others",
-            markup=False,
+    listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
+    sentence = (
+        f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
+    )
+    with reported_as(printable(sentence, 1000)), _display() as display:
+        result = run_batch(
+            patterns,
+            out=out,
+            job=job,
+            engine=engine,
+            workers=workers,
+            timeout=timeout,
+            resume=resume,
+            display=display,
         )
-        return INTERRUPTED
     OUT.print(_table(result.records))
     for record in result.records:
         if record.is_failed:
@@ -176,16 +172,6 @@ def _table(records: tuple[BatchRecord, ...]) -> object:
         figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
         shown.add_row(escape(record.folder), *figures, f"{record.seconds:.1f} s", record.verdict)
     return shown
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the batch as Ctrl-C does."""
-    usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, usual)
 
 
 @contextmanager
