@@ -78,12 +78,18 @@ def download(url: str, folder: Path) -> Path:
 
 
 def upload(folder: Path, url: str) -> None:
-    """Send all files of a folder to a folder of a bucket; run.json, which describes the others, comes last."""
+    """Make a folder of a bucket hold the files of a folder, and no others; run.json, which describes them, comes last."""
     address, prefix = split_url(url)
     bucket = Bucket(address)
     files = [path for path in folder.rglob("*") if path.is_file()]
+    sent = set()
     for file in sorted(files, key=lambda path: (path.name == "run.json", path)):
-        bucket.upload(file, f"{prefix}/{file.relative_to(folder).as_posix()}")
+        key = f"{prefix}/{file.relative_to(folder).as_posix()}"
+        bucket.upload(file, key)
+        sent.add(key)
+    for old in bucket.list(prefix):  # of an earlier run with other options
+        if old.key not in sent:
+            bucket.delete(old.key)
 
 
 @contextmanager
