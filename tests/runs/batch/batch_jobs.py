@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from curvescan.io.files.output import output_folder
 from curvescan.runs.batch.job import JobResult
 
 
@@ -67,8 +68,9 @@ class LargeJob(NamedJob):
     """Writes results of 300 kB."""
 
     def __call__(self, log, folder):
-        result = super().__call__(log, folder)
-        (folder / "large").write_bytes(bytes(300_000))
+        with output_folder(folder) as temporary:
+            result = super().__call__(log, temporary)
+            (temporary / "large").write_bytes(bytes(300_000))
         return result
 
 

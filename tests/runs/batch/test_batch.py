@@ -20,7 +20,7 @@ from curvescan.runs.batch.job import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
 from curvescan.runs.batch.manifest import open_manifest, read_manifest
 from tests.conftest import ROOT
-from tests.runs.batch.batch_jobs import NamedJob, UnloadableJob
+from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 
 
 def make_logs(folder, *names):
@@ -282,6 +282,29 @@ def test_a_full_disk_ends_the_batch_in_a_sentence(tmp_path):
         with pytest.raises(cs.OutputError, match="No space left on device"):
             manifest.append(result.records[0])
     assert manifest.records == {}
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 640 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=640k", "tmpfs", str(place)]
+    if not shutil.which("mount") or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_log_that_fills_the_disk_fails_and_is_run_when_there_is_room(small_disk, tmp_path):
+    logs = make_logs(tmp_path / "logs", "a.log", "b.log", "c.log")
+    result = cs.run_batch(logs, out=small_disk / "out", job=LargeJob(), workers=1)
+    assert [record.exit for record in result.records] == [0, 0, 1]
+    assert "No space left on device" in result.records[2].sentence
+    subprocess.run(["mount", "-o", "remount,size=4M", str(small_disk)], check=True)
+    again = cs.run_batch(logs, out=small_disk / "out", job=LargeJob(), workers=1, resume=True)
+    assert again.n_skipped == 2
+    assert [record.exit for record in again.records] == [0, 0, 0]
 
 
 def test_workers_that_cannot_begin_end_the_batch(tmp_path):

@@ -10,6 +10,7 @@ import math
 import pickle
 import time
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -230,7 +231,8 @@ def _said(reply: JobResult | Failure, log: Path) -> JobResult | str:
     if isinstance(reply, JobResult):
         return reply
     if reply.traceback:
-        with log.open("a", encoding="utf-8") as file:
+        # a full disk costs the traceback, not the batch
+        with suppress(OSError), log.open("a", encoding="utf-8") as file:
             file.write(reply.traceback)
     return reply.sentence
 
