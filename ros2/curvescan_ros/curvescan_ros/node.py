@@ -28,11 +28,11 @@ from curvescan.io.ros.laser_scan import scan_of
 from curvescan.io.ros.messages import BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree
 from curvescan.live import Tracker
+from curvescan.live.base_motion import BaseMotion
 from curvescan.live.warm_up import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
 from curvescan.scan import mirrored
-from curvescan_ros.base_motion import BaseMotion
 from curvescan_ros.diagnosis import Diagnosis
 from curvescan_ros.map_publisher import MapPublisher
 from curvescan_ros.messages import (

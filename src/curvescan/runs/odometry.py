@@ -8,7 +8,7 @@ import json
 import math
 import platform
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from curvescan.io.ros.bag_files import storage_files
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
-from curvescan.mapping.run_maps import build_maps
+from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.plots.map import draw_map
@@ -41,6 +41,8 @@ def save_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write the trajectory, the maps and the record of a run into an existing folder.
 
@@ -67,6 +69,10 @@ def save_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted, for run.json; None to judge the run alone, without its log.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -76,8 +82,9 @@ def save_run(
     occupancy = occupancy or OccupancyConfig()
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
-    place = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    if (place := maps) is None:
+        seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
+        place = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
     draw_map(folder / "map.png", run, place, title=_title(run, log), wheels=log, truth=truth)
     left_out: tuple[str, ...] = ()
     if place.grid is not None:
@@ -89,6 +96,7 @@ def save_run(
     record = describe_run(run, log, odometry, command, source, verdict)
     record["occupancy"] = as_plain(occupancy)
     record["left_out"] = list(left_out)
+    record |= further or {}
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     return left_out
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
-from curvescan.mapping.run_maps import build_maps
+from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.plots.graph import draw_graph
 from curvescan.plots.map import draw_map
@@ -45,6 +45,8 @@ def save_slam_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
@@ -69,6 +71,10 @@ def save_slam_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted; None to judge it here.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -83,8 +89,9 @@ def save_slam_run(
     write_csv(
         folder / "trajectory.csv", revised.trajectory, [o.name.lower() for o in revised.outcomes]
     )
-    seen = deskewed_along(log, revised.trajectory) if slam.config.odometry.deskew else log
-    maps = build_maps(seen, revised.trajectory.poses, revised.is_joined, occupancy=occupancy)
+    if maps is None:
+        seen = deskewed_along(log, revised.trajectory) if slam.config.odometry.deskew else log
+        maps = build_maps(seen, revised.trajectory.poses, revised.is_joined, occupancy=occupancy)
     draw_map(folder / "map.png", revised, maps, title=title, wheels=log, truth=truth)
     left_out: tuple[str, ...] = ()
     if maps.grid is not None:
@@ -106,6 +113,7 @@ def save_slam_run(
     record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
     record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
     record["left_out"] = list(left_out)
+    record |= further or {}
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     return left_out
 
