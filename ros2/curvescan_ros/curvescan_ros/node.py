@@ -23,6 +23,7 @@ from std_srvs.srv import Trigger
 
 import curvescan
 from curvescan import se2
+from curvescan.deskew import middle_of_sweep
 from curvescan.io.config import read_config
 from curvescan.io.ros.laser_scan import scan_of
 from curvescan.io.ros.messages import BrokenMessageError
@@ -37,6 +38,7 @@ from curvescan_ros.diagnosis import Diagnosis
 from curvescan_ros.map_publisher import MapPublisher
 from curvescan_ros.messages import (
     add_transforms,
+    later,
     map_message,
     mount_of,
     odometry_message,
@@ -165,11 +167,9 @@ class CurvescanNode(Node):
             return
         if self._is_mirrored:
             scan = mirrored(scan)
-        tracked = self._tracker.add(
-            scan, received=received, odometry_pose=self._wheel_pose(scan.stamp)
-        )
+        tracked = self._tracker.add(scan, received=received, odometry_pose=self._wheel_pose(scan))
         state = self._motion.add(tracked.step, scan.stamp)
-        stamp = message.header.stamp
+        stamp = later(message.header.stamp, tracked.half_sweep)
         self._odom.publish(odometry_message(stamp, state, self._p["odom_frame"], self._child_frame))
         if self._tf is not None:
             self._publish_tf(stamp, state)
@@ -205,10 +205,11 @@ class CurvescanNode(Node):
             (Time.from_msg(message.header.stamp).nanoseconds * 1e-9, pose_of(message))
         )
 
-    def _wheel_pose(self, stamp: float) -> np.ndarray | None:
-        """Return the laser's pose by the wheels at a stamp, interpolated; None where they do not tell."""
+    def _wheel_pose(self, scan: curvescan.LaserScan) -> np.ndarray | None:
+        """Return the laser's pose by the wheels in the middle of a sweep, interpolated; None where they do not tell."""
         if len(self._wheels) < 2:
             return None
+        stamp = scan.stamp + middle_of_sweep(scan)
         stamps = [when for when, _ in self._wheels]
         k = min(max(bisect_left(stamps, stamp), 1), len(stamps) - 1)
         (t0, a), (t1, b) = self._wheels[k - 1], self._wheels[k]

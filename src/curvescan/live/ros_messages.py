@@ -47,8 +47,9 @@ class LiveMessages:
         OutputError
             When a message cannot hold the scan.
         """
-        builder, stamp = self._builder, tracked.scan.stamp
-        state = self._motion.add(tracked.step, stamp)
+        builder = self._builder
+        state = self._motion.add(tracked.step, tracked.scan.stamp)
+        stamp = tracked.scan.stamp + tracked.half_sweep  # that the pose is of
         edges = [(ODOM_FRAME, LASER_FRAME, state.odom_base.pose)]
         if self._is_mapped and state.map_odom is not None:
             edges.append((MAP_FRAME, ODOM_FRAME, state.map_odom))

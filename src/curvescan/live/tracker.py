@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
+from curvescan.deskew import middle_of_sweep
 from curvescan.matchers import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Pose, Trajectory
@@ -82,6 +83,11 @@ class TrackedScan:
     seconds: float
     received: float
     n_dropped: int
+
+    @property
+    def half_sweep(self) -> float:
+        """Time from the scan's stamp, of its first beam, to the moment that its pose is of, seconds: half a deskewed sweep."""
+        return middle_of_sweep(self.scan) if self.is_deskewed else 0.0
 
 
 class Tracker:
