@@ -137,7 +137,7 @@ class ResultsSink(MapSink):
             revised = engine.finish()
             slam_run = SlamRun(
                 slam=engine,
-                revised=self._run(engine.method, revised, report),
+                revised=self._run(engine.method, revised, report, len(log or ())),
                 online=self.trajectory(),
                 odometry=Trajectory(
                     stamps=np.array(self._stamps), poses=np.array(self._odom).reshape(-1, 3)
@@ -154,7 +154,7 @@ class ResultsSink(MapSink):
                 further=further,
             )
         else:
-            run = self._run(engine.method, self.trajectory(), report)
+            run = self._run(engine.method, self.trajectory(), report, len(log or ()))
             save_run(
                 folder,
                 run,
@@ -167,7 +167,9 @@ class ResultsSink(MapSink):
             )
         return tuple(sorted(path.name for path in folder.iterdir()))
 
-    def _run(self, method: str, trajectory: Trajectory, report: LiveReport) -> OdometryRun:
+    def _run(
+        self, method: str, trajectory: Trajectory, report: LiveReport, n_whole: int
+    ) -> OdometryRun:
         return OdometryRun(
             method=method,
             trajectory=trajectory,
@@ -177,7 +179,7 @@ class ResultsSink(MapSink):
             n_matched=np.array(self._n_matched, dtype=np.int64),
             is_degenerate=np.array(self._is_degenerate, dtype=np.bool_),
             seconds=np.array(self._seconds),
-            is_partial=report.is_interrupted or report.error is not None,
+            is_partial=report.error is not None or n_whole > report.n_scans,
         )
 
     def _maps(self, poses: Pose) -> RunMaps:
@@ -206,12 +208,12 @@ class ResultsSink(MapSink):
             seconds=np.array(self._seconds),
             is_partial=report.is_interrupted or report.error is not None,
         )
-        save_localizer_run(folder, run, name=name, command=tuple(command))
         grid = self._map.grid()
         if grid.log_odds.size:
             write_map(folder, grid)
             title = f"{name}: {report.n_scans:,} scans localized"
             draw_occupancy(folder / "occupancy.png", grid, run.trajectory.poses, title=title)
+        save_localizer_run(folder, run, name=name, command=tuple(command))
 
 
 class _Passed(ScanAccess):

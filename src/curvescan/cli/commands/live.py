@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import sys
-import threading
+import time
 import webbrowser
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
+from curvescan._interrupts import stoppable
 from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
@@ -33,6 +33,9 @@ Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
 DEFAULT_PORT = 8765
 """Default port of the page, unless it is in use."""
+
+_POLL_S = 0.2
+"""Time between two looks whether to close the page, seconds."""
 
 
 def live(
@@ -138,9 +141,6 @@ def live(
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
-    signal.signal(
-        signal.SIGTERM, signal.default_int_handler
-    )  # a service manager stops us like Ctrl-C
     saved = None if map is None else _saved_map(map)
     maps: dict[str, Any] = {
         "mode": mode,
@@ -336,5 +336,6 @@ def _open_browser(url: str) -> None:
 
 
 def _wait() -> None:
-    with suppress(KeyboardInterrupt):
-        threading.Event().wait()
+    with stoppable() as stop:
+        while not stop.is_asked:
+            time.sleep(_POLL_S)

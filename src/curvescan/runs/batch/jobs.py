@@ -14,7 +14,7 @@ from curvescan.io.sensor_setup import SensorSetup
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
-from curvescan.runs.job import JobResult
+from curvescan.runs.batch.job import JobResult
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:

@@ -21,11 +21,12 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import BinaryIO, TypeAlias
 
+from curvescan._interrupts import cleaned_up_by
 from curvescan.errors import InvalidArgumentError, WorkerError
-from curvescan.runs.job import Job, JobResult
-from curvescan.runs.worker import Ready, Task
+from curvescan.runs.batch.job import Job, JobResult
+from curvescan.runs.batch.worker import Ready, Task
 
-_SERVE = "import sys; sys.path[:] = {}; from curvescan.runs.worker import serve; serve()"
+_SERVE = "import sys; sys.path[:] = {}; from curvescan.runs.batch.worker import serve; serve()"
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a core: libraries that start threads of their own would share it."""
 _MAX_FALSE_STARTS = 3
@@ -80,15 +81,29 @@ def run_tasks(
     WorkerError
         When workers die before they have begun.
     """
-    sent = _pickled(job)
-    waiting, workers = deque(tasks), set[_Worker]()
+    sent, workers = _pickled(job), set[_Worker]()
+    # a supervisor that a signal ends at once cannot wait for its workers
+    with cleaned_up_by(lambda: _kill(workers)):
+        yield from _supervise(sent, tasks, workers, n_workers=n_workers, timeout=timeout, log=log)
+
+
+def _supervise(
+    job: bytes,
+    tasks: Sequence[Task],
+    workers: set[_Worker],
+    *,
+    n_workers: int,
+    timeout: float,
+    log: Path,
+) -> Generator[Done, None, None]:
+    waiting = deque(tasks)
     events: SimpleQueue[Event] = SimpleQueue()
     n_false_starts = 0
     try:
         while waiting or any(worker.task for worker in workers):
             n_wanted = min(n_workers, len(waiting) + sum(bool(w.task) for w in workers))
             while len(workers) < n_wanted:
-                workers.add(_Worker(sent, events, log))
+                workers.add(_Worker(job, events, log))
             try:
                 worker, reply = events.get(timeout=_until_next(workers, timeout))
             except Empty:
@@ -167,10 +182,15 @@ class _Worker:
 
     def stop(self, why: str) -> Done:
         """End the process at once, and return that its task failed and why."""
-        self._process.kill()
+        self.kill()
         done = self.done(why)
         self.end()
         return done
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.wait()
 
     def cause_of_death(self) -> str:
         """Return how the process ended, as a sentence."""
@@ -194,8 +214,7 @@ class _Worker:
         try:
             self._process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.kill()
 
     def _send(self, message: bytes) -> bool:
         try:
@@ -215,6 +234,11 @@ def _hear(worker: _Worker, replies: BinaryIO, events: SimpleQueue[Event]) -> Non
         while True:
             events.put((worker, pickle.load(replies)))
     events.put((worker, None))
+
+
+def _kill(workers: set[_Worker]) -> None:
+    for worker in tuple(workers):
+        worker.kill()
 
 
 def _until_next(workers: set[_Worker], timeout: float) -> float:

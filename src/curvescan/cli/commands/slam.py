@@ -95,6 +95,7 @@ def slam(
             occupancy=occupancy,
             command=sys.argv,
             source=log,
+            inputs=() if map is None else (map,),
             display=display,
         )
     OUT.print(summarise(result.run.revised, len(source)))

@@ -14,14 +14,15 @@ from pathlib import Path
 from typing import Protocol
 
 from curvescan import __version__
+from curvescan._interrupts import cleaned_up_by
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
 from curvescan.io.ros.bag_files import storage_files
-from curvescan.runs.job import Job, digest_of
-from curvescan.runs.jobs import OdometryJob
-from curvescan.runs.manifest import MANIFEST, BatchRecord, LogState, open_manifest
-from curvescan.runs.worker import Task
-from curvescan.runs.workers import Done, run_tasks
+from curvescan.runs.batch.job import Job, digest_of
+from curvescan.runs.batch.jobs import OdometryJob
+from curvescan.runs.batch.manifest import MANIFEST, BatchRecord, LogState, open_manifest
+from curvescan.runs.batch.worker import Task
+from curvescan.runs.batch.workers import Done, run_tasks
 
 FLEET = "fleet.csv"
 WORKERS_LOG = "workers.log"
@@ -117,7 +118,7 @@ def run_batch(
     job, shown = job or OdometryJob(), display or _Silent()
     root, options = Path(out).absolute(), digest_of(job)
     logs = find_logs([patterns] if isinstance(patterns, str | os.PathLike) else patterns)
-    with open_manifest(root) as manifest:
+    with open_manifest(root) as manifest, cleaned_up_by(lambda: _remove_leftovers(root)):
         _remove_leftovers(root)
         states = {log: LogState.of(log) for log in logs}
         known = {k: r.folder for k, r in manifest.records.items()}

@@ -69,7 +69,7 @@ def localize(
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     slam_map = load_map(map)
-    with output_folder(out) as folder:
+    with output_folder(out, inputs=(log, map)) as folder:
         load_kernels("curvescan", slam=True)
         given = slam_config.slam
         sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)

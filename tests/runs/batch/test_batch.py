@@ -16,11 +16,11 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
-from curvescan.runs.batch import find_logs, name_folders
-from curvescan.runs.job import digest_of
-from curvescan.runs.manifest import open_manifest, read_manifest
+from curvescan.runs.batch.batch import find_logs, name_folders
+from curvescan.runs.batch.job import digest_of
+from curvescan.runs.batch.manifest import open_manifest, read_manifest
 from tests.conftest import ROOT
-from tests.runs.batch_jobs import NamedJob, UnloadableJob
+from tests.runs.batch.batch_jobs import NamedJob, UnloadableJob
 
 
 def make_logs(folder, *names):
@@ -119,7 +119,7 @@ import signal
 import curvescan as cs
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
-from tests.runs.batch_jobs import NamedJob
+from tests.runs.batch.batch_jobs import NamedJob
 cs.run_batch({logs!r}, out={out!r}, job=NamedJob(), workers=2)
 """
 
@@ -203,7 +203,7 @@ def test_sigterm_ends_the_command_with_a_sentence(tmp_path):
             workers = children_of(batch.pid)
     batch.terminate()
     _, said = batch.communicate(timeout=10)
-    assert batch.returncode == 130
+    assert batch.returncode == 143
     assert "interrupted: the logs listed in" in said
     assert "Traceback" not in said
     assert len(workers) == 2

@@ -18,7 +18,7 @@ from queue import SimpleQueue
 from typing import BinaryIO
 
 from curvescan.errors import CurvescanError
-from curvescan.runs.job import Job, JobResult
+from curvescan.runs.batch.job import Job, JobResult
 
 
 @dataclass(frozen=True)

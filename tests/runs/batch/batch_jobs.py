@@ -7,7 +7,7 @@ import signal
 import time
 from dataclasses import dataclass
 
-from curvescan.runs.job import JobResult
+from curvescan.runs.batch.job import JobResult
 
 
 @dataclass(frozen=True, kw_only=True)

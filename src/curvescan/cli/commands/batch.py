@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
+from curvescan._interrupts import reported_as
 from curvescan.cli.options import (
     ChainConfig,
     ChainConfigs,
@@ -26,20 +26,19 @@ from curvescan.cli.options import (
     Topic,
     sensor_setup,
 )
+from curvescan.io.files.printable import printable
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
-    from curvescan.runs.batch import BatchDisplay
-    from curvescan.runs.job import Job
-    from curvescan.runs.manifest import BatchRecord
+    from curvescan.runs.batch.batch import BatchDisplay
+    from curvescan.runs.batch.job import Job
+    from curvescan.runs.batch.manifest import BatchRecord
 
 Patterns: TypeAlias = Annotated[
     tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
 ]
 """Paths of logs, or patterns of them."""
-
-INTERRUPTED = 130
 
 
 def batch(
@@ -105,8 +104,8 @@ def batch(
     from curvescan.cli.console import ERR, OUT
     from curvescan.cli.flags import with_flags
     from curvescan.cli.tracker import make_config
-    from curvescan.runs.batch import run_batch
-    from curvescan.runs.jobs import LogOptions, OdometryJob, SlamJob
+    from curvescan.runs.batch.batch import run_batch
+    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
 
     logs = LogOptions(range_max=range_max, topic=topic, setup=sensor_setup(laser))
     job: Job
@@ -130,23 +129,17 @@ def batch(
             logs=logs,
             command=tuple(sys.argv),
         )
-    try:
-        with _ended_by_sigterm(), _display() as display:
-            result = run_batch(
-                patterns,
-                out=out,
-                job=job,
-                workers=workers,
-                timeout=timeout,
-                resume=resume,
-                display=display,
-            )
-    except KeyboardInterrupt:
-        ERR.print(
-            f"interrupted: the logs listed in {out}/manifest.jsonl are done; --resume goes on with the others",
-            markup=False,
+    sentence = f"interrupted: the logs listed in {out}/manifest.jsonl are done; --resume goes on with the others"
+    with reported_as(printable(sentence, 1000)), _display() as display:
+        result = run_batch(
+            patterns,
+            out=out,
+            job=job,
+            workers=workers,
+            timeout=timeout,
+            resume=resume,
+            display=display,
         )
-        return INTERRUPTED
     OUT.print(_table(result.records))
     for record in result.records:
         if record.is_failed:
@@ -173,16 +166,6 @@ def _table(records: tuple[BatchRecord, ...]) -> object:
         figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
         shown.add_row(escape(record.folder), *figures, f"{record.seconds:.1f} s", record.verdict)
     return shown
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the batch as Ctrl-C does."""
-    usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, usual)
 
 
 @contextmanager
