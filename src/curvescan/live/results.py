@@ -129,9 +129,9 @@ class ResultsSink(MapSink):
         command : sequence of str
             The command line behind the run.
         """
-        further = {"live": record_of(report)}
+        further = {"live": {"mode": self._mode, **record_of(report)}}
         if self._mode == "localization":
-            self._write_localization(folder, report, name, engine, command)
+            self._write_localization(folder, report, name, engine, command, further)
         elif self._mode == "SLAM":
             started = time.perf_counter()
             revised = engine.finish()
@@ -200,6 +200,7 @@ class ResultsSink(MapSink):
         name: str,
         engine: Any,
         command: Sequence[str],
+        further: Mapping[str, object],
     ) -> None:
         run = LocalizerRun(
             localizer=engine,
@@ -213,7 +214,7 @@ class ResultsSink(MapSink):
             write_map(folder, grid)
             title = f"{name}: {report.n_scans:,} scans localized"
             draw_occupancy(folder / "occupancy.png", grid, run.trajectory.poses, title=title)
-        save_localizer_run(folder, run, name=name, command=tuple(command))
+        save_localizer_run(folder, run, name=name, command=tuple(command), further=further)
 
 
 class _Passed(ScanAccess):
