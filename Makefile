@@ -15,7 +15,7 @@ export MPLBACKEND := Agg
 
 ROS_VENV := .venv-ros
 
-.PHONY: demo docs test test-lowest test-ros test-wheel dist lint coverage bench format clean
+.PHONY: demo docs test test-lowest test-ros test-wheel dist lint coverage mutants bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -65,6 +65,11 @@ test-wheel:
 	.cache/wheel/venv/$(SCRIPTS)/python -m pip wheel --quiet --no-deps --wheel-dir .cache/wheel .
 	.cache/wheel/venv/$(SCRIPTS)/python -m pip install --quiet .cache/wheel/*.whl
 	cd .cache/wheel && venv/$(SCRIPTS)/curvescan demo --out demo && test -s demo/map.png
+
+# which mutants of the matcher and the odometry the tests of their room let live: named ones first, then EACH by rule of
+# each file whose name has one of FILES in it
+mutants: $(INSTALLED)
+	$(BIN)/python -m tests.mutants $(if $(EACH),--each $(EACH)) $(FILES)
 
 bench: $(INSTALLED)
 	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))
