@@ -49,6 +49,7 @@ def save_trajectory_and_maps(
     what: str = "",
     occupancy: OccupancyConfig,
     truth: Pose | None = None,
+    maps: RunMaps | None = None,
 ) -> SavedMaps:
     """Write trajectory.tum, trajectory.csv, map.png, and the occupancy map: map.pgm with map.yaml, and occupancy.png.
 
@@ -68,14 +69,17 @@ def save_trajectory_and_maps(
         How to make the occupancy map.
     truth : (n, 3) float64 or None
         True poses, drawn with the map.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
     """
     title = ", ".join(filter(None, (f"{log.name}: {len(run.outcomes):,} scans", run.method, what)))
     if run.is_partial:
         title += f" (partial: interrupted, {len(log):,} scans in all)"
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    seen = deskewed_along(log, run.trajectory) if is_deskewed else log
-    maps = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    if maps is None:
+        seen = deskewed_along(log, run.trajectory) if is_deskewed else log
+        maps = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
     draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
     if maps.grid is None:
         return SavedMaps(
