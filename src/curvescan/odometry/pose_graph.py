@@ -34,8 +34,8 @@ class PoseGraph:
         if step.match is not None and step.match.ok and step.reference is not None:
             self._join(step.reference, step, step.match.pose, step.match.covariance)
             if (
-                step.outcome in _RETURNS
-            ):  # joined with the past; the way that led here is a measurement too
+                step.outcome is StepOutcome.LOOP_CLOSED
+            ):  # the match that led here is a measurement too
                 self._join(step.index - 1, step, step.motion, step.motion_covariance)
         elif step.outcome is StepOutcome.LOST:
             self._join(step.index - 1, step, step.motion, step.motion_covariance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -88,9 +88,14 @@ def run_localizer(
 
 
 def save_localizer_run(
-    folder: Path, run: LocalizerRun, *, name: str, command: tuple[str, ...] = ()
+    folder: Path,
+    run: LocalizerRun,
+    *,
+    name: str,
+    command: tuple[str, ...] = (),
+    further: Mapping[str, object] | None = None,
 ) -> None:
-    """Write trajectory.tum, trajectory.csv, map.png and run.json into an existing folder."""
+    """Write trajectory.tum, trajectory.csv, map.png and run.json, with `further` entries, into an existing folder."""
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
     cells = run.localizer.map.occupancy().occupied_centres
@@ -114,4 +119,4 @@ def save_localizer_run(
             "max": round(float(np.max(1e3 * run.seconds)), 4),
         },
     }
-    write_record(folder, record)
+    write_record(folder, {**record, **(further or {})})

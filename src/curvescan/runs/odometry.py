@@ -7,7 +7,7 @@ import hashlib
 import math
 import platform
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.log import Log
 from curvescan.io.ros.bag_files import storage_files
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.runs.plain import as_plain
 from curvescan.runs.results import save_trajectory_and_maps, write_record
@@ -35,6 +36,8 @@ def save_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write the trajectory, the maps and the record of a run into an existing folder.
 
@@ -61,6 +64,10 @@ def save_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted, for run.json; None to judge the run alone, without its log.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -75,10 +82,11 @@ def save_run(
         is_deskewed=odometry.config.deskew,
         occupancy=occupancy,
         truth=truth,
+        maps=maps,
     )
     record = describe_run(run, log, odometry, command, source, verdict)
     record |= {"occupancy": as_plain(occupancy), "left_out": list(saved.left_out)}
-    write_record(folder, record)
+    write_record(folder, {**record, **(further or {})})
     return saved.left_out
 
 

@@ -49,6 +49,7 @@ def save_trajectory_and_maps(
     what: str = "",
     occupancy: OccupancyConfig,
     truth: Pose | None = None,
+    maps: RunMaps | None = None,
 ) -> SavedMaps:
     """Write trajectory.tum, trajectory.csv, map.png, and the occupancy map: map.pgm with map.yaml, and occupancy.png.
 
@@ -68,14 +69,17 @@ def save_trajectory_and_maps(
         How to make the occupancy map.
     truth : (n, 3) float64 or None
         True poses, drawn with the map.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
     """
     title = ", ".join(filter(None, (f"{log.name}: {len(run.outcomes):,} scans", run.method, what)))
     if run.is_partial:
         title += f" (partial: interrupted, {len(log):,} scans in all)"
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    seen = deskewed_along(log, run.trajectory) if is_deskewed else log
-    maps = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
+    if maps is None:
+        seen = deskewed_along(log, run.trajectory) if is_deskewed else log
+        maps = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
     draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
     if maps.grid is None:
         return SavedMaps(
@@ -98,7 +102,7 @@ def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_REC
         | {name}
     )
     text = json.dumps({**record, "files": files}, indent=2)
-    (folder / name).write_text(text + "\n", encoding="utf-8")
+    (folder / name).write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def list_further_files(folder: Path, results: Path) -> None:
@@ -106,4 +110,6 @@ def list_further_files(folder: Path, results: Path) -> None:
     record = json.loads((results / RUN_RECORD).read_text("utf-8"))
     further = [file.name for file in folder.iterdir()]
     record["files"] = sorted({*record["files"], *further})
-    (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    (folder / RUN_RECORD).write_text(
+        json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n"
+    )

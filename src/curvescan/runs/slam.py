@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from curvescan.io.log import Log
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.tum_csv import write_tum
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.plots.graph import draw_graph
 from curvescan.runs.odometry import describe_run
 from curvescan.runs.plain import as_plain
@@ -40,6 +41,8 @@ def save_slam_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
@@ -64,6 +67,10 @@ def save_slam_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted; None to judge it here.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -80,6 +87,7 @@ def save_slam_run(
         what="SLAM",
         occupancy=occupancy,
         truth=truth,
+        maps=maps,
     )
     write_tum(folder / "trajectory_online.tum", run.online)
     slam_map = replace(slam.map, grid=saved.maps.grid)
@@ -91,7 +99,8 @@ def save_slam_run(
     record = describe_run(revised, log, slam.odometry, command, source, verdict)
     record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
     record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
-    write_record(folder, record | {"left_out": list(saved.left_out)})
+    record |= {"left_out": list(saved.left_out)}
+    write_record(folder, {**record, **(further or {})})
     return saved.left_out
 
 

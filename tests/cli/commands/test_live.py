@@ -44,7 +44,11 @@ def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
     assert run(["odometry", str(log), "--out", str(offline)]) in (0, 3)
     assert (out / "trajectory.tum").read_text() == (offline / "trajectory.tum").read_text()
     told = json.loads((out / "run.json").read_text())
-    assert (told["scans"], told["dropped"], told["is_partial"]) == (40, 0, False)
+    assert (told["scans"], told["live"]["dropped"], told["is_partial"]) == (40, 0, False)
+    # the same files, the same maps
+    names = {file.name for file in offline.iterdir()}
+    assert {file.name for file in out.iterdir()} == names
+    assert (out / "map.pgm").read_bytes() == (offline / "map.pgm").read_bytes()
     assert len(read_log(record)) == 40
 
 
@@ -81,7 +85,7 @@ def test_a_robot_finds_itself_in_the_map_of_slam(tmp_path, capsys):
     assert run(["live", str(log), "--map", str(tmp_path / "slam" / "map.csmap"), *options]) == 0
     assert "Matched with keyframes around." in capsys.readouterr().out
     told = json.loads((out / "run.json").read_text())
-    assert told["mode"] == "localization"
+    assert told["live"]["mode"] == "localization"
     poses = [np.loadtxt(p / "trajectory.tum")[:, 1:3] for p in (out, tmp_path / "slam")]
     known = np.isfinite(poses[0]).all(axis=1)
     assert known[-40:].all()

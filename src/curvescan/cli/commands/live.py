@@ -7,6 +7,7 @@ import socket
 import sys
 import time
 import webbrowser
+from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
+import curvescan
 from curvescan._interrupts import stoppable
 from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
@@ -23,7 +25,8 @@ from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.io import Log
-    from curvescan.live import LiveReport, ResultsSink, ScanSource, Tracker, Viewer
+    from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
+    from curvescan.live.sinks import MapSink
     from curvescan.live.tracker import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
@@ -49,6 +52,8 @@ def live(
     host: str = "127.0.0.1",
     http_port: int | None = None,
     no_page: Flag = False,
+    foxglove: Flag = False,
+    foxglove_port: int = 8766,
     keep_open: Flag = False,
     method: Method = "curvescan",
     scans: int | None = None,
@@ -77,9 +82,9 @@ def live(
     speed
         Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes.
     out
-        Folder for trajectory.tum, trajectory.csv, the occupancy map and run.json.
+        Folder for the results: the files of `curvescan slam`, or of `odometry` or `localize`.
     record
-        MCAP file for scans and poses.
+        MCAP file for scans, poses and map.
     odometry_only
         Odometry instead of SLAM: past poses are not revised.
     map
@@ -89,7 +94,11 @@ def live(
     http_port
         Port of the page; 8765, or a free one if that is in use.
     no_page
-        No page: only --out, --record and the summary.
+        No page: only --out, --record, --foxglove and the summary.
+    foxglove
+        Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove].
+    foxglove_port
+        Port of the websocket for Foxglove; 0 for any that is free.
     keep_open
         Serve the page after the source has ended, until Ctrl-C.
     method
@@ -110,7 +119,14 @@ def live(
         How to make the occupancy map.
     """
     from curvescan.cli.console import ERR, OUT
-    from curvescan.live import LogSource, ResultsSink, Tracker, Viewer
+    from curvescan.live import (
+        FoxgloveSink,
+        LogSource,
+        McapRecorder,
+        ResultsSink,
+        Tracker,
+        Viewer,
+    )
     from curvescan.live.server import PageServer
 
     source: ScanSource
@@ -126,39 +142,42 @@ def live(
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
     saved = None if map is None else _saved_map(map)
-    is_lossless = not source.is_live
+    maps: dict[str, Any] = {
+        "mode": mode,
+        "occupancy": occupancy,
+        "is_lossless": not source.is_live,
+    }
     with ExitStack() as pages:
         viewer = None
         if not no_page:
-            viewer = Viewer(
-                source.name,
-                mode=mode,
-                occupancy=occupancy,
-                saved_map=saved,
-                is_lossless=is_lossless,
-            )
+            viewer = Viewer(source.name, saved_map=saved, **maps)
             server = PageServer(viewer, host=host, port=_free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
             _open_browser(server.url)
+        sinks: list[MapSink] = [] if viewer is None else [viewer]
+        if foxglove:
+            served = FoxgloveSink(source.name, host=host, port=foxglove_port, **maps)
+            pages.callback(served.stop)
+            sinks.append(served)
+            ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
         with output_folder(out) if out else nullcontext() as folder:
-            results = (
-                ResultsSink(
-                    occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless
-                )
-                if out
-                else None
-            )
+            results = ResultsSink(**maps) if out else None
             can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
             engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
-            report = _track(source, Tracker(engine), viewer, results, record)
+            if results is not None:
+                sinks.append(results)
+            if record is not None:
+                sinks.append(McapRecorder(record, **maps))
+            report = _track(source, Tracker(engine), viewer, sinks)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
                 files = results.write(
                     folder,
                     report,
                     name=source.name,
-                    slam=engine if mode == "SLAM" else None,
-                    details={"command": sys.argv, "mode": mode, "method": method},
+                    engine=engine,
+                    log=source.log if isinstance(source, LogSource) else None,
+                    command=sys.argv,
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None:
@@ -244,7 +263,6 @@ def _engine(
     mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool
 ) -> Engine:
     """Return the odometry, SLAM or localizer, its kernels compiled."""
-    import curvescan
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
 
@@ -266,23 +284,19 @@ def _engine(
 
 
 def _track(
-    source: ScanSource,
-    tracker: Tracker,
-    viewer: Viewer | None,
-    results: ResultsSink | None,
-    record: Path | None,
+    source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]
 ) -> LiveReport:
-    """Run, show and record; every sink has finished when this returns."""
-    from curvescan.live import McapRecorder, run_live
-    from curvescan.live.sinks import WorkerSink
+    """Run and show; every sink has finished when this returns."""
+    from curvescan.live import run_live
 
-    sinks: list[WorkerSink] = [sink for sink in (viewer, results) if sink is not None]
-    if record is not None:
-        sinks.append(McapRecorder(record, is_lossless=not source.is_live))
     if viewer is not None:
         viewer.set_status("running", "running")
     try:
         report = run_live(source, tracker, sinks)
+        if report.n_scans and isinstance(tracker.engine, curvescan.Slam):
+            poses = tracker.engine.finish().poses
+            for sink in sinks:
+                sink.finish_with(poses)
     finally:
         for sink in sinks:
             sink.close()

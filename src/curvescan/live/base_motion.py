@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.se2 import uncertain
 from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import Cov, Floats, Pose
 
 UNKNOWN = 1e6
 """Variance of what is not known, in the square of its unit."""
@@ -34,9 +36,9 @@ class BaseState:
     """
 
     odom_base: UncertainPose
-    twist: np.ndarray
-    twist_covariance: np.ndarray
-    map_odom: np.ndarray | None
+    twist: Floats
+    twist_covariance: Cov
+    map_odom: Pose | None
 
 
 class BaseMotion:
@@ -48,15 +50,15 @@ class BaseMotion:
         Pose of the laser in the base frame: metres, metres, radians.
     """
 
-    def __init__(self, mount: np.ndarray) -> None:
+    def __init__(self, mount: Pose) -> None:
         self._mount = UncertainPose(np.asarray(mount, dtype=np.float64), _NOWHERE)
         self._unmount = uncertain.inverse(self._mount)
         self._stamp: float | None = None
-        self._map_odom: np.ndarray | None = None
+        self._map_odom: Pose | None = None
         self._odom_base = uncertain.identity()
 
     @property
-    def mount(self) -> np.ndarray:
+    def mount(self) -> Pose:
         """Pose of the laser in the base frame."""
         return self._mount.pose
 
@@ -64,7 +66,7 @@ class BaseMotion:
         """Return a pose, or a motion, of the laser as one of the base."""
         return uncertain.compose(uncertain.compose(self._mount, laser), self._unmount)
 
-    def add(self, step: object, stamp: float) -> BaseState:
+    def add(self, step: Any, stamp: float) -> BaseState:
         """Return the base's state at the next step of an odometry, a SLAM or a localizer of curvescan."""
         moved = self.on_base(UncertainPose(step.motion, step.motion_covariance))
         self._odom_base = uncertain.compose(self._odom_base, moved)
@@ -89,7 +91,7 @@ class BaseMotion:
         )
 
 
-def _by_odometry(step: object) -> UncertainPose:
+def _by_odometry(step: Any) -> UncertainPose:
     """Return the pose of the laser by its odometry alone."""
     if hasattr(step, "pose_odom"):
         return UncertainPose(step.pose_odom, step.covariance_odom)
