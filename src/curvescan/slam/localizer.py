@@ -1,8 +1,9 @@
 """Localizer: where a sensor is in a saved map, with no guess, and from then on.
 
 Until the sensor is found, each scan is looked up in the place index and matched with the keyframes most like it; two of them must put it
-in one place, or the motion since an earlier find must confirm a single one. Then the odometry leads, and keyframes around correct it; where
-several of them that should be seen do not match any more, the sensor has been carried away and is looked for again.
+in one place, or the motion since an earlier find must confirm a single one. Then the odometry leads, and keyframes around correct it. Where
+the odometry breaks, every scan is held against the map, and found elsewhere if keyframes there agree; where several scans in a row match no
+keyframe that should show them, the sensor has been carried away and is looked for again.
 """
 
 from __future__ import annotations
@@ -19,16 +20,36 @@ from curvescan import se2
 from curvescan.configs import as_config
 from curvescan.matchers import DEFAULT_METHOD, PreparedScan
 from curvescan.matchers.registry import MatcherConfig
+from curvescan.odometry.measurement import as_measurement
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
-from curvescan.types import Cov, Pose
+from curvescan.types import Cov, Floats, Pose
+
+_ONE_VIEW = 0.65
+"""Support that one scan alone needs. On simulated floors and on Intel matches of other places had scores up to 0.48."""
+
+_SEVERAL_VIEWS = 1.2
+"""Support that scans of several views need together."""
+
+_SECOND_KEYFRAME = 0.15
+"""What a second keyframe that agrees adds to the best score of a place: it sees much the same."""
+
+_FADING = 0.8
+"""Share of the support of a place that is left at the next view."""
+
+_LEAST_SUPPORT = 0.1
+"""A place with less is given up."""
+
+_CLEARLY = 1.4
+"""The place of most support has so many times that of the next."""
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -96,6 +117,24 @@ class Hit:
     score: float
 
 
+def _support(group: tuple[Hit, ...]) -> float:
+    """Return how much one view of the map speaks for a place: keyframes of one place are not independent."""
+    return group[0].score + (_SECOND_KEYFRAME if len(group) > 1 else 0.0)
+
+
+def _winner(support: Floats, least: float) -> int | None:
+    """Return the place of most support, if it is enough and clearly more than that of any other."""
+    if len(support) == 0:
+        return None
+    order = np.argsort(-support, kind="stable")
+    best = int(order[0])
+    if support[best] < least:
+        return None
+    if len(order) > 1 and support[best] < _CLEARLY * support[order[1]]:
+        return None
+    return best
+
+
 class Localizer:
     """Finds and follows a sensor in a map.
 
@@ -111,8 +150,6 @@ class Localizer:
         None for the defaults.
     n_tried : int
         Keyframes that a scan is matched with while the sensor is searched for.
-    sure_score : float
-        Least score of a match while it is searched for, in [0, 1].
     """
 
     def __init__(
@@ -123,24 +160,30 @@ class Localizer:
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
         n_tried: int = 12,
-        sure_score: float = 0.35,
     ) -> None:
         self.map = slam_map
         hint = "the configuration of the matcher is given as matcher="
         self.config = as_config(config, SlamConfig(), hint=hint)
-        self.odometry = Odometry(method, matcher=matcher, config=self.config.odometry)
+        self._method, self._matcher = method, matcher
         self._n_tried = n_tried
-        self._sure_score = sure_score
         self._keyframes = Keyframes(
             method, matcher, max(self.config.keyframes.n_prepared, len(slam_map))
         )
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where the sensor is: the next scan is the first of another log."""
+        self.odometry = Odometry(self._method, matcher=self._matcher, config=self.config.odometry)
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._anchor: OdometryStep | None = None  # the odometry's step of that scan
-        self._hint: tuple[Hit, OdometryStep] | None = None  # a single find that waits for a second
+        # where the sensor may be: support, a hit and the odometry's step at it
+        self._places: list[tuple[float, Hit, OdometryStep]] = []
+        self._view: OdometryStep | None = None  # the last step that added support
         self._n_missed = 0
         self._n_lost = 0
+        self._is_torn = False  # whether a motion since then was not measured
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> LocalizerStep:
         """Return where the sensor was at this scan.
@@ -153,7 +196,9 @@ class Localizer:
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
         """
         step = self.odometry.add(scan, odometry_pose)
-        self._n_lost = self._n_lost + 1 if step.outcome in _UNMEASURED else 0
+        is_unmeasured = step.outcome in _UNMEASURED
+        self._n_lost = self._n_lost + 1 if is_unmeasured else 0
+        self._is_torn |= is_unmeasured
         if self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
         if self._here is None or self._anchor is None:
@@ -176,21 +221,27 @@ class Localizer:
             self._keyframes.signature(current), self._n_tried
         )
         hits = [self._hit(k, current, None) for k in similar.tolist()]
-        return [hit for hit in hits if hit is not None and hit.score >= self._sure_score]
+        return [hit for hit in hits if hit is not None]
 
     def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
-        """Return where a match with a keyframe puts a scan; None where it fails or leaves a direction open."""
+        """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong.
+
+        Without a guess a match that leaves a direction open is none either.
+        """
         reference = self._keyframes.prepared(k)
         result = current.matcher.match(reference.features, current.features, guess)
-        if not result.ok or result.degenerate_direction is not None:
+        if not result.ok or not is_confident(result, self.config):
+            return None
+        if guess is None and result.degenerate_direction is not None:
             return None
         noise = self.config.noise
         keyframe = UncertainPose(self.map.poses[k], 4.0 * noise.floor)
-        found = UncertainPose(result.pose, result.covariance + noise.floor)
+        measured = as_measurement(result)
+        found = UncertainPose(measured.pose, measured.cov + noise.floor)
         return Hit(keyframe=k, here=compose(keyframe, found), score=result.score)
 
-    def _agreeing(self, hits: list[Hit]) -> tuple[Hit, ...]:
-        """Return the largest set of hits that put the scan where its best does, if it is clearly the largest."""
+    def _groups(self, hits: list[Hit]) -> list[tuple[Hit, ...]]:
+        """Return hits by where they put the scan, the best of each first, the place of the best first."""
         gate = self.config.closures.gate
         groups: list[list[Hit]] = []
         for hit in sorted(hits, key=lambda h: -h.score):
@@ -200,43 +251,54 @@ class Localizer:
                     break
             else:
                 groups.append([hit])
-        groups.sort(key=len, reverse=True)
-        if not groups or len(groups[0]) < 2:
-            return ()
-        if len(groups) > 1 and len(groups[0]) < self.config.closures.margin * len(groups[1]):
-            return ()
-        return tuple(groups[0])
+        return [tuple(group) for group in groups]
+
+    def _agreeing(self, hits: list[Hit]) -> tuple[Hit, ...]:
+        """Return the hits that alone are evidence enough of where the scan was taken."""
+        groups = self._groups(hits)
+        support = np.array([_support(group) for group in groups])
+        winner = _winner(support, _ONE_VIEW)
+        return () if winner is None else groups[winner]
 
     def _search(self, scan: LaserScan, step: OdometryStep) -> LocalizerStep:
         hits = self._hits(self._keyframes.prepare(scan))
         agreed = self._agreeing(hits)
-        found = agreed[0] if agreed else None
-        if found is None and hits:
-            found = self._confirmed(hits, step)
+        found = agreed[0] if agreed else self._confirmed(hits, step)
         if found is None:
             nothing = np.full(3, np.nan)
             unknown = UncertainPose(nothing, np.full((3, 3), np.nan))
             return _step(step, unknown, LocalizerOutcome.SEARCHING, -1)
-        here = found.here
-        for other in agreed[1:]:
-            here, _ = fuse(here, other.here)
-        return self._take(step, here, LocalizerOutcome.FOUND, found.keyframe)
+        return self._take(step, found.here, LocalizerOutcome.FOUND, found.keyframe)
 
     def _confirmed(self, hits: list[Hit], step: OdometryStep) -> Hit | None:
-        """Return the best hit if it lies where an earlier one and the motion since have the sensor."""
-        best = max(hits, key=lambda h: h.score)
-        before, self._hint = self._hint, (best, step)
-        if before is None:
+        """Return a hit that lies where earlier ones and the motion since have the sensor, if they are evidence enough."""
+        if self._is_torn:  # nothing says how earlier hits lie to this scan
+            self._places, self._is_torn = [], False
+        if self._places:
+            rules, (x, y, theta) = self.config.keyframes, self._since_view(step).tolist()
+            if np.hypot(x, y) < 0.5 * rules.distance and abs(theta) < 0.5 * rules.turn:
+                return None  # the same view again adds nothing
+        elif not hits:
             return None
-        earlier, then = before
-        moved = between_steps(then, step)
-        if np.hypot(moved.pose[0], moved.pose[1]) < 0.1 and abs(moved.pose[2]) < 0.1:
-            self._hint = before  # the same view again adds nothing
+        places = [(_support(group), group[0], step) for group in self._groups(hits)]
+        for support, earlier, then in self._places:
+            expected = compose(earlier.here, between_steps(then, step))
+            for n, (of_view, hit, now) in enumerate(places):
+                if now is step and fuse(expected, hit.here)[1] < self.config.closures.gate:
+                    places[n] = (_FADING * support + of_view, hit, now)
+                    break
+            else:
+                places.append((_FADING * support, earlier, then))
+        self._places = [place for place in places if place[0] > _LEAST_SUPPORT]
+        self._view = step
+        winner = _winner(np.array([place[0] for place in self._places]), _SEVERAL_VIEWS)
+        if winner is None or self._places[winner][2] is not step:
             return None
-        if earlier.keyframe == best.keyframe:
-            return None
-        expected = compose(earlier.here, moved)
-        return best if fuse(expected, best.here)[1] < self.config.closures.gate else None
+        return self._places[winner][1]
+
+    def _since_view(self, step: OdometryStep) -> Pose:
+        assert self._view is not None, "a place was noted at some view"
+        return between_steps(self._view, step).pose
 
     def _track(
         self, scan: LaserScan, step: OdometryStep, here: UncertainPose, anchor: OdometryStep
@@ -244,16 +306,20 @@ class Localizer:
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
-        if np.hypot(x, y) < 0.5 * rules.distance and abs(theta) < 0.5 * rules.turn:
+        is_near = np.hypot(x, y) < 0.5 * rules.distance and abs(theta) < 0.5 * rules.turn
+        if is_near and not self._is_torn:
             return _step(step, expected, LocalizerOutcome.PREDICTED, -1)
         current = self._keyframes.prepare(scan)
         hit, is_due = self._matched_around(current, scan, expected)
         if hit is not None:
             fused, _ = fuse(expected, hit.here)
             return self._take(step, fused, LocalizerOutcome.TRACKED, hit.keyframe)
-        self._n_missed += is_due
+        elsewhere = self._agreeing(self._hits(current)) if self._is_torn else ()
+        if elsewhere:
+            return self._take(step, elsewhere[0].here, LocalizerOutcome.FOUND, elsewhere[0].keyframe)
+        self._n_missed += is_due or self._is_torn
         if self._n_missed >= self.config.keyframes.n_lost:
-            self._here = self._hint = None
+            self._here, self._places = None, []
             return self._search(scan, step)
         return _step(step, expected, LocalizerOutcome.PREDICTED, -1)
 
@@ -275,7 +341,7 @@ class Localizer:
         )
         for k in near.tolist():
             hit = self._hit(k, current, relative[k])
-            if hit is None or hit.score < rules.min_score:
+            if hit is None:
                 continue
             if fuse(vague, hit.here)[1] < rules.gate:
                 return hit, True
@@ -284,8 +350,8 @@ class Localizer:
     def _take(
         self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int
     ) -> LocalizerStep:
-        self._here, self._anchor, self._hint = here, step, None
-        self._n_missed = 0
+        self._here, self._anchor, self._places = here, step, []
+        self._n_missed, self._is_torn = 0, False
         return _step(step, here, outcome, keyframe)
 
 
