@@ -302,7 +302,9 @@ def with_moved_things(world: World, share: float, seed: int) -> World:
         way, direction = rng.uniform(0.4, 1.0, len(things)), rng.uniform(-np.pi, np.pi, len(things))
         shift = way[:, np.newaxis] * np.column_stack((np.cos(direction), np.sin(direction)))
         things[chosen, :2] += shift[chosen]
-    boxes[:, 4] += np.where(rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0)
+    boxes[:, 4] += np.where(
+        rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0
+    )
     return replace(world, boxes=boxes, circles=circles)
 
 

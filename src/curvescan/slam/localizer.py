@@ -316,7 +316,9 @@ class Localizer:
             return self._take(step, fused, LocalizerOutcome.TRACKED, hit.keyframe)
         elsewhere = self._agreeing(self._hits(current)) if self._is_torn else ()
         if elsewhere:
-            return self._take(step, elsewhere[0].here, LocalizerOutcome.FOUND, elsewhere[0].keyframe)
+            return self._take(
+                step, elsewhere[0].here, LocalizerOutcome.FOUND, elsewhere[0].keyframe
+            )
         self._n_missed += is_due or self._is_torn
         if self._n_missed >= self.config.keyframes.n_lost:
             self._here, self._places = None, []
