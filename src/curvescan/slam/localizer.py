@@ -42,6 +42,9 @@ _SEVERAL_VIEWS = 1.2
 _SECOND_KEYFRAME = 0.15
 """What a second keyframe that agrees adds to the best score of a place: it sees much the same."""
 
+_TORN_SCORE = 0.5
+"""Least score of a match where the sensor is expected, once the odometry broke: with a guess other places match by up to 0.3."""
+
 _FADING = 0.8
 """Share of the support of a place that is left at the next view."""
 
@@ -181,9 +184,10 @@ class Localizer:
         # where the sensor may be: support, a hit and the odometry's step at it
         self._places: list[tuple[float, Hit, OdometryStep]] = []
         self._view: OdometryStep | None = None  # the last step that added support
-        self._n_missed = 0
+        self._n_missed = 0  # scans in a row that should have matched the map
+        self._n_unmatched = 0  # and all that did not, also where no keyframe shows the place
         self._n_lost = 0
-        self._is_torn = False  # whether a motion since then was not measured
+        self._is_torn = False  # whether a motion since then was not measured, or is in doubt
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> LocalizerStep:
         """Return where the sensor was at this scan.
@@ -198,7 +202,10 @@ class Localizer:
         step = self.odometry.add(scan, odometry_pose)
         is_unmeasured = step.outcome in _UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
-        self._is_torn |= is_unmeasured
+        is_doubtful = step.match is not None and not is_confident(step.match, self.config)
+        self._is_torn |= is_unmeasured or is_doubtful
+        if step.outcome is StepOutcome.LOST:
+            self._here = None
         if self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
         if self._here is None or self._anchor is None:
@@ -311,16 +318,17 @@ class Localizer:
             return _step(step, expected, LocalizerOutcome.PREDICTED, -1)
         current = self._keyframes.prepare(scan)
         hit, is_due = self._matched_around(current, scan, expected)
-        if hit is not None:
+        if hit is not None and (not self._is_torn or hit.score >= _TORN_SCORE):
             fused, _ = fuse(expected, hit.here)
             return self._take(step, fused, LocalizerOutcome.TRACKED, hit.keyframe)
-        elsewhere = self._agreeing(self._hits(current)) if self._is_torn else ()
-        if elsewhere:
-            return self._take(
-                step, elsewhere[0].here, LocalizerOutcome.FOUND, elsewhere[0].keyframe
-            )
+        self._n_unmatched += 1
+        if self._is_torn or self._n_unmatched % rules.n_lost == 0:
+            elsewhere = self._agreeing(self._hits(current))
+            if elsewhere:
+                best = elsewhere[0]
+                return self._take(step, best.here, LocalizerOutcome.FOUND, best.keyframe)
         self._n_missed += is_due or self._is_torn
-        if self._n_missed >= self.config.keyframes.n_lost:
+        if self._n_missed >= rules.n_lost:
             self._here, self._places = None, []
             return self._search(scan, step)
         return _step(step, expected, LocalizerOutcome.PREDICTED, -1)
@@ -353,7 +361,8 @@ class Localizer:
         self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int
     ) -> LocalizerStep:
         self._here, self._anchor, self._places = here, step, []
-        self._n_missed, self._is_torn = 0, False
+        self._n_missed = self._n_unmatched = 0
+        self._is_torn = False
         return _step(step, here, outcome, keyframe)
 
 
