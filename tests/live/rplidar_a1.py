@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import os
 import pty
@@ -56,7 +57,7 @@ class RplidarA1:
                     continue
                 request = os.read(self._ours, 64)
                 self.commands += [
-                    b for a, b in zip(request, request[1:], strict=False) if a == SYNC
+                    b for a, b in itertools.pairwise(request) if a == SYNC
                 ]
                 if HEALTH in request:
                     os.write(self._ours, HEALTH_REPLY)

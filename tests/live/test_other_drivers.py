@@ -100,7 +100,7 @@ def test_rplidar_wrong_baud_rate(plugged, monkeypatch):
     monkeypatch.setattr(transport, "NONSENSE", 0.5)
     rng = np.random.default_rng(2)
     laser = plugged(RplidarA1, [rng.bytes(500) for _ in range(100)], 0.02)
-    with pytest.raises(SourceError, match="cannot read|is 115200 its baud rate"):
+    with pytest.raises(SourceError, match=r"cannot read|is 115200 its baud rate"):
         taken(open_driver("rplidar", laser.port), 1)
 
 

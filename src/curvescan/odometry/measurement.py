@@ -40,7 +40,9 @@ def as_measurement(result: MatchResult) -> UncertainPose:
     if assessed is not None and not result.is_guess_decisive and _has_one_best(assessed):
         return _unguided(assessed)
     direction = result.degenerate_direction
-    return UncertainPose(result.pose, result.covariance + _OPEN**2 * np.outer(direction, direction))
+    return UncertainPose(
+        result.pose, result.covariance + _OPEN**2 * np.outer(direction, direction)
+    )
 
 
 def decided_by_expectation(
