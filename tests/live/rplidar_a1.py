@@ -56,9 +56,7 @@ class RplidarA1:
                 if not select.select([self._ours], [], [], 0.05)[0]:
                     continue
                 request = os.read(self._ours, 64)
-                self.commands += [
-                    b for a, b in itertools.pairwise(request) if a == SYNC
-                ]
+                self.commands += [b for a, b in itertools.pairwise(request) if a == SYNC]
                 if HEALTH in request:
                     os.write(self._ours, HEALTH_REPLY)
                 if bytes([SYNC, SCAN]) in request:
@@ -68,7 +66,7 @@ class RplidarA1:
     def _send(self) -> None:
         start, waiting = time.monotonic(), b""
         for k, turn in enumerate(self._turns):
-            n = len(turn) // 10 // 5 * 5  # in ten pieces, each of whole samples
+            n = max(len(turn) // 10 // 5 * 5, 5)  # in ten pieces, each of whole samples
             pieces = [turn[i : i + n] for i in range(0, len(turn), n)]
             for i, piece in enumerate(pieces):
                 due = start + self._period * (k + (i + 1) / len(pieces))

@@ -13,6 +13,7 @@ import pytest
 from curvescan import InvalidArgumentError, Odometry, SourceError, simulate
 from curvescan.live import ScanSource, Tracker, run_live
 from curvescan.live.drivers import open_driver, transport
+from curvescan.live.drivers.lds2d_source import Lds2dSource
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn
 from curvescan.live.warm_up import warm_up
 
@@ -60,22 +61,30 @@ def test_none_of_600_turns_is_lost_and_poses_are_right(ld19, record_property):
         read.append(tracked)
 
     warm_up(Odometry)
-    ld19.play(turns, 1.0 / rate)
-    threading.Thread(target=lambda: (ld19.wait(), ld19.unplug()), daemon=True).start()
-    source = open_driver("lds2d:LDROBOT-LD19", ld19.port)
-    report = run_live(source, Tracker(Odometry()), on_scan=on_scan)
+
+    class Powered(Lds2dSource):
+        """A laser that is switched on when its port is open, and unplugged at the end."""
+
+        def __enter__(self):
+            super().__enter__()
+            ld19.play(turns, 1.0 / rate)
+            threading.Thread(target=lambda: (ld19.wait(), ld19.unplug()), daemon=True).start()
+            return self
+
+    source = Powered("LDROBOT-LD19", ld19.port)
+    # what a busy machine delays waits here: that the driver loses nothing is what is tested
+    report = run_live(source, Tracker(Odometry()), is_lossless=True, on_scan=on_scan)
     assert "is gone" in str(report.error)
     # the first turn is cut: a sensor is switched on anywhere
-    assert report.n_scans + report.n_dropped == n - 1
-    assert report.n_dropped == 0
+    assert report.n_scans == n - 1
     assert {len(tracked.scan) for tracked in read} == {456}
     reference = Odometry()
-    sent = np.array([reference.add(scan).pose for scan in scans[1:]])
-    errors = np.abs([t.pose for t in read] - sent)
-    assert (
-        errors[:300].max() < 0.05
-    )  # metres, radians: rounded to mm, angles moved by up to 0.7 deg
-    assert errors.max() < 0.1  # two odometries drift apart
+    sent = [reference.add(scan) for scan in scans[1:]]
+    # metres, radians: rounded to mm, angles moved by up to 0.7 deg, and taken for a sweep that takes its time
+    motions = np.array([t.step.motion - s.motion for t, s in zip(read, sent, strict=True)])
+    assert np.abs(motions).max() < 0.05
+    end = read[-1].pose - sent[-1].pose
+    assert np.hypot(*end[:2]) < 0.6  # after 25 m
     stamps = np.array([tracked.scan.stamp for tracked in read])
     assert np.all(np.diff(stamps) > 0.0)
     assert np.median(np.diff(stamps)) == pytest.approx(1.0 / rate, rel=0.1)

@@ -71,7 +71,7 @@ def test_rplidar_loses_no_turn(plugged, drive):
     read = taken(source, len(drive) - 1)
     assert {len(scan) for scan in read} == {360}
     assert_right(read, drive[1:])
-    assert laser.commands[:3] == [0xF0, 0x52, 0x20]  # motor, health, scan
+    assert laser.commands[:4] == [0x25, 0xF0, 0x52, 0x20]  # stop, motor, health, scan
 
 
 def test_rplidar_two_turns_late(plugged, drive):

@@ -69,11 +69,13 @@ class HokuyoSource:
     def __enter__(self) -> Self:
         try:
             # its clock is not queried: that takes a second, and we stamp what arrives
-            self._laser = self._package.HokuyoLX(
+            self._laser = self._package.HokuyoLX.__new__(self._package.HokuyoLX)
+            self._laser.__init__(
                 addr=self._address, tsync=False, convert_time=False, timeout=SILENCE
             )
             self._laser._sock = _Socket(self._laser._sock)
         except Exception as error:
+            self._laser.close()
             raise SourceError(f"cannot open the {self.name}: {error}") from error
         return self
 
