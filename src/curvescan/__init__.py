@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         MissingPackageError,
         OutputError,
         SourceError,
+        StorageError,
         UnitWarning,
         WorkerError,
     )
@@ -159,6 +160,7 @@ _HOMES = {
     "SlamMap": "curvescan.slam",
     "SlamStep": "curvescan.slam",
     "SourceError": "curvescan.errors",
+    "StorageError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
@@ -253,6 +255,7 @@ __all__ = [
     "SlamStep",
     "SourceError",
     "StepOutcome",
+    "StorageError",
     "Trajectory",
     "UnitWarning",
     "WorkerError",

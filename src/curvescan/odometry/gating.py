@@ -9,7 +9,6 @@ from curvescan.odometry.config import MotionConfig
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 
-
 _SURE = 0.8
 """Least confidence of a match that explains little of the scans: in an unseen room such ones come about by chance."""
 

@@ -102,7 +102,7 @@ def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_REC
         | {name}
     )
     text = json.dumps({**record, "files": files}, indent=2)
-    (folder / name).write_text(text + "\n", encoding="utf-8")
+    (folder / name).write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def list_further_files(folder: Path, results: Path) -> None:
@@ -110,4 +110,6 @@ def list_further_files(folder: Path, results: Path) -> None:
     record = json.loads((results / RUN_RECORD).read_text("utf-8"))
     further = [file.name for file in folder.iterdir()]
     record["files"] = sorted({*record["files"], *further})
-    (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    (folder / RUN_RECORD).write_text(
+        json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n"
+    )

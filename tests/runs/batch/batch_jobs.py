@@ -6,7 +6,9 @@ import os
 import signal
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
+from curvescan.io.files.output import output_folder
 from curvescan.runs.batch.job import JobResult
 
 
@@ -42,6 +44,34 @@ class NamedJob:
 
     def warm_up(self):
         pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountedJob(NamedJob):
+    """Writes a line into a file each time that it begins and ends: which runs there were, however they ended."""
+
+    tally: str
+
+    def __call__(self, log, folder):
+        self._note(f"begin {log.name}")
+        result = super().__call__(log, folder)
+        self._note(f"end {log.name}")
+        return result
+
+    def _note(self, line):
+        with Path(self.tally).open("a") as file:
+            file.write(f"{line} {os.getpid()}\n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LargeJob(NamedJob):
+    """Writes results of 300 kB."""
+
+    def __call__(self, log, folder):
+        with output_folder(folder) as temporary:
+            result = super().__call__(log, temporary)
+            (temporary / "large").write_bytes(bytes(300_000))
+        return result
 
 
 @dataclass(frozen=True, kw_only=True)

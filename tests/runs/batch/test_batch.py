@@ -16,11 +16,11 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
-from curvescan.runs.batch.batch import find_logs, name_folders
 from curvescan.runs.batch.job import digest_of
+from curvescan.runs.batch.logs import find_logs, name_folders
 from curvescan.runs.batch.manifest import open_manifest, read_manifest
 from tests.conftest import ROOT
-from tests.runs.batch.batch_jobs import NamedJob, UnloadableJob
+from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 
 
 def make_logs(folder, *names):
@@ -234,10 +234,10 @@ def test_logs_of_one_name_get_folders_of_their_own(tmp_path):
 
 def test_folders_are_named_after_logs_and_never_after_files_of_the_batch(tmp_path):
     paths = [tmp_path / n for n in ("intel.clf.gz", "v1.2 run.bag", ".hidden", "fleet.csv.npz")]
-    names = name_folders(paths, {})
-    assert [names[p] for p in paths[:2]] == ["intel", "v1.2 run"]
-    assert not names[paths[2]].startswith(".")
-    assert names[paths[3]] == f"{tmp_path.name}-fleet.csv"
+    names = name_folders([*map(str, paths)], {}, ("manifest.jsonl", "fleet.csv"))
+    assert [names[str(p)] for p in paths[:2]] == ["intel", "v1.2 run"]
+    assert not names[str(paths[2])].startswith(".")
+    assert names[str(paths[3])] == f"{tmp_path.name}-fleet.csv"
 
 
 def test_patterns_find_files_and_bag_folders(tmp_path):
@@ -248,23 +248,16 @@ def test_patterns_find_files_and_bag_folders(tmp_path):
     (bag / "bag_0.db3").write_bytes(b"SQLite format 3\x00")
     make_logs(tmp_path / "[1]", "x.log")
     found = find_logs([tmp_path / "a" / "**", tmp_path / "a" / "x.log"])
-    assert [str(p.relative_to(tmp_path)) for p in found] == [
+    assert [os.path.relpath(state.input, tmp_path) for state in found] == [
         "a/bag",
         "a/deep/z.log",
         "a/x.log",
         "a/y.log",
     ]
-    assert find_logs([tmp_path / "[1]" / "x.log"]) == (tmp_path / "[1]" / "x.log",)
+    (one,) = find_logs([tmp_path / "[1]" / "x.log"])
+    assert one.input == str(tmp_path / "[1]" / "x.log")
     with pytest.raises(cs.InvalidArgumentError, match="no log matches"):
         find_logs([tmp_path / "a" / "*.mcap"])
-
-
-@pytest.mark.parametrize("where", ["patterns", "out"])
-def test_object_stores_are_refused_in_a_sentence(where, tmp_path):
-    arguments = {"patterns": str(tmp_path / "*"), "out": str(tmp_path / "out")}
-    arguments[where] = "s3://fleet/logs"
-    with pytest.raises(cs.InvalidArgumentError, match="object stores are not supported"):
-        cs.run_batch(arguments.pop("patterns"), **arguments)
 
 
 def test_a_manifest_names_no_folder_outside_the_batch(tmp_path):
@@ -289,6 +282,29 @@ def test_a_full_disk_ends_the_batch_in_a_sentence(tmp_path):
         with pytest.raises(cs.OutputError, match="No space left on device"):
             manifest.append(result.records[0])
     assert manifest.records == {}
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 640 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=640k", "tmpfs", str(place)]
+    if not shutil.which("mount") or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_log_that_fills_the_disk_fails_and_is_run_when_there_is_room(small_disk, tmp_path):
+    logs = make_logs(tmp_path / "logs", "a.log", "b.log", "c.log")
+    result = cs.run_batch(logs, out=small_disk / "out", job=LargeJob(), workers=1)
+    assert [record.exit for record in result.records] == [0, 0, 1]
+    assert "No space left on device" in result.records[2].sentence
+    subprocess.run(["mount", "-o", "remount,size=4M", str(small_disk)], check=True)
+    again = cs.run_batch(logs, out=small_disk / "out", job=LargeJob(), workers=1, resume=True)
+    assert again.n_skipped == 2
+    assert [record.exit for record in again.records] == [0, 0, 0]
 
 
 def test_workers_that_cannot_begin_end_the_batch(tmp_path):

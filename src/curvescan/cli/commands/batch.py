@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
@@ -45,9 +44,10 @@ def batch(
     patterns: Patterns,
     /,
     *,
-    out: Path,
+    out: str,
     slam: Flag = False,
     resume: Flag = False,
+    engine: Literal["local", "ray"] = "local",
     workers: int | None = None,
     timeout: float = 3600.0,
     method: Method = "curvescan",
@@ -61,7 +61,7 @@ def batch(
     chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
     slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
-    """Run odometry or SLAM over many logs, on all cores; one bad log stops no other.
+    """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
 
     Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line for each log
     as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit status 1 if any log failed.
@@ -69,15 +69,17 @@ def batch(
     Parameters
     ----------
     patterns
-        Logs, or patterns of them in quotes: `'logs/**/*.bag'`.
+        Logs, or patterns of them in quotes: `'logs/**/*.bag'`, `'s3://bucket/logs/*.mcap'`.
     out
-        Folder for the results; made if it is missing.
+        Folder for the results; made if it is missing. May be one of a bucket: s3://, gs:// or az://.
     slam
         SLAM in place of odometry.
     resume
         Leave out logs whose results stand: same log, same options, same version. What failed is run again.
+    engine
+        Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names.
     workers
-        How many processes; one a core if not given.
+        How many logs at once; one a core if not given.
     timeout
         Time that one log may take, seconds; inf for any.
     method
@@ -97,7 +99,7 @@ def batch(
     configs
         Parameters of the methods; those of the method that runs are used.
     chain_config
-        Parameters of the odometry, where key scans are used and --slam is not given.
+        Parameters of the odometry, where keyframes are used and --slam is not given.
     slam_config
         Parameters of SLAM.
     """
@@ -129,12 +131,16 @@ def batch(
             logs=logs,
             command=tuple(sys.argv),
         )
-    sentence = f"interrupted: the logs listed in {out}/manifest.jsonl are done; --resume goes on with the others"
+    listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
+    sentence = (
+        f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
+    )
     with reported_as(printable(sentence, 1000)), _display() as display:
         result = run_batch(
             patterns,
             out=out,
             job=job,
+            engine=engine,
             workers=workers,
             timeout=timeout,
             resume=resume,

@@ -89,10 +89,10 @@ def calibrate(
             )
         )
         text = "\n".join(table.markdown() for table in tables)
-        (folder / "calibration.md").write_text(text, encoding="utf-8")
+        (folder / "calibration.md").write_text(text, encoding="utf-8", newline="\n")
         if sweep:
             swept = sweep_table(sweep_parameters(seed=seed + SEED)).markdown()
-            (folder / "sweep.md").write_text(swept, encoding="utf-8")
+            (folder / "sweep.md").write_text(swept, encoding="utf-8", newline="\n")
     for table in tables:
         show(table)
     for group, is_free in zip(found.groups, found.is_free, strict=True):

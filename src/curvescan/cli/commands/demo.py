@@ -51,13 +51,13 @@ def demo(
     method
         The matcher.
     chain
-        What a scan is matched with: `keys`, key scans; `last`, the scan before it; `auto`, key scans for the default matcher.
+        What a scan is matched with: `keys`, keyframes; `last`, the scan before it; `auto`, keyframes for the default matcher.
     config
         TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
     configs
         Parameters of the methods; those of the method that runs are used.
     chain_config
-        Parameters of the odometry, where key scans are used.
+        Parameters of the odometry, where keyframes are used.
     """
     import numpy as np
 

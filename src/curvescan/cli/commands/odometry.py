@@ -63,8 +63,8 @@ def odometry(
         Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion. The
         matches decide where they can; along a corridor the odometry does.
     chain
-        What a scan is matched with: `keys`, a key scan until it is left behind, and earlier ones where the place is known;
-        `last`, the scan before it; `auto`, key scans for the default matcher and the last scan for the others.
+        What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is known;
+        `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
@@ -81,7 +81,7 @@ def odometry(
     configs
         Parameters of the methods; those of the method that runs are used.
     chain_config
-        Parameters of the odometry, where key scans are used.
+        Parameters of the odometry, where keyframes are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
     from curvescan.cli.summary import summarise, wrote

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from curvescan._interrupts import cleaned_up_by, held_back
+from curvescan.io.files.windows import make_temporary
 
 HIDDEN_PREFIX = ".curvescan-"
 """Beginning of the names of temporary folders."""
@@ -64,7 +64,7 @@ def _remove_unlocked(folder: Path) -> None:
 
 def _make_locked(parent: Path) -> tuple[Path, int | None]:
     while True:
-        path = Path(tempfile.mkdtemp(prefix=HIDDEN_PREFIX, dir=parent))
+        path = make_temporary(HIDDEN_PREFIX, parent)
         lock = _lock(path, is_waiting=True)
         if path.exists():
             return path, lock

@@ -13,6 +13,7 @@ from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.hidden import HIDDEN_PREFIX, hidden_folder
 from curvescan.io.files.printable import printable
 from curvescan.io.files.replacing import move_results
+from curvescan.io.files.windows import replace
 
 _MAX_PATH = 4_000
 """Characters of a path in a sentence."""
@@ -84,7 +85,7 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     with _temporary(path, _check_takes_file, _hidden_beside) as (temporary, target):
         yield temporary / target.name
         with held_back():
-            (temporary / target.name).replace(target)
+            replace(temporary / target.name, target)
             if not target.parent.name.startswith(HIDDEN_PREFIX):
                 note_written(printable(os.fspath(path), _MAX_PATH))
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from curvescan.errors import OutputError
+from curvescan.io.files.windows import replace
 
 RECORDS = ("run.json", "results.json")
 """Files that list, under ``"files"``, the results they belong to."""
@@ -46,7 +47,7 @@ def move_results(temporary: Path, target: Path, inputs: Sequence[Path] = ()) -> 
     _check_goals([target / name for name in sorted(new)], target)
     if not target.exists():
         _give_ordinary_rights(temporary)
-        temporary.replace(target)
+        replace(temporary, target)
         return
     replaced = {name for name in new if _is_there(target / name)}
     old = replaced | _results_before(temporary, target, new, inputs)
@@ -55,7 +56,7 @@ def move_results(temporary: Path, target: Path, inputs: Sequence[Path] = ()) -> 
         return
     if len(old) == 1 == len(replaced):  # a single file can be replaced in one step, and first
         name = replaced.pop()
-        (temporary / name).replace(target / name)
+        replace(temporary / name, target / name)
         old, new = set(), new - {name}
     _swap_files(temporary, target, old, new)
 
@@ -77,12 +78,12 @@ def _swap_files(temporary: Path, target: Path, old: set[Path], new: set[Path]) -
     try:
         for source, goal in moves:
             goal.parent.mkdir(parents=True, exist_ok=True)
-            source.replace(goal)
+            replace(source, goal)
             done.append((source, goal))
     except BaseException:
         for source, goal in reversed(done):
             with suppress(OSError):
-                goal.replace(source)
+                replace(goal, source)
         raise
     for folder in {parent for name in old for parent in name.parents if parent.name}:
         with suppress(OSError):  # not empty

@@ -1,1 +1,1 @@
-"""One job over many logs: a supervisor, its worker processes, and the manifest of what is done."""
+"""Many logs: found, given to workers, noted in a manifest, a table of them all; what ``curvescan batch`` calls."""

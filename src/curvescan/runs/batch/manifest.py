@@ -13,40 +13,11 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from curvescan.errors import LogFileError, LogFormatError, OutputError
-from curvescan.io.ros.bag_files import storage_files
+from curvescan.errors import OutputError
+from curvescan.runs.batch.locks import lock
+from curvescan.runs.batch.logs import LogState
 
 MANIFEST = "manifest.jsonl"
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogState:
-    """What identifies a log as the one that was run.
-
-    Attributes
-    ----------
-    input : str
-        Absolute path of the file or folder.
-    bytes : int
-        Its size.
-    mtime_ns : int
-        When it was changed last, nanoseconds.
-    """
-
-    input: str
-    bytes: int
-    mtime_ns: int
-
-    @classmethod
-    def of(cls, log: Path) -> LogState:
-        """Return the state of a log now; size and time are 0 where it cannot be read."""
-        try:
-            files = storage_files(log) if log.is_dir() else (log,)
-            stats = [file.stat() for file in files]
-        except (OSError, LogFileError, LogFormatError):
-            return cls(input=str(log), bytes=0, mtime_ns=0)
-        size, changed = sum(s.st_size for s in stats), max(s.st_mtime_ns for s in stats)
-        return cls(input=str(log), bytes=size, mtime_ns=changed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +27,7 @@ class BatchRecord:
     Attributes
     ----------
     input : str
-        Absolute path of the log.
+        Absolute path of the log, or its URL.
     bytes, mtime_ns : int
         Its size, and when it was changed last (nanoseconds), before it was run.
     options : str
@@ -77,6 +48,8 @@ class BatchRecord:
         How many scans the log has; 0 when it failed.
     metres : float
         Length of the path.
+    etag : str
+        What identified the log's content in a bucket; else empty.
     """
 
     input: str
@@ -91,6 +64,7 @@ class BatchRecord:
     seconds: float
     scans: int = 0
     metres: float = 0.0
+    etag: str = ""
 
     @property
     def is_failed(self) -> bool:
@@ -99,7 +73,7 @@ class BatchRecord:
 
     def stands_for(self, log: LogState, options: str, version: str) -> bool:
         """Return whether running the log again would give what there is."""
-        state = LogState(input=self.input, bytes=self.bytes, mtime_ns=self.mtime_ns)
+        state = LogState(input=self.input, bytes=self.bytes, mtime_ns=self.mtime_ns, etag=self.etag)
         return not self.is_failed and (state, self.options, self.version) == (log, options, version)
 
 
@@ -118,7 +92,7 @@ class Manifest:
         OutputError
             When it cannot be written.
         """
-        line = json.dumps(asdict(record), ensure_ascii=False).encode() + b"\n"
+        line = record_line(record)
         try:
             if not _ends_a_line(self._path):
                 line = b"\n" + line
@@ -152,7 +126,7 @@ def open_manifest(folder: Path) -> Iterator[Manifest]:
         ) from error
     with file:
         try:
-            _lock(file)
+            lock(file)
         except OSError as error:
             raise OutputError(
                 f"another batch writes to {str(folder)!r}: wait for it, or choose another folder"
@@ -165,17 +139,25 @@ def read_manifest(path: Path) -> dict[str, BatchRecord]:
     records: dict[str, BatchRecord] = {}
     with suppress(FileNotFoundError), path.open("rb") as file:
         for line in file:
-            record = _parse(line)
+            record = parse_record(line)
             if record is not None:
                 records.pop(record.input, None)
                 records[record.input] = record
     return records
 
 
-def _parse(line: bytes) -> BatchRecord | None:
+def record_line(record: BatchRecord) -> bytes:
+    """Return a record as a line of the manifest."""
+    return json.dumps(asdict(record), ensure_ascii=False).encode() + b"\n"
+
+
+def parse_record(line: bytes) -> BatchRecord | None:
+    """Return the record in a line of a manifest, or None where there is none."""
     try:
         values: Any = json.loads(line)
-        record = BatchRecord(**{f.name: values[f.name] for f in fields(BatchRecord)})
+        record = BatchRecord(
+            **{f.name: values[f.name] for f in fields(BatchRecord) if f.name in values}
+        )
     except (ValueError, KeyError, TypeError):
         return None
     # the name of a folder comes from a file: it may not lead out of the batch's own
@@ -189,18 +171,3 @@ def _ends_a_line(path: Path) -> bool:
             return True
         file.seek(-1, os.SEEK_END)
         return file.read(1) == b"\n"
-
-
-def _lock(file: BinaryIO) -> None:
-    """Lock a file for this process, or raise OSError where another has it."""
-    try:
-        import fcntl
-    except (
-        ImportError
-    ):  # Windows: a byte far behind the end, so that the file can be read meanwhile
-        import msvcrt
-
-        file.seek(1 << 40)
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-    else:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

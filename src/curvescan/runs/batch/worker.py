@@ -1,29 +1,38 @@
 """A worker of a batch: a process that runs one job over one log after another, driven by pipes.
 
 Messages are pickled, both ways. First comes the job, answered by `Ready`; then tasks, each answered by a `JobResult`
-or by the sentence why there is none. When the supervisor is gone, however it went, the pipe ends and the worker with it.
+or by a `Failure`. When the supervisor is gone, however it went, the pipe ends and the worker with it.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
+import re
 import signal
-import sys
 import threading
 import traceback
 from dataclasses import dataclass
-from pathlib import Path
 from queue import SimpleQueue
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
+from curvescan import __version__
 from curvescan.errors import CurvescanError
 from curvescan.runs.batch.job import Job, JobResult
+from curvescan.runs.batch.transfer import run_job
 
 
 @dataclass(frozen=True)
 class Ready:
-    """The job is loaded."""
+    """The job is loaded.
+
+    Attributes
+    ----------
+    version : str
+        Of the worker's curvescan.
+    """
+
+    version: str = __version__
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,14 +41,39 @@ class Task:
 
     Attributes
     ----------
-    log : Path
-        The file or folder.
-    folder : Path
-        Where its results go.
+    log : str
+        Path or URL of the file or folder.
+    folder : str
+        Path or URL of the folder where its results go.
     """
 
-    log: Path
-    folder: Path
+    log: str
+    folder: str
+
+    @property
+    def name(self) -> str:
+        """Name of the folder of results."""
+        return re.split(r"[/\\]", self.folder)[-1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """There are no results.
+
+    Attributes
+    ----------
+    sentence : str
+        Why.
+    traceback : str
+        Where in the program, when nobody expected it; else empty.
+    """
+
+    sentence: str
+    traceback: str = ""
+
+
+Reply: TypeAlias = "Ready | JobResult | Failure"
+"""What a worker says."""
 
 
 def serve() -> None:
@@ -55,19 +89,21 @@ def serve() -> None:
     _send(replies, Ready())
     while True:
         task: Task = pickle.loads(messages.get())
-        _send(replies, _answer(job, task))
+        _send(replies, answer(job, task))
 
 
-def _answer(job: Job, task: Task) -> JobResult | str:
+def answer(job: Job, task: Task) -> JobResult | Failure:
+    """Run a job over a log, and return what came of it; whatever goes wrong is returned too."""
     try:
-        return job(task.log, task.folder)
+        return run_job(job, task.log, task.folder)
     except CurvescanError as error:
-        return str(error)
+        return Failure(sentence=str(error))
     except Exception as error:  # noqa: BLE001 - one bad log stops no other
-        print(f"{task.log}:", file=sys.stderr)  # noqa: T201 - the log of the workers
-        traceback.print_exc()
         said = f": {error}" if str(error) else ""
-        return f"{type(error).__name__}{said} (its traceback is in workers.log)"
+        return Failure(
+            sentence=f"{type(error).__name__}{said} (its traceback is in workers.log)",
+            traceback=traceback.format_exc(),
+        )
 
 
 def _listen(requests: BinaryIO, messages: SimpleQueue[bytes]) -> None:
