@@ -31,6 +31,12 @@ from curvescan.types import Bools, Cov, Floats, Pose
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
 
+_STRAIGHT = np.array([1.0, 1.0, 0.0])
+"""Takes the turn from a direction."""
+
+_TRANSLATES = 0.3
+"""Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn."""
+
 _OTHER = 0.25
 """Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
 
@@ -146,10 +152,14 @@ def along_weakest_direction(
     is_weak = assessment.information[0] < rules.tie_ratio * assessment.information[1]
     if not (is_weak or is_open):
         return []
+    # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
+    directions = [assessment.weakest]
+    if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
+        directions.append(assessment.weakest * _STRAIGHT)
     return [
         k
         for k in range(1, len(poses))
-        if is_along(assessment.weakest, poses[0], poses[k], rules.along_tolerance)
+        if any(is_along(one, poses[0], poses[k], rules.along_tolerance) for one in directions)
     ]
 
 
