@@ -37,26 +37,26 @@ GUESSED_REPETITION = 0.3
 """The same for a guess to decide between the two."""
 
 COEFFICIENTS = {
-    "constant": -3.25,
-    "log10_excess": 1.81,
-    "log10_agreeing": 1.93,
-    "log10_weakest": 1.87,
-    "log10_misfit": -0.5,
-    "log10_missed": -1.4,
-    "log10_seen_through": -1.97,
-    "log10_large": -1.18,
-    "motion": -2.1,
+    "constant": -2.37,
+    "log10_excess": 1.89,
+    "log10_agreeing": 1.59,
+    "log10_weakest": 1.19,
+    "log10_misfit": -0.64,
+    "log10_missed": -1.16,
+    "log10_seen_through": -2.24,
+    "log10_large": -1.06,
+    "motion": -2.23,
     "guessed": 3.0,
-    "degenerate": -0.53,
+    "degenerate": -1.45,
 }
 """Log odds that a pose is right and not nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
 RIVAL_COEFFICIENTS = {
-    "constant": -2.0,
-    "log10_misfit": -2.13,
-    "log10_seen_through": -2.32,
-    "motion": -0.7,
-    "repetition": 0.9,
+    "constant": -2.33,
+    "log10_misfit": -1.4,
+    "log10_seen_through": -2.54,
+    "motion": -0.75,
+    "repetition": 0.65,
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
@@ -64,6 +64,7 @@ _FREE_MOTION, _MAX_MOTION = (
     1.0,
     4.0,
 )  # metres plus radians: less is as likely as none, more as unlikely as that
+_MOTION_OF_RANK = -0.3  # coefficient of a motion where poses are sorted
 _NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
 _FLOORS = {
     "log10_excess": 0.1,  # metres
@@ -136,6 +137,14 @@ class WeighedPoses:
         terms = self.terms(k, is_degenerate)
         return sum(coefficient * terms[name] for name, coefficient in COEFFICIENTS.items())
 
+    def rank(self, k: int) -> float:
+        """Return what poses are sorted by, the least first: the log odds, in which a motion counts for little.
+
+        A large motion makes any pose less certain; which of two is right it hardly says.
+        """
+        motion = self.terms(k)["motion"]
+        return (COEFFICIENTS["motion"] - _MOTION_OF_RANK) * motion - self.log_odds(k)
+
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""
         own, best = self.terms(k), self.terms(0)
@@ -178,8 +187,7 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     )
     if len(poses) < 2:
         return weighed
-    odds = [weighed.log_odds(k) for k in range(len(poses))]
-    return weighed.rows(sorted(range(len(poses)), key=lambda k: -odds[k]))
+    return weighed.rows(sorted(range(len(poses)), key=weighed.rank))
 
 
 @dataclass(frozen=True, kw_only=True)
