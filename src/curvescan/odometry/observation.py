@@ -11,6 +11,7 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
+from curvescan.odometry.measurement import decided_by_expectation
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
@@ -54,6 +55,8 @@ class Matching:
         expected = compose(origin, prediction.motion)
         repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
         result = self.matcher.match(reference.features, current.features, expected.pose)
+        if self.config.motion.is_fused:
+            result = decided_by_expectation(result, expected, self.config.motion)
         return gate(result, expected, self.config.motion, repeated)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
@@ -71,10 +74,13 @@ class Gap:
         The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
     n_scans : int
         Scans in the gap that have readings enough to be matched.
+    first : int
+        Number of the first scan in the gap.
     """
 
     before: tuple[Keyframe, ...]
     n_scans: int
+    first: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -223,6 +229,9 @@ class Placement:
         Keyframes to be taken in, in this order.
     obsolete : Keyframe or None
         A keyframe to be forgotten before.
+    anew_since : int or None
+        Number of the scan from which on the track is a new one, where it was lost: the keyframes made since then are
+        consistent with each other, and their places among the others are unknown.
     first_keyframe_scan : PreparedScan or None
         The first scan, deskewed now that its velocity is known.
     """
@@ -240,6 +249,7 @@ class Placement:
     used: tuple[Keyframe, ...] = ()
     new_keyframes: tuple[Keyframe, ...] = ()
     obsolete: Keyframe | None = None
+    anew_since: int | None = None
     first_keyframe_scan: PreparedScan | None = None
 
 

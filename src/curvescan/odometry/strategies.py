@@ -22,8 +22,9 @@ from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.gaps import close_gap, open_gap, widen_gap, with_keyframe
-from curvescan.odometry.gating import GatedMatch, as_measurement
+from curvescan.odometry.gating import GatedMatch
 from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.measurement import as_measurement
 from curvescan.odometry.observation import Attempt, Observation, Placement
 from curvescan.odometry.relocalization import find_loop_closure
 from curvescan.odometry.step import StepOutcome

@@ -22,6 +22,21 @@ from curvescan.types import Bools, Codes, Floats, Ints
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
 
+_AGREEING_SIGMAS = 3.0
+"""Standard deviations of the noise of both readings by which two of one surface may lie apart: 99.7 % of them do not more."""
+
+_REACH, _REACH_SLOPE = 0.1, 0.1
+"""How far along its line a reading may lie from the line's centre: metres, and metres for each metre of range."""
+
+_POINT_LIMIT = 0.05
+"""The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
+
+_IN_FRONT = 0.05
+"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another thing."""
+
+_MIN_PARTNERS = 4
+"""Readings of a segment from which on its mean says whether it moved."""
+
 
 @kernel
 def compare_readings(
@@ -60,17 +75,17 @@ def compare_readings(
         if j < 0:
             continue
         variance = abs(surfels[i, VARIANCE]) + abs(surfels_other[j, VARIANCE])
-        limit = 3.0 * math.sqrt(variance) + margin
-        reach = 0.1 + 0.1 * surfels_other[j, RANGE]
+        limit = _AGREEING_SIGMAS * math.sqrt(variance) + margin
+        reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
         if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
-            limit, reach = 0.05 + margin, 0.1
+            limit, reach = _POINT_LIMIT + margin, _REACH
         if abs(across) < limit and along * along < reach * reach:
-            codes[i] = 1
+            codes[i] = INLIER
             partner[i] = j
             continue
-        front = surfels_other[j, RANGE] - 2.0 * limit - 0.05
+        front = surfels_other[j, RANGE] - 2.0 * limit - _IN_FRONT
         if is_seen_through(x, y, front):
-            codes[i] = 2
+            codes[i] = DYNAMIC
     return codes, partner
 
 
@@ -125,7 +140,7 @@ def static_segments(
             total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
+        if n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2):
             n_dynamic += 1
             for i in range(bounds[k], bounds[k + 1]):
                 is_static[i] = False
