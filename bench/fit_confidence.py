@@ -191,7 +191,7 @@ class Table:
             self.is_rival.append(np.arange(N_RIVALS) < len(rivals))
             self.right.append(_right(assessed, rivals, true, near))
             self.flagged.append(is_degenerate)
-            self.confidence.append(support.confidence(assessed.ties))
+            self.confidence.append(support.confidence_with(assessed.ties))
             self.is_repeated.append(not set(support.repeated()) <= set(assessed.ties))
 
 

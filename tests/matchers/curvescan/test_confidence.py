@@ -62,7 +62,7 @@ def poses(*evidences, motions=None, guessed=False):
 )
 def test_each_evidence_moves_the_confidence_the_way_it_should(column, better, worse):
     low, high = (
-        support_of(poses({**GOOD, column: value}), [], False).confidence()
+        support_of(poses({**GOOD, column: value}), [], False).confidence
         for value in (worse, better)
     )
     assert 0.0 < low < high < 1.0
@@ -70,7 +70,7 @@ def test_each_evidence_moves_the_confidence_the_way_it_should(column, better, wo
 
 def test_a_far_motion_and_an_open_direction_speak_against_and_a_guess_for_a_pose():
     def confidence(is_degenerate=False, **kwargs):
-        return support_of(poses(GOOD, **kwargs), [], is_degenerate).confidence()
+        return support_of(poses(GOOD, **kwargs), [], is_degenerate).confidence
 
     assert confidence(motions=[3.0]) < confidence() < confidence(guessed=True)
     assert confidence(motions=[0.0]) == confidence(motions=[0.9])  # a metre is nothing
@@ -89,9 +89,9 @@ def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_
     support = support_of(found, [1, 2, 3], False)
     assert support.repeated() == [1]
     alone = support_of(found, [], False)
-    assert support.confidence() < alone.confidence()
+    assert support.confidence < alone.confidence
     # rows that the covariance holds speak for the first
-    assert support.confidence() < support.confidence([1]) < support.confidence([1, 2, 3])
+    assert support.confidence < support.confidence_with([1]) < support.confidence_with([1, 2, 3])
 
 
 def test_a_far_pose_counts_less_as_a_rival():
@@ -106,11 +106,11 @@ def test_a_far_pose_counts_less_as_a_rival():
 
 def test_probabilities_sum_to_one():
     support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repetitions={1: 0.1, 2: 0.1})
-    best = support.confidence()
+    best = support.confidence
     nothing = best * np.exp(-1.0)
     assert best + best * np.exp(0.0) + best * np.exp(-1.0) + nothing == pytest.approx(1.0)
     assert support.is_related == pytest.approx(1.0 - nothing)
-    assert support.confidence([1, 2]) == pytest.approx(1.0 - nothing)
+    assert support.confidence_with([1, 2]) == pytest.approx(1.0 - nothing)
 
 
 def test_a_room_with_pillars_is_explained_by_its_pose_alone():
@@ -120,7 +120,7 @@ def test_a_room_with_pillars_is_explained_by_its_pose_alone():
     np.testing.assert_array_equal(found.poses, [MOTION, turned])  # the likeliest first
     np.testing.assert_array_equal(found.scores, [0.9, 0.1])
     support = support_of(found, [1], False)
-    assert support.confidence() > 0.97
+    assert support.confidence > 0.97
     assert not support.repeated()
     assert found.repetition(1) < 0.2
 

@@ -208,7 +208,12 @@ class Support:
     rivals: dict[int, float]
     repetitions: dict[int, float]
 
-    def confidence(self, accepted: Sequence[int] = ()) -> float:
+    @property
+    def confidence(self) -> float:
+        """Probability that the pose is right and no other."""
+        return self.confidence_with([])
+
+    def confidence_with(self, accepted: Sequence[int]) -> float:
         """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
         odds = {row: math.exp(min(value, 60.0)) for row, value in self.rivals.items()}
         nothing = math.exp(min(-self.log_odds, 60.0))
@@ -218,7 +223,7 @@ class Support:
     @property
     def is_related(self) -> float:
         """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, 60.0)) * self.confidence()
+        return 1.0 - math.exp(min(-self.log_odds, 60.0)) * self.confidence
 
     def repeated(self) -> list[int]:
         """Return the rows of the poses that cannot be distinguished from the first."""

@@ -78,6 +78,16 @@ class AssessedPose:
     support: Support | None = None
     is_guess_decisive: bool = False
 
+    @property
+    def poses(self) -> Floats:
+        """(k, 3) the candidate and the others, the most likely first."""
+        return self.weighed.poses
+
+    @property
+    def scores(self) -> Floats:
+        """(k,) how well the scans agree at each, at most 1."""
+        return self.weighed.scores
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Verdict:
@@ -168,7 +178,7 @@ def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list
     if not along:
         return []
     ties = [k for k in support.repeated() if k in along]
-    if support.confidence(ties) < config.scoring.min_confidence:
+    if support.confidence_with(ties) < config.scoring.min_confidence:
         ties = [k for k in along if k in support.rivals]
     return ties
 
@@ -186,7 +196,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     least = problem.config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    confidence = support.confidence(assessed.ties)
+    confidence = support.confidence_with(assessed.ties)
     if not set(support.repeated()) <= set(assessed.ties):
         return Verdict(outcome=Outcome.AMBIGUOUS)
     if confidence < least:

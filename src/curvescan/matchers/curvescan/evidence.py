@@ -33,7 +33,7 @@ from curvescan.matchers.curvescan.features.surfels import (
     X,
     Y,
 )
-from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER
+from curvescan.matchers.curvescan.labels import DYNAMIC, IN_FRONT, INLIER, agreeing_limits
 from curvescan.types import Bools, Codes, Floats, Ints
 
 AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL = range(8)
@@ -126,22 +126,18 @@ def add_evidence(
         if j < 0:
             continue
         length = surfels[i, LENGTH]
-        variance, variance_other = surfels[i, VARIANCE], other.surfels[j, VARIANCE]
-        is_lone = variance < 0.0 or variance_other < 0.0
-        limit = 3.0 * math.sqrt(abs(variance) + abs(variance_other)) + margin
-        reach = 0.1 + 0.1 * other.surfels[j, RANGE]
-        if is_lone:
-            limit, reach = 0.05 + margin, 0.1
+        limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin)
         is_on_line = along * along < reach * reach
         if is_on_line and abs(across) < limit:
             codes[i] = INLIER
             nx, ny = surfels[i, NX], surfels[i, NY]
             found[AGREEING] += length
             xx, xy, yy = xx + length * nx * nx, xy + length * nx * ny, yy + length * ny * ny
-            if not is_lone:
+            variance, variance_other = surfels[i, VARIANCE], other.surfels[j, VARIANCE]
+            if variance > 0.0 and variance_other > 0.0:
                 found[MISFIT] += across * across / (variance + variance_other)
                 n_misfits += 1
-        elif is_seen_through(x, y, other.surfels[j, RANGE] - 2.0 * limit - 0.05):
+        elif is_seen_through(x, y, other.surfels[j, RANGE] - 2.0 * limit - IN_FRONT):
             codes[i] = DYNAMIC
             found[SMALL if is_small[i] else SEEN_THROUGH] += length
         elif is_on_line and abs(across) < _BESIDE and not (is_small[i] or is_small_other[j]):
