@@ -37,26 +37,29 @@ GUESSED_REPETITION = 0.3
 """The same for a guess to decide between the two."""
 
 COEFFICIENTS = {
-    "constant": -2.37,
-    "log10_excess": 1.89,
-    "log10_agreeing": 1.59,
-    "log10_weakest": 1.19,
-    "log10_misfit": -0.64,
-    "log10_missed": -1.16,
-    "log10_seen_through": -2.24,
-    "log10_large": -1.06,
-    "motion": -2.23,
-    "guessed": 3.0,
-    "degenerate": -1.45,
+    "constant": -1.15,
+    "log10_excess": 1.96,
+    "log10_agreeing": 0.54,
+    "log10_weakest": 1.21,
+    "log10_misfit": -1.1,
+    "log10_missed": -1.27,
+    "log10_seen_through": -1.07,
+    "log10_large": -1.37,
+    "motion": -1.57,
+    "guessed": 2.62,
+    "degenerate": -1.59,
+    "few": 1.48,
+    "few_motion": -1.28,
+    "few_seen_through": -3.32,
 }
 """Log odds that a pose is right and not nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
 RIVAL_COEFFICIENTS = {
-    "constant": -2.33,
-    "log10_misfit": -1.4,
-    "log10_seen_through": -2.54,
-    "motion": -0.75,
-    "repetition": 0.65,
+    "constant": -2.06,
+    "log10_misfit": -1.89,
+    "log10_seen_through": -2.45,
+    "motion": -1.0,
+    "repetition": 0.54,
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
@@ -64,7 +67,8 @@ _FREE_MOTION, _MAX_MOTION = (
     1.0,
     4.0,
 )  # metres plus radians: less is as likely as none, more as unlikely as that
-_MOTION_OF_RANK = -0.3  # coefficient of a motion where poses are sorted
+_MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
+_ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
 _FLOORS = {
     "log10_excess": 0.1,  # metres
@@ -120,16 +124,25 @@ class WeighedPoses:
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
         """Return what the model weighs of one pose, by the names of its coefficients."""
         evidence = self.evidence[k].tolist()
-        logarithms = zip(_FLOORS.items(), _COLUMNS, strict=True)
+        columns = zip(_FLOORS.items(), _COLUMNS, strict=True)
+        terms = {
+            name: math.log10(max(evidence[column], 0.0) + floor)
+            for (name, floor), column in columns
+        }
+        motion = min(max(float(self.motions[k]) - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
+        # 1 where the pose rests on two walls alone, 0 from some more on
+        few = max(
+            1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0
+        )
         return {
             "constant": 1.0,
-            **{
-                name: math.log10(max(evidence[column], 0.0) + floor)
-                for (name, floor), column in logarithms
-            },
-            "motion": min(max(float(self.motions[k]) - _FREE_MOTION, 0.0), _MAX_MOTION - 1.0),
+            **terms,
+            "motion": motion,
             "guessed": float(self.is_guessed[k]),
             "degenerate": float(is_degenerate),
+            "few": few,
+            "few_motion": few * motion,
+            "few_seen_through": few * (terms["log10_seen_through"] + 1.0),
         }
 
     def log_odds(self, k: int, is_degenerate: bool = False) -> float:
@@ -142,8 +155,11 @@ class WeighedPoses:
 
         A large motion makes any pose less certain; which of two is right it hardly says.
         """
-        motion = self.terms(k)["motion"]
-        return (COEFFICIENTS["motion"] - _MOTION_OF_RANK) * motion - self.log_odds(k)
+        terms = self.terms(k)
+        odds = self.log_odds(k)
+        for name in ("motion", "few_motion"):
+            odds -= (1.0 - _MOTION_OF_RANK) * COEFFICIENTS[name] * terms[name]
+        return -odds
 
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""

@@ -157,7 +157,7 @@ class ScoringConfig:
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.02
     """Least score of a pose that is looked at any further."""
-    min_confidence: float = 0.5
+    min_confidence: float = 0.55
     """Least confidence of a match."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
