@@ -101,7 +101,9 @@ def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     inliers = assess_pose(ref, cur, MOTION, CONFIG).codes_cur == INLIER
     lengths = cur.image.surfels[inliers, LENGTH].sum()
     assert true[AGREEING] == pytest.approx(lengths, rel=0.1)
-    assert 0.7 < true[MISFIT] < 1.5  # as the noise has it
+    assert (
+        0.4 < true[MISFIT] < 1.2
+    )  # as the noise has it: lines average it, and share it with their readings
     assert true[EXCESS] > 1.0
     assert true[WEAKEST] > 2.0
     assert true[SEEN_THROUGH] + true[LARGE] + true[SMALL] < 0.2

@@ -69,6 +69,7 @@ _FREE_MOTION, _MAX_MOTION = (
 )  # metres plus radians: less is as likely as none, more as unlikely as that
 _MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
+_MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
 _NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
 _FLOORS = {
     "log10_excess": 0.1,  # metres
@@ -165,6 +166,7 @@ class WeighedPoses:
         """Return what the model weighs of pose k against the first."""
         own, best = self.terms(k), self.terms(0)
         terms = {name: own[name] - best[name] for name in RIVAL_COEFFICIENTS if name in own}
+        terms["motion"] = max(terms["motion"], -_MAX_NEARER)
         return {**terms, "constant": 1.0, "repetition": self.repetition(k)}
 
     def repetition(self, k: int) -> float:
