@@ -185,7 +185,7 @@ class WeighedPoses:
         farther = float(self.motions[k] - self.motions[0])
         if own[EXCESS] < _TWO_WALLS:
             share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
-        return share * min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER)))
+        return float(share * min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER))))
 
 
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
