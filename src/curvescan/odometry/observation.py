@@ -9,6 +9,7 @@ from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
+from curvescan.odometry.disputes import Dispute
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
 from curvescan.odometry.measurement import decided_by_expectation
@@ -105,6 +106,8 @@ class State:
         Scans for which earlier keyframes are still tried at once, after a failure.
     gap : Gap or None
         A failure that no match has bridged yet.
+    disputes : tuple of Dispute
+        Loop closures that contradict the chain, since the last one that did not.
     """
 
     motion: MotionModel
@@ -115,6 +118,7 @@ class State:
     first: LaserScan | None = None
     n_searches: int = 0
     gap: Gap | None = None
+    disputes: tuple[Dispute, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -234,6 +238,8 @@ class Placement:
         consistent with each other, and their places among the others are unknown.
     first_keyframe_scan : PreparedScan or None
         The first scan, deskewed now that its velocity is known.
+    disputes : tuple of Dispute
+        Loop closures that contradict the chain, still to be settled.
     """
 
     outcome: StepOutcome
@@ -251,6 +257,7 @@ class Placement:
     obsolete: Keyframe | None = None
     anew_since: int | None = None
     first_keyframe_scan: PreparedScan | None = None
+    disputes: tuple[Dispute, ...] = ()
 
 
 def try_references(observation: Observation, last: Localization) -> Attempt:

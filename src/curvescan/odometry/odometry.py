@@ -160,6 +160,7 @@ class Odometry:
             first=observation.scan if index == 0 else None,
             n_searches=placement.n_searches,
             gap=placement.gap,
+            disputes=placement.disputes,
         )
 
 

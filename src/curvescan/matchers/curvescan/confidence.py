@@ -85,6 +85,11 @@ _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothin
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
+_FADING_OF_TWO, _FADING = (
+    0.5,
+    0.25,
+)  # for each metre and radian: how fast the two kinds count less beyond that
+_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
@@ -184,8 +189,8 @@ class WeighedPoses:
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
         farther = float(self.motions[k] - self.motions[0])
         if own[EXCESS] < _TWO_WALLS:
-            share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
-        return float(share * min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER))))
+            share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
+        return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
 
 
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
@@ -233,15 +238,15 @@ class Support:
 
     def confidence_with(self, accepted: Sequence[int]) -> float:
         """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
-        odds = {row: math.exp(min(value, 60.0)) for row, value in self.rivals.items()}
-        nothing = math.exp(min(-self.log_odds, 60.0))
+        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
+        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
         right = 1.0 + sum(odds[row] for row in accepted if row in odds)
         return right / (1.0 + sum(odds.values()) + nothing)
 
     @property
     def is_related(self) -> float:
         """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, 60.0)) * self.confidence
+        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
 
     def repeated(self) -> list[int]:
         """Return the rows of the poses that cannot be distinguished from the first."""

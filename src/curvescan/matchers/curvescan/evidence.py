@@ -52,6 +52,9 @@ _BESIDE = (
     0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 )
 _PARALLEL = 0.9  # cosine
+_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
+_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
+_WALL = 0.12  # metres from its line within which a reading is of a wall
 _N_TAKEN = 48  # readings that stand for all
 _N_SEEDS = 16  # of these the ones through which walls are looked for
 
@@ -204,7 +207,7 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
             i = rows[seed]
             nx, ny = surfels[i, NX], surfels[i, NY]
             if turn == 1 and (
-                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > 0.88
+                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > _ACROSS
             ):
                 continue
             length = 0.0
@@ -226,7 +229,7 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
 def is_on_wall(surfels: Floats, i: int, seed: int) -> bool:
     """Return whether a reading lies on the line through another and faces like it."""
     nx, ny = surfels[seed, NX], surfels[seed, NY]
-    if nx * surfels[i, NX] + ny * surfels[i, NY] < 0.98:
+    if nx * surfels[i, NX] + ny * surfels[i, NY] < _ALIKE:
         return False
     off = nx * (surfels[i, CX] - surfels[seed, CX]) + ny * (surfels[i, CY] - surfels[seed, CY])
-    return bool(abs(off) < 0.12)
+    return bool(abs(off) < _WALL)
