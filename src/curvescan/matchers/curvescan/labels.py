@@ -31,11 +31,23 @@ _REACH, _REACH_SLOPE = 0.1, 0.1
 _POINT_LIMIT = 0.05
 """The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
 
-_IN_FRONT = 0.05
+IN_FRONT = 0.05
 """Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another thing."""
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
+
+
+@kernel
+def agreeing_limits(
+    surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float
+) -> tuple[float, float]:
+    """Return how far a reading may lie across and along the line of one of the other scan to be of the same surface, metres."""
+    if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
+        return _POINT_LIMIT + margin, _REACH
+    variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
+    reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
+    return _AGREEING_SIGMAS * math.sqrt(variance) + margin, reach
 
 
 @kernel
@@ -75,16 +87,12 @@ def compare_readings(
         j, _, x, y, across, along = associate(surfels, i, motion, other)
         if j < 0:
             continue
-        variance = abs(surfels[i, VARIANCE]) + abs(surfels_other[j, VARIANCE])
-        limit = _AGREEING_SIGMAS * math.sqrt(variance) + margin
-        reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
-        if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
-            limit, reach = _POINT_LIMIT + margin, _REACH
+        limit, reach = agreeing_limits(surfels, i, surfels_other, j, margin)
         if abs(across) < limit and along * along < reach * reach:
             codes[i] = INLIER
             partner[i] = j
             continue
-        front = surfels_other[j, RANGE] - 2.0 * limit - _IN_FRONT
+        front = surfels_other[j, RANGE] - 2.0 * limit - IN_FRONT
         if is_seen_through(x, y, front):
             codes[i] = DYNAMIC
     return codes, partner
