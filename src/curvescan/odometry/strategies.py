@@ -74,7 +74,9 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
-    motion = fuse(expected, compose(inverse(attempt.origin), as_measurement(result)))[0]
+    motion = fuse(
+        expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result))
+    )[0]
     localization = Localization(
         keyframe=keyframe,
         pose_keyframe_scan=gated.pose_keyframe_scan,
@@ -250,7 +252,7 @@ def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> Uncerta
     expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
     if not gated.is_plausible:
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-    measured = compose(inverse(attempt.origin), as_measurement(gated.result))
+    measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))
     pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
     return UncertainPose(pose, fuse(expected, measured)[0].cov)
 
