@@ -356,8 +356,10 @@ class Backend:
 
     def _is_due(self) -> bool:
         rules, n_new = self.config.optimizer, self.graph.n_poses - self.belief.n
-        least = max(rules.n_least, rules.growth * self.belief.n)
-        return self._is_urgent or n_new >= least or (self._is_dirty and n_new >= rules.n_least)
+        if self._is_urgent:
+            return True
+        growth = rules.least_growth if self._is_dirty else rules.growth
+        return n_new >= max(rules.n_least, growth * self.belief.n)
 
     def _begin(self) -> None:
         self._is_dirty = self._is_urgent = False
@@ -381,8 +383,9 @@ class Backend:
     def _is_bent(self) -> bool:
         """Return whether the closures bend the odometry more than it can err."""
         graph = self.graph
-        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
-        return bending(graph.poses, edges, graph.kinds) > self.config.closures.max_bend
+        steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
+        edges = Edges.of(graph.ends[steps], graph.measured[steps], graph.covariances[steps])
+        return bending(graph.poses, edges, graph.kinds[steps]) > self.config.closures.max_bend
 
     def _withdraw(self) -> None:
         """Take back the closures that bend the odometry: the map falls back to it, and is never worse than it."""

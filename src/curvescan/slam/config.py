@@ -103,6 +103,11 @@ class ClosuresConfig:
     """Least share of two scans that must be common for them to be matched, foretold from where the graph has them."""
     n_uncertain: int = 6
     """The same for those of a relative pose that is not well known."""
+    min_similarity: float = 0.4
+    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. Of those below it one match
+    in a hundred was accepted on Intel and ACES."""
+    n_unlike: int = 2
+    """So many of them are matched however little alike they are."""
     n_missed: int = 3
     """Keyframes that should show the place of a new one and do not match it, from which on the graph is in doubt."""
     matches_per_scan: int = 3
@@ -142,7 +147,8 @@ class ClosuresConfig:
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
-        for name in ("min_score", "min_confidence"):
+        require(self.n_unlike >= 0, "n_unlike must be >= 0", self.n_unlike)
+        for name in ("min_score", "min_confidence", "min_similarity"):
             require(
                 0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name)
             )
@@ -158,13 +164,15 @@ class OptimizerConfig:
     """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
     surprise: float = 4.0
     """The graph is optimized when a closure lies this far from where it was expected (squared Mahalanobis distance)."""
+    least_growth: float = 0.02
+    """Nor before the graph has grown by this share, unless a loop closes."""
     growth: float = 0.1
     """It is also optimized when it has grown by this share since the last time."""
     n_adopt: int = 60
     """Scans between the start of an optimization and its result; it runs beside them."""
 
     def __post_init__(self) -> None:
-        for name in ("limit", "surprise", "growth"):
+        for name in ("limit", "surprise", "growth", "least_growth"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
 

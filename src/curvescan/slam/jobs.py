@@ -20,6 +20,9 @@ from curvescan.slam.pose_graph.robust import optimize_robustly
 from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
+_FROM_AFAR, _NEARBY = 0.05, 6.0
+"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job left."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
@@ -121,7 +124,7 @@ def solve(problem: Problem, limit: float, is_last: bool) -> Solution:
         limit=limit,
         from_chordal=False,
         weights=problem.weights,
-        least_convexity=0.05 if is_last else 2.0,
+        least_convexity=_FROM_AFAR if is_last else _NEARBY,
     )
     return Solution(
         poses=optimum.poses,

@@ -7,17 +7,21 @@ from array import array
 import numpy as np
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose
+from curvescan.se2.uncertain import UncertainPose, identity
 from curvescan.types import Cov, Floats, Ints, Pose, Trajectory
 
 _UPPER = np.triu_indices(3)
+
+_FLOOR, _TURN_FLOOR = 1e-4, 1e-4
+"""Variance that each metre of the way adds, square metres and square radians: where matches measure all of the motion its length decides."""
 
 
 class Records:
     """One row a scan: stamp, keyframe, pose and covariance in its frame.
 
     A stretch is the way from a keyframe to the next; a scan lies between both, and is moved by its share of what the graph
-    moved the one against the other.
+    moved the one against the other: that of the variance in this direction which the odometry had gathered by then. Along a bare
+    corridor that is where it saw nothing of the motion.
     """
 
     def __init__(self) -> None:
@@ -27,19 +31,19 @@ class Records:
         self._covariances = array("d")
         self._from: list[int] = []  # keyframe a stretch begins with
         self._to: list[int] = []  # keyframe it ends with; -1 while it is open
-        self._way: list[Pose] = []  # the one seen from the other by the odometry
+        self._way: list[UncertainPose] = []  # the one seen from the other by the odometry
 
     def __len__(self) -> int:
         return len(self._stamps)
 
-    def begin(self, keyframe: int, way: Pose | None) -> None:
+    def begin(self, keyframe: int, way: UncertainPose | None) -> None:
         """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame of the one before, if it leads there."""
         if self._from and way is not None:
             self._to[-1] = keyframe
             self._way[-1] = way
         self._from.append(keyframe)
         self._to.append(-1)
-        self._way.append(np.zeros(3))
+        self._way.append(identity())
 
     def add(self, stamp: float, seen: UncertainPose) -> None:
         """Add a scan by its pose in the frame of the keyframe that the stretch began with."""
@@ -66,40 +70,67 @@ class Records:
         stretch = np.array(self._stretch, dtype=np.int64)
         relative = np.array(self._relative).reshape(n, 3)
         first = np.array(self._from, dtype=np.int64)[stretch]
+        own = self._own_covariances()
         found = se2.compose(poses[first], relative)
-        found += self._shares(stretch, relative, found, poses)
+        found += self._corrections(stretch, relative, own, found, poses)
         found[:, 2] = se2.wrap(found[:, 2])
         return Trajectory(
             stamps=np.array(self._stamps),
             poses=found,
-            covariances=self._joined(covariances[first], poses[first], relative),
+            covariances=_joined(covariances[first], poses[first], relative, own),
         )
 
-    def _shares(self, stretch: Ints, relative: Pose, found: Pose, poses: Pose) -> Pose:
-        """Return by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
-        last, way = np.array(self._to)[stretch], np.array(self._way)[stretch]
-        is_closed = last >= 0
+    def _corrections(
+        self, stretch: Ints, relative: Pose, own: Cov, found: Pose, poses: Pose
+    ) -> Pose:
+        """Return (n, 3) by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
+        last = np.array(self._to)[stretch]
+        way = np.array([w.pose for w in self._way])[stretch]
         by_last = se2.compose(poses[last], se2.between(way, relative))
         off = by_last - found
         off[:, 2] = se2.wrap(off[:, 2])
-        done, left = _length(relative), _length(se2.between(relative, way))
-        share = np.where(is_closed, done / np.maximum(done + left, 1e-9), 0.0)
-        return share[:, np.newaxis] * off
+        done = _length(relative)
+        whole = np.maximum(done + _length(se2.between(relative, way)), 1e-9)
+        # of the offset seen from the first keyframe of the stretch
+        turn = -(found[:, 2] - relative[:, 2])
+        c, s = np.cos(turn), np.sin(turn)
+        x, y = c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]
+        total = np.array([w.cov for w in self._way])[stretch]
+        share = _gathered(own, x, y, done) / _gathered(total, x, y, whole)
+        share_turn = (own[:, 2, 2] + _TURN_FLOOR * done) / (total[:, 2, 2] + _TURN_FLOOR * whole)
+        is_closed = last >= 0
+        off[:, :2] *= np.where(is_closed, np.clip(share, 0.0, 1.0), 0.0)[:, np.newaxis]
+        off[:, 2] *= np.where(is_closed, np.clip(share_turn, 0.0, 1.0), 0.0)
+        return off
 
-    def _joined(self, of_keyframe: Cov, pose: Pose, relative: Pose) -> Cov:
+    def _own_covariances(self) -> Cov:
+        """Return (n, 3, 3) covariance of each scan in the frame of the keyframe that its stretch began with."""
         rows = np.array(self._covariances).reshape(-1, 6)
         own = np.empty((len(rows), 3, 3))
         own[:, _UPPER[0], _UPPER[1]] = rows
         own[:, _UPPER[1], _UPPER[0]] = rows
-        c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        by_keyframe = np.tile(np.eye(3), (len(rows), 1, 1))
-        by_keyframe[:, 0, 2] = -s * relative[:, 0] - c * relative[:, 1]
-        by_keyframe[:, 1, 2] = c * relative[:, 0] - s * relative[:, 1]
-        turn = np.tile(np.eye(3), (len(rows), 1, 1))
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
-        cov: Cov = by_keyframe @ of_keyframe @ by_keyframe.transpose(0, 2, 1)
-        cov += turn @ own @ turn.transpose(0, 2, 1)
-        return cov
+        return own
+
+
+def _joined(of_keyframe: Cov, pose: Pose, relative: Pose, own: Cov) -> Cov:
+    """Return (n, 3, 3) covariance in the map of scans that hang on keyframes."""
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    by_keyframe = np.tile(np.eye(3), (len(own), 1, 1))
+    by_keyframe[:, 0, 2] = -s * relative[:, 0] - c * relative[:, 1]
+    by_keyframe[:, 1, 2] = c * relative[:, 0] - s * relative[:, 1]
+    turn = np.tile(np.eye(3), (len(own), 1, 1))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
+    cov: Cov = by_keyframe @ of_keyframe @ by_keyframe.transpose(0, 2, 1)
+    cov += turn @ own @ turn.transpose(0, 2, 1)
+    return cov
+
+
+def _gathered(cov: Cov, x: Floats, y: Floats, length: Floats) -> Floats:
+    """Return (n,) variance in the direction (x, y), and what the length of the way adds to it."""
+    squared = np.maximum(x * x + y * y, 1e-18)
+    along = x * x * cov[:, 0, 0] + 2.0 * x * y * cov[:, 0, 1] + y * y * cov[:, 1, 1]
+    gathered: Floats = along / squared + _FLOOR * length
+    return gathered
 
 
 def _length(poses: Pose) -> Floats:

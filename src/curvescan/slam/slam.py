@@ -164,7 +164,7 @@ class Slam:
         k = self.backend.add_keyframe(
             deskewed, step.index, seen, is_measured=self._n_most_lost == 0
         )
-        self._records.begin(k, seen.pose)
+        self._records.begin(k, seen)
         self._origin, self._n_most_lost = step, 0
         return identity()
 

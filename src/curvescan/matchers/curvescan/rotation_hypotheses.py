@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.features.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
 from curvescan.matchers.curvescan.refinement import accumulate
@@ -174,8 +175,8 @@ def degenerate_hypotheses(
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        accumulate(cur.samples, ref, pose, 1.0, 0.02, 0.006, system)
-        accumulate(ref.samples, cur, pose, -1.0, 0.02, 0.006, system)
+        accumulate(cur.samples, ref, pose, FORWARD, 0.02, 0.006, system)
+        accumulate(ref.samples, cur, pose, BACKWARD, 0.02, 0.006, system)
         half = 0.5 * (system[0] - system[3])
         root = math.sqrt(half * half + system[1] * system[1])
         mean = 0.5 * (system[0] + system[3])

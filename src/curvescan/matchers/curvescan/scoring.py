@@ -12,15 +12,15 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import (
-    RangeImage,
-    place_of,
-    reading_beside,
-    reading_in,
+from curvescan.matchers.curvescan.association import (
+    FORWARD,
+    Motion,
+    associate,
+    is_seen_through,
+    turned,
 )
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import (
-    CX,
-    CY,
     NX,
     NY,
     RANGE,
@@ -58,15 +58,11 @@ def score_samples(
     """
     score = 0.0
     surfels = image.surfels
+    motion = Motion(c, s, x, y, FORWARD)
     for k in range(low, high):
-        ax, ay = samples[k, X], samples[k, Y]
-        qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        place = place_of(qx, qy, image)
-        j = reading_in(place, image)
+        j, place, qx, qy, across, _ = associate(samples, k, motion, image)
         if j < 0:
             continue
-        nx, ny = surfels[j, NX], surfels[j, NY]
-        across = nx * (qx - surfels[j, CX]) + ny * (qy - surfels[j, CY])
         limit = tolerance + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, DEVIATIONS * DEVIATIONS * noise2)
@@ -74,18 +70,18 @@ def score_samples(
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]
         if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit2 + along * along:
-            mx, my = samples[k, NX], samples[k, NY]
-            alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
+            mx, my = turned(samples[k, NX], samples[k, NY], motion)
+            alike = surfels[j, NX] * mx + surfels[j, NY] * my
             if alike > 0.0:
                 score += (1.0 - badness) * alike
                 continue
         front = surfels[j, RANGE] - 2.0 * math.sqrt(limit2)
-        if front <= 0.0 or qx * qx + qy * qy >= front * front:
+        if not is_seen_through(qx, qy, front):
             continue
         # between two beams the nearer surface may reach as far as the other beam
         i = reading_beside(place, image, j)
         front -= max(surfels[j, RANGE] - surfels[i, RANGE], 0.0) if i >= 0 else 0.0
-        if front > 0.0 and qx * qx + qy * qy < front * front:
+        if is_seen_through(qx, qy, front):
             score -= 0.5
     return score
 

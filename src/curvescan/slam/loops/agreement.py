@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.cycles import cycle_distances
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Bools, Pose
 
@@ -44,10 +43,7 @@ class Waiting:
         self._closures.append(closure)
         del self._closures[: -rules.n_waiting]
         group = [c for c in self._closures if abs(c.j - closure.j) <= 20]
-        agrees = np.zeros((len(group), len(group)), dtype=np.bool_)
-        for a, one in enumerate(group):
-            for b in range(a):
-                agrees[a, b] = agrees[b, a] = self._agree(one, group[b], poses)
+        agrees = self._agreements(group, poses)
         last = len(group) - 1
         friends = np.flatnonzero(agrees[last])
         members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
@@ -71,18 +67,14 @@ class Waiting:
         rival = largest_clique(agrees[np.ix_(others, others)])
         return len(chosen) >= rules.margin * len(rival)
 
-    def _agree(self, one: Closure, other: Closure, poses: Pose) -> bool:
-        """Return whether the cycle through two closures closes within its covariance."""
-        to_i = self._by_graph(other.i, one.i, poses)
-        to_j = self._by_graph(one.j, other.j, poses)
-        around = compose(compose(to_i, UncertainPose(one.pose, one.covariance)), to_j)
-        there = UncertainPose(other.pose, other.covariance)
-        return fuse(around, there)[1] < self._config.closures.gate
-
-    def _by_graph(self, a: int, b: int, poses: Pose) -> UncertainPose:
-        """Return keyframe b seen from a, both of one stretch, with what edges between them usually err by."""
-        if a == b:
-            return UncertainPose(np.zeros(3), np.zeros((3, 3)))
-        pose = se2.between(poses[a], poses[b])
-        n_edges = 1.0 + float(np.hypot(pose[0], pose[1])) / self._config.keyframes.distance
-        return UncertainPose(pose, 4.0 * n_edges * self._config.noise.floor)
+    def _agreements(self, group: list[Closure], poses: Pose) -> Bools:
+        """Return (n, n) whether the cycle through two closures closes within its covariance."""
+        ends = np.array([(c.i, c.j) for c in group], dtype=np.int64)
+        measured = np.array([c.pose for c in group])
+        covariances = np.array([c.covariance for c in group])
+        # edges between two keyframes usually err by this
+        floor = np.diagonal(self._config.noise.floor).copy()
+        distances = cycle_distances(
+            ends, measured, covariances, poses, floor, self._config.keyframes.distance
+        )
+        return np.asarray(distances < self._config.closures.gate)

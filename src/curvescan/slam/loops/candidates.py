@@ -54,4 +54,8 @@ def choose_candidates(
     vague = np.flatnonzero(is_near & ~is_certain)
     order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
     vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]
+    if similarity is not None:
+        is_alike = similarity[vague] >= rules.min_similarity
+        is_alike[: rules.n_unlike] = True
+        vague = vague[is_alike]
     return [*sure.tolist(), *vague.tolist()]

@@ -6,25 +6,31 @@ import math
 
 import numpy as np
 
-from curvescan import se2
 from curvescan.odometry.config import MotionConfig
 from curvescan.odometry.step import OdometryStep
-from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Pose
+from curvescan.se2.uncertain import UncertainPose, between
+from curvescan.types import Cov, Pose
 
 
 def between_steps(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
-    pose = se2.between(origin.pose, step.pose)
-    c, s = math.cos(origin.pose[2]), math.sin(origin.pose[2])
-    back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    dx, dy = step.pose[:2] - origin.pose[:2]
-    by_origin = np.eye(3)
-    by_origin[0, 2], by_origin[1, 2] = -dy, dx
-    rest = back @ (step.covariance - by_origin @ origin.covariance @ by_origin.T) @ back.T
+    found = between(
+        UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance)
+    )
+    if _is_positive(found.cov):
+        return found
     # the two may hang on one keyframe of the odometry, whose error they share
-    values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
-    return UncertainPose(pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
+    values, vectors = np.linalg.eigh(found.cov)
+    return UncertainPose(found.pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _is_positive(cov: Cov) -> bool:
+    """Return whether all leading minors of a symmetric matrix are positive."""
+    (a, b, c), (_, d, e), (_, _, f) = cov.tolist()
+    minor = a * d - b * b
+    return bool(
+        a > 0.0 and minor > 0.0 and f * minor - a * e * e + 2.0 * b * c * e - d * c * c > 0.0
+    )
 
 
 def wheel_motion(moved: Pose, config: MotionConfig) -> UncertainPose:

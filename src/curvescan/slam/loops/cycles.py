@@ -1,0 +1,105 @@
+"""Cycles: two loop closures and the ways of the graph between their ends, which must close within their covariances.
+
+Mangelson et al. 2018, eq. 3. Scalars all the way: a hundred pairs are tried for each closure that waits.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.se2.angles import wrap_angle
+from curvescan.types import Cov, Floats, Ints, Pose
+
+
+@kernel
+def cycle_distances(
+    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, floor: Floats, step: float
+) -> Floats:
+    """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
+
+    Parameters
+    ----------
+    ends : (n, 2) int64
+        Keyframes i and j of each closure.
+    measured : (n, 3) float64
+        Pose of j in the frame of i by each.
+    covariances : (n, 3, 3) float64
+        Of these.
+    poses : (k, 3) float64
+        Of all keyframes.
+    floor : (3,) float64
+        Variances of an edge of the graph: metres squared, twice, and radians squared.
+    step : float
+        Length of an edge, metres: so many are between two keyframes as their distance takes.
+    """
+    n = len(ends)
+    found = np.zeros((n, n))
+    for a in range(n):
+        for b in range(a):
+            found[a, b] = found[b, a] = _cycle_distance(
+                ends[a], measured[a], covariances[a], ends[b], measured[b], covariances[b],
+                poses, floor, step,
+            )  # fmt: skip
+    return found
+
+
+@kernel
+def _between(a: Pose, b: Pose) -> tuple[float, float, float]:
+    c, s = math.cos(a[2]), math.sin(a[2])
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    return c * dx + s * dy, -s * dx + c * dy, wrap_angle(b[2] - a[2])
+
+
+@kernel
+def _n_edges(x: float, y: float, step: float, is_same: bool) -> float:
+    return 0.0 if is_same else 1.0 + math.sqrt(x * x + y * y) / step
+
+
+@kernel
+def _cycle_distance(
+    ends_1: Ints, pose_1: Pose, cov_1: Cov, ends_2: Ints, pose_2: Pose, cov_2: Cov,
+    poses: Pose, floor: Floats, step: float,
+) -> float:  # fmt: skip
+    """Return how far i2 -> i1 -> j1 -> j2 is from the second closure: squared Mahalanobis distance."""
+    xi, yi, ti = _between(poses[ends_2[0]], poses[ends_1[0]])
+    xj, yj, tj = _between(poses[ends_1[1]], poses[ends_2[1]])
+    n_i = 4.0 * _n_edges(xi, yi, step, ends_1[0] == ends_2[0])
+    n_j = 4.0 * _n_edges(xj, yj, step, ends_1[1] == ends_2[1])
+    ci, si = math.cos(ti), math.sin(ti)
+    c1, s1 = math.cos(pose_1[2]), math.sin(pose_1[2])
+    # the way at j seen from i1, the way behind i1 seen from i2
+    xr, yr = c1 * xj - s1 * yj, s1 * xj + c1 * yj
+    x1, y1 = pose_1[0] + xr, pose_1[1] + yr
+    dx, dy = ci * x1 - si * y1, si * x1 + ci * y1
+    ex, ey = pose_2[0] - xi - dx, pose_2[1] - yi - dy
+    et = wrap_angle(pose_2[2] - ti - pose_1[2] - tj)
+    # the closure's own covariance, moved to the end of the way at j
+    h0 = cov_1[0, 2] - yr * cov_1[2, 2]
+    h1 = cov_1[1, 2] + xr * cov_1[2, 2]
+    a00 = cov_1[0, 0] - yr * (cov_1[0, 2] + h0)
+    a01 = cov_1[0, 1] + xr * cov_1[0, 2] - yr * h1
+    a11 = cov_1[1, 1] + xr * (cov_1[1, 2] + h1)
+    # turned into the frame of i2, with that of the ways and of the second closure
+    wi, wj = n_i * floor[2], n_j * floor[2]
+    b00 = ci * (ci * a00 - si * a01) - si * (ci * a01 - si * a11)
+    b01 = si * (ci * a00 - si * a01) + ci * (ci * a01 - si * a11)
+    b11 = si * (si * a00 + ci * a01) + ci * (si * a01 + ci * a11)
+    isotropic = n_i * floor[0] + n_j * floor[0]
+    m00 = b00 + isotropic + wi * dy * dy + cov_2[0, 0]
+    m01 = b01 - wi * dx * dy + cov_2[0, 1]
+    m11 = b11 + isotropic + wi * dx * dx + cov_2[1, 1]
+    m02 = ci * h0 - si * h1 - wi * dy + cov_2[0, 2]
+    m12 = si * h0 + ci * h1 + wi * dx + cov_2[1, 2]
+    m22 = cov_1[2, 2] + wi + wj + cov_2[2, 2]
+    # m = L D L^T from below: the rotation first
+    l0, l1 = m02 / m22, m12 / m22
+    p00, p01, p11 = m00 - l0 * m02, m01 - l0 * m12, m11 - l1 * m12
+    ux, uy = ex - l0 * et, ey - l1 * et
+    determinant = p00 * p11 - p01 * p01
+    distance: float = (
+        et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
+    )
+    return distance

@@ -1,0 +1,58 @@
+"""Cycles: the distance by which two closures contradict each other is that of composing uncertain poses one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose, compose, fuse
+from curvescan.slam.loops.cycles import cycle_distances
+from curvescan.types import Cov, Pose
+
+_FLOOR = np.array([2.5e-5, 2.5e-5, 4e-6])
+
+
+def _by_graph(a: int, b: int, poses: Pose) -> UncertainPose:
+    if a == b:
+        return UncertainPose(np.zeros(3), np.zeros((3, 3)))
+    pose = se2.between(poses[a], poses[b])
+    n_edges = 1.0 + float(np.hypot(pose[0], pose[1])) / 0.5
+    return UncertainPose(pose, 4.0 * n_edges * np.diag(_FLOOR))
+
+
+def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose) -> np.ndarray:
+    n = len(ends)
+    found = np.zeros((n, n))
+    for a in range(n):
+        for b in range(a):
+            one, other = (UncertainPose(measured[k], covariances[k]) for k in (a, b))
+            to_i = _by_graph(ends[b, 0], ends[a, 0], poses)
+            to_j = _by_graph(ends[a, 1], ends[b, 1], poses)
+            around = compose(compose(to_i, one), to_j)
+            found[a, b] = found[b, a] = fuse(around, other)[1]
+    return found
+
+
+def test_it_is_that_of_composing_and_fusing_the_poses_of_the_cycle() -> None:
+    rng = np.random.default_rng(4)
+    n, n_poses = 12, 20
+    poses = rng.uniform(-3.0, 3.0, (n_poses, 3))
+    ends = np.sort(rng.integers(0, n_poses, (n, 2)), axis=1)
+    ends[3], ends[5, 0] = ends[4], ends[6, 0]  # same keyframes: no way between
+    measured = se2.between(poses[ends[:, 0]], poses[ends[:, 1]])
+    measured += 0.1 * rng.standard_normal(measured.shape)
+    roots = 0.1 * rng.standard_normal((n, 3, 3))
+    covariances = roots @ roots.transpose(0, 2, 1) + 1e-4 * np.eye(3)
+    found = cycle_distances(ends, measured, covariances, poses, _FLOOR, 0.5)
+    np.testing.assert_allclose(found, _twin(ends, measured, covariances, poses), rtol=1e-8)
+
+
+def test_true_closures_agree_and_one_that_is_a_metre_off_with_none() -> None:
+    poses = np.column_stack((np.arange(8) * 0.5, np.zeros(8), np.zeros(8)))
+    ends = np.array([[0, 4], [1, 5], [2, 6], [3, 7]])
+    measured = se2.between(poses[ends[:, 0]], poses[ends[:, 1]])
+    measured[2, 0] += 1.0
+    covariances = np.tile(1e-4 * np.eye(3), (4, 1, 1))
+    agrees = cycle_distances(ends, measured, covariances, poses, _FLOOR, 0.5) < 16.0
+    assert agrees[np.ix_([0, 1, 3], [0, 1, 3])].all()
+    assert not agrees[2, [0, 1, 3]].any()
