@@ -35,6 +35,10 @@ _TIED_SIGMA = 0.2
 _FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
 _TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
 
+_VAGUE_SIGMA = 0.08
+"""Standard deviation of what is expected along a degenerate direction from which on the scans are asked, metres: below it
+they say nothing new, and what they say again and again of one keyframe errs alike."""
+
 _LEAST_SHIFT = 0.5
 """Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
 
@@ -49,6 +53,15 @@ def as_measurement(result: MatchResult) -> UncertainPose:
         # a matcher goes along there as its guess does: to count that as a measurement would count the guess twice
         cov = cov + _OPEN**2 * np.outer(result.degenerate_direction, result.degenerate_direction)
     return UncertainPose(result.pose, cov)
+
+
+def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
+    """Return whether a match is degenerate along a direction in which the expectation is vague, too."""
+    if result.degenerate_direction is None:
+        return False
+    x, y = result.degenerate_direction[:2]
+    variance = np.array([x, y]) @ expected.cov[:2, :2] @ np.array([x, y])
+    return bool(variance > _VAGUE_SIGMA**2 * (x * x + y * y))
 
 
 def has_unguided_pose(result: MatchResult) -> bool:
@@ -75,18 +88,18 @@ def unguided_measurement(result: MatchResult, config: CurvescanConfig) -> Uncert
     if _has_one_best(assessed):
         return _unguided(assessed)
     pose, direction = assessed.poses[0], result.degenerate_direction
-    is_tied, is_shift = bool(assessed.ties), bool(np.hypot(*direction[:2]) > _LEAST_SHIFT)
+    is_shift = bool(np.hypot(*direction[:2]) > _LEAST_SHIFT)
     if assessed.is_degenerate[1:].any() or not is_shift:
         return None
     # a bare corridor fits best where it is laid over itself, as if the sensor stood still
-    if is_tied and np.hypot(*pose[:2]) < _MOVED:
+    if np.hypot(*pose[:2]) < _MOVED:
         return None
     trace = result.trace
     assert isinstance(trace, CurvescanTrace)
     seen = assess_pose(trace.reference, trace.current, pose, config)
     if seen.information[0] > 1.01 * assessed.assessment.information[0]:  # people hold the rest
         return None
-    return _unguided(assessed, _TIED if is_tied else _FLAT)
+    return _unguided(assessed, _TIED if assessed.ties else _FLAT)
 
 
 def decided_by_expectation(

@@ -15,6 +15,7 @@ from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
 from curvescan.odometry.measurement import (
     decided_by_expectation,
     has_unguided_pose,
+    is_vague_along,
     unguided_measurement,
 )
 from curvescan.odometry.motion_model import MotionModel, Prediction
@@ -64,7 +65,7 @@ class Matching:
         measured = None
         if motion.is_fused:
             result = decided_by_expectation(result, expected, motion)
-            if result.ok and result.degenerate_direction is not None:
+            if result.ok and is_vague_along(expected, result):
                 measured = self._unguided(reference, current, result)
         return gate(result, expected, motion, repeated, measured)
 

@@ -137,7 +137,8 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
     """Return where earlier keyframes show a scan: anywhere around by confident matches, else near where it is expected."""
     o, config, last = observation, observation.config, attempt.last
     around, ahead = last.moved(o.prediction.inflated(config.motion)), last.moved(o.expected)
-    doubtful = _doubtful(attempt)
+    # in a gap the keyframe in use is itself where it was expected: that others agree with it says nothing
+    doubtful = _doubtful(attempt) if o.state.gap is None else None
     known = find_loop_closure(
         o.current, around, o.keyframes, config.keyframes, turn=math.pi, doubtful=doubtful
     ) or find_loop_closure(
