@@ -78,14 +78,10 @@ def accumulate(
 
     Parameters
     ----------
-    surfels_a : (p, 10) float64
-        Readings of scan a.
-    view_b : RangeImage
-        Scan b.
-    pose : (3,) float64
-        Of the current scan in the reference.
-    way : float
-        FORWARD where scan a is the current one, BACKWARD where it is the reference.
+    surfels_a, view_b
+        Readings of scan a, the range image of scan b.
+    pose, way : (3,) float64, float
+        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where it is the reference.
     sigma_extra, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64

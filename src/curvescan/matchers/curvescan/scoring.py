@@ -38,6 +38,15 @@ ALONG = 0.6
 """Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 more where the surface is not straight."""
 
+_REACH2 = 9.0
+"""Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it."""
+
+_PROSPECT = 0.6
+"""What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1."""
+
+_MAX_ALIKE = 4
+"""Poses near one that is kept that are tried in its place: more of them hardly score better."""
+
 
 @kernel
 def score_samples(
@@ -69,7 +78,7 @@ def score_samples(
         badness = across * across / limit2
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]
-        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit2 + along * along:
+        if badness < 1.0 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
             mx, my = turned(samples[k, NX], samples[k, NY], motion)
             alike = surfels[j, NX] * mx + surfels[j, NY] * my
             if alike > 0.0:
@@ -133,7 +142,7 @@ def score_pose(
         )
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few samples err more: what is certain of a score narrows with the root of their number
-        if rate < least - 0.6 / math.sqrt(min(high, n_ref) + min(high, n_cur)):
+        if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):
             break
         low = high
         high *= 2
@@ -171,7 +180,7 @@ def select(
                 break
         if like >= 0:
             n_alike[like] += 1
-            if n_alike[like] > 4:
+            if n_alike[like] > _MAX_ALIKE:
                 continue
             least = scores[like]
         score = score_pose(
