@@ -34,6 +34,7 @@ _TIED_SIGMA = 0.2
 
 _FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
 _TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
+_NEAR = InformationConfig(degenerate_sigma=0.3)
 
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are asked, metres: below it
@@ -115,7 +116,8 @@ def decided_by_expectation(
     if not assessed.scores[0] >= config.expected_score or assessed.is_degenerate[1:].any():
         return result
     is_open = bool(assessed.is_degenerate[0])
-    pose, cov = _unguided(assessed)
+    is_known = not is_open or _has_one_best(assessed)
+    pose, cov = _unguided(assessed, _FLAT if is_known else InformationConfig())
     decided = replace(
         result,
         outcome=Outcome.MATCHED,
@@ -125,8 +127,8 @@ def decided_by_expectation(
         degenerate_direction=assessed.assessment.weakest if is_open else None,
         confidence=assessed.support.confidence,
     )
-    found = _unguided(assessed) if _has_one_best(assessed) else as_measurement(decided)
-    distance = fuse(expected, found)[1]
+    # one far along an open direction was compared where the sensor is not
+    distance = fuse(expected, _unguided(assessed, _FLAT if is_known else _NEAR))[1]
     return decided if distance <= config.motion_gate_chi2 else result
 
 
