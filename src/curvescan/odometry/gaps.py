@@ -115,7 +115,7 @@ def _joins(gated: GatedMatch, least_score: float) -> bool:
     """Return whether a match with a reference from before a gap bridges it."""
     if not (gated.result.ok and gated.is_plausible):
         return False
+    if gated.result.score < least_score:
+        return False
     confidence = gated.result.confidence
-    if math.isnan(confidence):
-        return not gated.result.score < least_score
-    return confidence >= MIN_CONFIDENCE
+    return math.isnan(confidence) or confidence >= MIN_CONFIDENCE
