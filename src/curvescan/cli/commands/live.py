@@ -180,7 +180,7 @@ def live(
                     command=sys.argv,
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
-        if keep_open and viewer is not None:
+        if keep_open and viewer is not None and not report.is_interrupted:
             ERR.print("the source has ended; Ctrl-C closes the page", markup=False)
             _wait()
     if report.error is not None:
