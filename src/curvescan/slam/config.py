@@ -20,6 +20,9 @@ class KeyframesConfig:
     """A new keyframe is due this far from the last one, metres."""
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
+    vague: float = 0.3
+    """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the odometry may
+    stand still while the sensor moves."""
     n_linked: int = 3
     """Preceding keyframes that a new one is matched with."""
     n_lost: int = 8
@@ -28,7 +31,7 @@ class KeyframesConfig:
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
-        for name in ("distance", "turn"):
+        for name in ("distance", "turn", "vague"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_linked", "n_lost", "n_prepared"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))

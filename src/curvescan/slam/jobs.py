@@ -20,7 +20,6 @@ from curvescan.slam.pose_graph.robust import optimize_robustly
 from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
-
 _FROM_AFAR, _NEARBY = 0.05, 6.0
 """Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job left."""
 

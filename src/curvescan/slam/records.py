@@ -97,9 +97,7 @@ class Records:
         x, y = c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]
         total = np.array([w.cov for w in self._way])[stretch]
         share = _gathered(own, x, y, done) / _gathered(total, x, y, whole)
-        share_turn = (own[:, 2, 2] + _TURN_FLOOR * done) / (
-            total[:, 2, 2] + _TURN_FLOOR * whole
-        )
+        share_turn = (own[:, 2, 2] + _TURN_FLOOR * done) / (total[:, 2, 2] + _TURN_FLOOR * whole)
         is_closed = last >= 0
         off[:, :2] *= np.where(is_closed, np.clip(share, 0.0, 1.0), 0.0)[:, np.newaxis]
         off[:, 2] *= np.where(is_closed, np.clip(share_turn, 0.0, 1.0), 0.0)

@@ -148,7 +148,9 @@ class Slam:
 
     def _is_due(self, seen: UncertainPose) -> bool:
         rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
-        return math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn
+        if math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn:
+            return True
+        return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
 
     def _make_keyframe(
         self,
