@@ -38,6 +38,28 @@ class KeyframesConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlacesConfig:
+    """Places: how many keyframes one holds. The oldest go, so that memory follows the area and not the time."""
+
+    n_keyframes: int = 4
+    """Newer keyframes of the same place from which on an older one goes."""
+    radius: float = 0.4
+    """Keyframes this near to each other show the same place, metres."""
+    turn: float = 0.4
+    """They also look the same way within this, radians."""
+    n_newest: int = 30
+    """The newest keyframes stay in any case."""
+    n_logged: int = 50_000
+    """Loop-closure candidates whose record is kept, the latest."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "turn"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("n_keyframes", "n_newest", "n_logged"):
+            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
 class NoiseConfig:
     """Noise: what the covariances of matches and motions leave out."""
 
@@ -191,6 +213,8 @@ class SlamConfig:
 
     keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
     """Keyframes: the scans that the map is made of."""
+    places: PlacesConfig = field(default_factory=PlacesConfig)
+    """Places: how many keyframes one holds."""
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     """Noise: what the covariances of matches and motions leave out."""
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)

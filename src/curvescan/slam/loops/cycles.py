@@ -99,4 +99,7 @@ def _cycle_distance(
     p00, p01, p11 = m00 - l0 * m02, m01 - l0 * m12, m11 - l1 * m12
     ux, uy = ex - l0 * et, ey - l1 * et
     determinant = p00 * p11 - p01 * p01
-    return et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
+    distance: float = (
+        et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
+    )
+    return distance
