@@ -14,8 +14,9 @@ LOWEST := .venv-lowest
 export MPLBACKEND := Agg
 
 ROS_VENV := .venv-ros
+FLEET := .venv-fleet
 
-.PHONY: demo docs test test-lowest test-ros test-wheel dist lint coverage bench format clean
+.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image lint coverage mutants bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -58,13 +59,33 @@ dist: $(INSTALLED)
 	$(BIN)/python -m build
 	$(BIN)/python -m twine check --strict dist/*
 
-# the wheel alone, in a fresh environment, as a user installs it
+# the wheel alone, in a fresh environment, as a user installs it; WHEEL=dist/NAME.whl takes one that is built
 test-wheel:
 	rm -rf .cache/wheel
 	$(PYTHON) -m venv .cache/wheel/venv
-	.cache/wheel/venv/$(SCRIPTS)/python -m pip wheel --quiet --no-deps --wheel-dir .cache/wheel .
-	.cache/wheel/venv/$(SCRIPTS)/python -m pip install --quiet .cache/wheel/*.whl
+	.cache/wheel/venv/$(SCRIPTS)/python -m pip install --quiet --disable-pip-version-check $(or $(WHEEL),.)
 	cd .cache/wheel && venv/$(SCRIPTS)/curvescan demo --out demo && test -s demo/map.png
+
+# which mutants of the matcher and the odometry the tests of their room let live: named ones first, then EACH by rule of
+# each file whose name has one of FILES in it
+mutants: $(INSTALLED)
+	$(BIN)/python -m tests.mutants $(if $(EACH),--each $(EACH)) $(FILES)
+
+# the container image; its kernels are compiled, and no file of its cache may be new after a first run
+image:
+	docker build --tag curvescan .
+
+test-image: image
+	docker run --rm curvescan demo --out /tmp/demo 2>&1 | tee .image.log
+	! grep -q "compiles its kernels" .image.log
+	rm .image.log
+
+# buckets on a real S3 server, and a real Ray cluster, in an environment of their own: both are large
+test-fleet:
+	$(PYTHON) -m venv $(FLEET)
+	$(FLEET)/bin/python -m pip install --quiet --disable-pip-version-check \
+		--editable '.[cloud,ray]' 'moto[server]' hypothesis pytest pyyaml
+	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
 bench: $(INSTALLED)
 	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))
@@ -84,5 +105,5 @@ $(DOCS_INSTALLED): $(INSTALLED)
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(LOWEST) .cache demo docs/_build docs/gallery docs/reference/generated
+	rm -rf $(VENV) $(LOWEST) $(FLEET) .cache demo docs/_build docs/gallery docs/reference/generated
 	rm -rf docs/reference/commands.md src/curvescan/__pycache__

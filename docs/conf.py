@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import curvescan
-from curvescan.cli.main import COMMANDS
+from curvescan.cli.command_line import COMMANDS
 
 DOCS = Path(__file__).parent
 project = "curvescan"

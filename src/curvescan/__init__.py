@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         MissingPackageError,
         OutputError,
         SourceError,
+        StorageError,
         UnitWarning,
         WorkerError,
     )
@@ -84,8 +85,8 @@ if TYPE_CHECKING:
     from curvescan.odometry import Odometry, OdometryRun, OdometryStep, StepOutcome, run_odometry
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.plots import on_axes as plot
-    from curvescan.runs.batch import BatchResult, run_batch
-    from curvescan.runs.jobs import OdometryJob, SlamJob
+    from curvescan.runs.batch.batch import BatchResult, run_batch
+    from curvescan.runs.batch.jobs import OdometryJob, SlamJob
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
@@ -102,7 +103,7 @@ if TYPE_CHECKING:
     from curvescan.warmup import warm_up
 
 _HOMES = {
-    "BatchResult": "curvescan.runs.batch",
+    "BatchResult": "curvescan.runs.batch.batch",
     "CfSmaConfig": "curvescan.matchers.cfsma.config",
     "ConvergenceConfig": "curvescan.matchers.baselines.config",
     "CoxConfig": "curvescan.matchers.baselines.config",
@@ -138,7 +139,7 @@ _HOMES = {
     "OccupancyGrid": "curvescan.mapping.occupancy",
     "Odometry": "curvescan.odometry",
     "OdometryConfig": "curvescan.odometry.config",
-    "OdometryJob": "curvescan.runs.jobs",
+    "OdometryJob": "curvescan.runs.batch.jobs",
     "OdometryRun": "curvescan.odometry",
     "OdometryStep": "curvescan.odometry",
     "Outcome": "curvescan.matchers.result",
@@ -155,10 +156,11 @@ _HOMES = {
     "ShrinkConfig": "curvescan.matchers.baselines.config",
     "Slam": "curvescan.slam",
     "SlamConfig": "curvescan.slam",
-    "SlamJob": "curvescan.runs.jobs",
+    "SlamJob": "curvescan.runs.batch.jobs",
     "SlamMap": "curvescan.slam",
     "SlamStep": "curvescan.slam",
     "SourceError": "curvescan.errors",
+    "StorageError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.types",
     "UnitWarning": "curvescan.errors",
@@ -178,7 +180,7 @@ _HOMES = {
     "read_relations": "curvescan.io",
     "read_tum": "curvescan.io",
     "run": "curvescan.runs.run",
-    "run_batch": "curvescan.runs.batch",
+    "run_batch": "curvescan.runs.batch.batch",
     "run_odometry": "curvescan.odometry",
     "simulate": "curvescan.simulation",
     "warm_up": "curvescan.warmup",
@@ -253,6 +255,7 @@ __all__ = [
     "SlamStep",
     "SourceError",
     "StepOutcome",
+    "StorageError",
     "Trajectory",
     "UnitWarning",
     "WorkerError",

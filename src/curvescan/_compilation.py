@@ -17,6 +17,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from curvescan._interrupts import clean_up_at_end
+
 _LOGGER = logging.getLogger(__package__)
 _NOTICED_S = 1.0
 
@@ -117,6 +119,7 @@ def start_helpers(folder: Path | None) -> None:
                 stderr=subprocess.DEVNULL,
             )
             atexit.register(_end, helper, os.getpid())
+            clean_up_at_end(helper.kill)
     except OSError:
         return
 

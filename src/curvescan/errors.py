@@ -29,7 +29,11 @@ class OutputError(CurvescanError, OSError):
 
 
 class WorkerError(CurvescanError, RuntimeError):
-    """The processes of a batch cannot be started."""
+    """The workers of a batch cannot be started."""
+
+
+class StorageError(CurvescanError, OSError):
+    """A bucket of an object store cannot be reached, or refuses what is asked of it."""
 
 
 class SourceError(CurvescanError, OSError):

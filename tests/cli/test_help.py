@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.flags import with_flags
-from curvescan.cli.main import COMMANDS, run
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])

@@ -19,8 +19,8 @@ from rich.console import Console
 
 from curvescan import __version__
 from curvescan.cli import console
+from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
-from curvescan.cli.main import COMMANDS, run
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
 from curvescan.cli.tracker import make_odometry
 from curvescan.diagnostics.beam_order import BeamOrder

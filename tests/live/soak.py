@@ -1,4 +1,4 @@
-"""A long run: `python tests/live/soak.py HOURS [SPEED]`: 720 beams at 40 Hz, a browser that listens, memory and latency.
+"""A long run: `python tests/live/soak.py HOURS [SPEED] [odometry]`: 720 beams at 40 Hz, SLAM, a browser, memory and latency.
 
 One lap of a simulated floor is made beforehand and driven again and again, so that what is timed is the run and not the
 simulation. Prints the scans and what was dropped, memory after each tenth, and latencies.
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import LaserScan, Odometry
+from curvescan import LaserScan, Odometry, Slam
 from curvescan.live import LogSource, SimulatedSource, Tracker, Viewer, run_live
 from curvescan.live.server import PageServer
 from curvescan.live.warm_up import warm_up
@@ -76,16 +76,20 @@ def memory_mib() -> float:
 
 def main() -> None:
     hours, speed = float(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 0.0
+    mode = "odometry" if "odometry" in sys.argv else "SLAM"
+    engine_class = Odometry if mode == "odometry" else Slam
     log = Laps(round(3600 * hours * RATE))
-    warm_up(Odometry)
-    viewer, told = Viewer(log.name, is_lossless=True), multiprocessing.get_context("spawn").Queue()
+    warm_up(engine_class)
+    viewer = Viewer(log.name, mode=mode, is_lossless=True)
+    engine, told = engine_class(), multiprocessing.get_context("spawn").Queue()
     step, started = max(log._n // 10, 1), time.monotonic()
 
     def on_scan(tracked) -> None:
         if tracked.index % step == 0:
             seconds = time.monotonic() - started
             print(
-                f"{tracked.index:>8,} scans, {seconds:6.0f} s, {memory_mib():6.0f} MiB", flush=True
+                f"{tracked.index:>8,} scans, {seconds:6.0f} s, {memory_mib():6.0f} MiB, {engine!r}",
+                flush=True,
             )
 
     with PageServer(viewer) as server:
@@ -94,9 +98,7 @@ def main() -> None:
         )
         listener.start()
         time.sleep(3.0)
-        report = run_live(
-            LogSource(log, speed=speed), Tracker(Odometry()), [viewer], on_scan=on_scan
-        )
+        report = run_live(LogSource(log, speed=speed), Tracker(engine), [viewer], on_scan=on_scan)
         viewer.close()
         viewer.set_status("ended", "over")
         latencies = told.get(timeout=60)

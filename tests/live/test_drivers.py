@@ -96,14 +96,14 @@ def test_a_gap_that_stays_is_believed():
 
 
 def test_late_turns_through_the_driver(ld19):
-    n = 30
-    turns = [turn_packets(scan, RATE) for scan in drive(n)]
-    ld19.play(turns, 1.0 / RATE, held=range(15, 17))
+    n, rate = 25, 10.0  # the sensor's own pace: what a busy machine delays is little of a turn
+    turns = [turn_packets(scan, rate) for scan in drive(n)]
+    ld19.play(turns, 1.0 / rate, held=range(15, 17))
     scans = taken(open_driver("lds2d:LDROBOT-LD19", ld19.port), n - 2)
     stamps = np.diff([scan.stamp for scan in scans])
     assert len(scans) == n - 2
-    assert stamps.min() > 0.3 / RATE
-    assert stamps.max() < 2.5 / RATE
+    assert stamps.min() > 0.3 / rate
+    assert stamps.max() < 2.5 / rate
 
 
 def test_unplugged(ld19):

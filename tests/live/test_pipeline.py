@@ -1,13 +1,15 @@
 """Source -> tracker -> sinks: live equals offline to the bit, a slow sink delays nobody, a fault keeps what came before."""
 
 import itertools
+import json
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from curvescan import InvalidArgumentError, Odometry, SourceError, read_log, simulate
+from curvescan import InvalidArgumentError, Odometry, Slam, SourceError, read_log, simulate
 from curvescan.live import (
     BoundedQueue,
     LiveSink,
@@ -20,8 +22,13 @@ from curvescan.live import (
     Viewer,
     run_live,
 )
+from curvescan.live import live_map as live_map_module
+from curvescan.live.live_map import LiveMap
 from curvescan.live.sinks import WorkerSink
 from curvescan.odometry import run_odometry
+from curvescan.runs.odometry import save_run
+from curvescan.runs.slam import save_slam_run
+from curvescan.slam import run_slam
 
 
 @pytest.fixture(scope="module")
@@ -162,15 +169,110 @@ def test_a_recording_is_read_again(log, tmp_path):
     assert np.allclose(again.odometry.poses, run_odometry(log).trajectory.poses, atol=1e-9)
 
 
-def test_the_results_folder(log, tmp_path):
-    sink = ResultsSink(is_lossless=True)
-    report = run_live(LogSource(log, speed=0), Tracker(Odometry()), [sink])
+def written(log, folder, mode, engine, *, is_replayed):
+    """Run live, write the results, and return the folder's files by name."""
+    sink = ResultsSink(mode=mode, is_lossless=True)
+    report = run_live(LogSource(log, speed=0), Tracker(engine), [sink])
     sink.close()
-    files = sink.write(tmp_path, report, name="a test")
-    assert {file.name for file in tmp_path.iterdir()} == set(files)
-    lines = (tmp_path / "trajectory.tum").read_text().splitlines()
-    assert len(lines) == len(log)
-    assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n")
+    folder.mkdir()
+    files = sink.write(
+        folder, report, name=log.name, engine=engine, log=log if is_replayed else None
+    )
+    assert {file.name for file in folder.iterdir()} == set(files)
+    return {name: (folder / name).read_bytes() for name in files}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["odometry", "SLAM"])
+def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mode):
+    offline = tmp_path / "offline"
+    offline.mkdir()
+    if mode == "SLAM":
+        live = written(log, tmp_path / "live", mode, Slam(), is_replayed=True)
+        save_slam_run(offline, run_slam(log), log)
+    else:
+        live = written(log, tmp_path / "live", mode, Odometry(), is_replayed=True)
+        odometry = Odometry()
+        save_run(offline, run_odometry(log, odometry), log, odometry=odometry)
+    assert {file.name for file in offline.iterdir()} == set(live)
+    exact = {"trajectory.tum", "trajectory.csv", "map.pgm", "map.yaml", "map.png"}
+    if mode == "SLAM":
+        exact |= {"trajectory_online.tum", "graph.g2o", "closures.csv", "graph.png"}
+    for name in exact:
+        assert (offline / name).read_bytes() == live[name], name
+    record = json.loads(live["run.json"])
+    assert record["scans"] == record["live"]["scans"] == len(log)
+    assert record["verdict"]["is_trusted"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["odometry", "SLAM"])
+def test_a_sensor_leaves_the_same_files_though_its_scans_have_gone(log, tmp_path, mode):
+    engines = {"odometry": Odometry, "SLAM": Slam}
+    replayed, gone = (
+        written(log, tmp_path / str(k), mode, engines[mode](), is_replayed=k == 0) for k in range(2)
+    )
+    assert replayed.keys() == gone.keys()
+    assert replayed["trajectory.tum"] == gone["trajectory.tum"]
+    # the map is drawn of fewer scans: what they saw is in the map of all
+    one, other = (read_pgm(files["map.pgm"]) for files in (replayed, gone))
+    assert other.shape[0] <= one.shape[0] + 2
+    assert np.count_nonzero(other == 0) > 0.4 * np.count_nonzero(one == 0)
+
+
+def read_pgm(data):
+    """The pixels of a binary PGM; 0 is occupied."""
+    _, size, _, pixels = data.split(b"\n", 3)
+    columns, rows = map(int, size.split())
+    return np.frombuffer(pixels[-rows * columns :], dtype=np.uint8).reshape(rows, columns)
+
+
+def test_memory_follows_the_area_and_not_the_time(log):
+    """The same lap twenty times: no more scans are kept than for one, and the newest."""
+    tracker, live_map = Tracker(Odometry()), LiveMap(is_revisable=True)
+    tracked = [tracker.add(scan) for scan in log]
+    for lap in range(20):
+        for item in tracked:
+            live_map.add(replace(item, index=lap * len(log) + item.index))
+        if lap == 0:
+            n_kept = len(live_map.kept())
+    assert len(live_map.kept()) == n_kept
+    assert [index for index, _ in live_map.kept()] == sorted(i for i, _ in live_map.kept())
+    assert np.median([index for index, _ in live_map.kept()]) >= 19 * len(log)
+
+
+def test_a_long_path_is_thinned(log, monkeypatch):
+    monkeypatch.setattr(live_map_module, "_MAX_PATH", 20)
+    monkeypatch.setattr(live_map_module, "_PATH_STEP_M", 0.001)
+    tracker, live_map = Tracker(Odometry()), LiveMap()
+    tracked = [tracker.add(scan) for scan in log]
+    for item in tracked:
+        live_map.add(item)
+    assert live_map.path_version > 0
+    assert 10 <= live_map.n_path <= 20
+    assert np.allclose(live_map.path()[0], [0.0, 0.0])
+    gap = np.hypot(*(live_map.path()[-1] - tracked[-1].pose[:2]))
+    assert gap <= 2.0 * live_map._path_step + 0.05
+
+
+def test_revised_poses_are_handed_on_once_a_second_at_most(log):
+    class Revising(Odometry):
+        n_trajectories = 0
+
+        def add(self, scan, odometry_pose=None):
+            step = super().add(scan, odometry_pose)
+            object.__setattr__(step, "is_revised", True)
+            return step
+
+        def trajectory(self):
+            self.n_trajectories += 1
+            return None
+
+    engine = Revising()
+    tracker, started = Tracker(engine), time.monotonic()
+    for scan in log:
+        tracker.add(scan)
+    assert 1 <= engine.n_trajectories <= 2 + int(time.monotonic() - started)
 
 
 def test_the_viewer_keeps_no_scan_and_draws_the_map(log):

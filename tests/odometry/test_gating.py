@@ -106,3 +106,20 @@ def test_a_second_match_of_a_sweep_must_not_be_in_doubt_where_the_first_is_not()
     for doubtful in (far, failed, weak):
         assert not doubtful.is_as_good_as(first)
         assert first.is_as_good_as(doubtful)
+
+
+@pytest.mark.parametrize(
+    ("squared_distance", "is_plausible"), [(15.0, True), (19.0, True), (21.0, False), (30.0, False)]
+)
+def test_the_gate_is_as_wide_as_its_chi_square(squared_distance, is_plausible):
+    """Of three degrees of freedom one in 6,000 lies beyond 20."""
+    sigma = math.sqrt(0.02**2 + 1e-6)
+    result = matched((0.1 + sigma * math.sqrt(squared_distance), 0.0, 0.05))
+    assert gate(result, EXPECTED, CONFIG).is_plausible == is_plausible
+
+
+def test_what_a_rejected_match_leaves_open_is_known_no_better_than_after_a_failure():
+    gated = gate(matched((0.1, 0.5, 0.05), **ALONG_X), EXPECTED, CONFIG)
+    assert not gated.is_plausible
+    along = math.sqrt(gated.pose_keyframe_scan.cov[0, 0])
+    assert along == pytest.approx(CONFIG.recovery_sigma_m, rel=0.05)

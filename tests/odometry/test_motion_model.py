@@ -63,6 +63,25 @@ def test_a_long_pause_makes_less_certain_and_a_clock_that_goes_back_does_not():
     assert backwards == pytest.approx(before, rel=1e-6)
 
 
+def test_a_pause_counts_as_twenty_scans_at_most():
+    model = steady(n=50)
+    sigma_1, sigma_19, sigma_25, sigma_500 = (
+        math.sqrt(model.predict(4.9 + 0.1 * n, None).motion.cov[0, 0]) for n in (1, 19, 25, 500)
+    )
+    assert sigma_19 == pytest.approx(19 * sigma_1, rel=0.01)
+    assert sigma_25 == sigma_500 == pytest.approx(20 * sigma_1, rel=0.01)
+
+
+def test_one_leap_is_no_habit():
+    model = steady(n=100)
+    before = model.predict(10.0, None).motion.cov
+    after = updated(model, 10.0, UncertainPose(np.array([1.1, 0.01, 0.55]), SEEN.cov))
+    cov = after.predict(10.1, None).motion.cov
+    # a leap of many standard deviations counts as one at the gate: the mean over 20 steps at most doubles
+    for k in (0, 2):
+        assert 1.5 * before[k, k] < cov[k, k] < 2.1 * before[k, k]
+
+
 def test_what_no_match_shows_is_expected_less_surely_with_each_step():
     model = MotionModel.at_start(MotionConfig())
     sigmas = []

@@ -94,6 +94,17 @@ def test_where_the_chain_is_vague_one_key_scan_is_not_enough(office):
     assert ask(current, localization, keyframes) is not None
 
 
+def test_where_the_chain_is_vague_two_must_put_the_scan_in_one_place(office):
+    """Each matches; but by the map one of them stands half a metre beside where its match has the other."""
+    current, localization, keyframes, _ = recovery_covariance(office, VAGUE)
+    _, near, far, _ = keyframes
+    keyframes.forget(far)
+    assert ask(current, localization, keyframes) is not None
+    moved = near.pose_map_keyframe.pose + np.array([0.4, -0.4, 0.0])
+    near.pose_map_keyframe = UncertainPose(moved, near.pose_map_keyframe.cov)
+    assert ask(current, localization, keyframes) is None
+
+
 def test_no_more_than_so_many_are_tried(office):
     assert find(office, VAGUE, max_tries=1)[0] is None
     assert find(office, VAGUE, max_tries=0)[0] is None

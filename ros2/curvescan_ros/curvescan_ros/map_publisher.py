@@ -6,12 +6,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from curvescan.live.live_map import LiveMap
-from curvescan.live.sinks import WorkerSink
+from curvescan.live.sinks import MapSink
 from curvescan.mapping.occupancy import OccupancyGrid
 
 
-class MapPublisher(WorkerSink):
+class MapPublisher(MapSink):
     """A sink that hands a new map to `publish` at most every `period` seconds.
 
     Parameters
@@ -31,11 +30,10 @@ class MapPublisher(WorkerSink):
         period: float,
         is_revisable: bool,
     ) -> None:
-        self._map = LiveMap(is_revisable=is_revisable)
         self._publish, self._period = publish, period
         self._lock = threading.Lock()
         self._next, self._published = 0.0, -1
-        super().__init__("map publisher", capacity=500)
+        super().__init__("map publisher", is_revisable=is_revisable)
 
     def grid(self) -> OccupancyGrid:
         """Return the map as it is; from any thread."""
@@ -50,7 +48,7 @@ class MapPublisher(WorkerSink):
 
     def _finish(self) -> None:
         with self._lock:
-            self._map.redraw()
+            super()._finish()
 
     def _tell(self) -> None:
         grid = self.grid()

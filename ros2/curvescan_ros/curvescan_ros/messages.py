@@ -18,6 +18,12 @@ OUT_OF_PLANE = 1e-6
 """Variance of z, roll and pitch, which a robot on a floor does not have: 0 makes filters fail."""
 
 
+def later(stamp: Time, seconds: float) -> Time:
+    """Return the time so many seconds after a stamp."""
+    nanoseconds = stamp.nanosec + round(1e9 * seconds)
+    return Time(sec=stamp.sec + nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+
+
 def quaternion_of(theta: float) -> Quaternion:
     """Return a rotation about z."""
     return Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * theta), w=math.cos(0.5 * theta))
@@ -36,7 +42,7 @@ def six_by_six(covariance: np.ndarray) -> np.ndarray:
 
 
 def odometry_message(stamp: Time, state: object, odom_frame: str, base_frame: str) -> Odometry:
-    """Return nav_msgs/Odometry of a :class:`curvescan_ros.base_motion.BaseState`."""
+    """Return nav_msgs/Odometry of a :class:`curvescan.live.base_motion.BaseState`."""
     message = Odometry()
     message.header.stamp, message.header.frame_id = stamp, odom_frame
     message.child_frame_id = base_frame

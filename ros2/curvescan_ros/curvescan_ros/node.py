@@ -23,20 +23,22 @@ from std_srvs.srv import Trigger
 
 import curvescan
 from curvescan import se2
+from curvescan.deskew import middle_of_sweep
 from curvescan.io.config import read_config
 from curvescan.io.ros.laser_scan import scan_of
 from curvescan.io.ros.messages import BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree
 from curvescan.live import Tracker
+from curvescan.live.base_motion import BaseMotion
 from curvescan.live.warm_up import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
 from curvescan.scan import mirrored
-from curvescan_ros.base_motion import BaseMotion
 from curvescan_ros.diagnosis import Diagnosis
 from curvescan_ros.map_publisher import MapPublisher
 from curvescan_ros.messages import (
     add_transforms,
+    later,
     map_message,
     mount_of,
     odometry_message,
@@ -165,11 +167,9 @@ class CurvescanNode(Node):
             return
         if self._is_mirrored:
             scan = mirrored(scan)
-        tracked = self._tracker.add(
-            scan, received=received, odometry_pose=self._wheel_pose(scan.stamp)
-        )
+        tracked = self._tracker.add(scan, received=received, odometry_pose=self._wheel_pose(scan))
         state = self._motion.add(tracked.step, scan.stamp)
-        stamp = message.header.stamp
+        stamp = later(message.header.stamp, tracked.half_sweep)
         self._odom.publish(odometry_message(stamp, state, self._p["odom_frame"], self._child_frame))
         if self._tf is not None:
             self._publish_tf(stamp, state)
@@ -205,10 +205,11 @@ class CurvescanNode(Node):
             (Time.from_msg(message.header.stamp).nanoseconds * 1e-9, pose_of(message))
         )
 
-    def _wheel_pose(self, stamp: float) -> np.ndarray | None:
-        """Return the laser's pose by the wheels at a stamp, interpolated; None where they do not tell."""
+    def _wheel_pose(self, scan: curvescan.LaserScan) -> np.ndarray | None:
+        """Return the laser's pose by the wheels in the middle of a sweep, interpolated; None where they do not tell."""
         if len(self._wheels) < 2:
             return None
+        stamp = scan.stamp + middle_of_sweep(scan)
         stamps = [when for when, _ in self._wheels]
         k = min(max(bisect_left(stamps, stamp), 1), len(stamps) - 1)
         (t0, a), (t1, b) = self._wheels[k - 1], self._wheels[k]

@@ -24,7 +24,6 @@ os.environ |= {
 }
 sys.path.insert(0, str(HERE.parent))
 
-from curvescan_ros.base_motion import BaseMotion  # noqa: E402
 from curvescan_ros.messages import odometry_message  # noqa: E402
 from curvescan_ros.node import LATCHED, CurvescanNode  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
@@ -36,6 +35,7 @@ from sensor_msgs.msg import LaserScan  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 import curvescan  # noqa: E402
+from curvescan.live.base_motion import BaseMotion  # noqa: E402
 
 
 def real_log():

@@ -20,7 +20,7 @@ from curvescan.types import Floats
 def save_benchmark(folder: Path, results: Benchmark) -> None:
     """Write bench.md and turns.png (success against turn angle) into an existing folder."""
     text = "\n".join(table.markdown() for table in benchmark_tables(results))
-    (folder / "bench.md").write_text(text, encoding="utf-8")
+    (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")
     draw_turns(folder / "turns.png", results.turns)
 
 

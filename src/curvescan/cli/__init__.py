@@ -1,1 +1,1 @@
-"""The command line: one file a command; each parses, calls the library, prints."""
+"""The command line: `main` finds a command; what the commands share stands beside it, they themselves in commands/."""

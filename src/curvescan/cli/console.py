@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -18,16 +18,36 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from curvescan.errors import MissingPackageError
 from curvescan.runs.table import ResultTable
 
-OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
+
+class _PrintableConsole(Console):
+    """Prints text of others as it is, but for what would move the cursor, colour the rest or cannot be encoded."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            text = segment.text
+            if segment.control or text.isprintable() or text == "\n":
+                yield segment
+            else:
+                yield Segment(_without_controls(text), segment.style)
+
+
+def _without_controls(text: str) -> str:
+    return "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
+
+
+OUT = _PrintableConsole(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
 """Results."""
 
-ERR = Console(stderr=True, highlight=False)
+ERR = _PrintableConsole(stderr=True, highlight=False)
 """Progress and notices, so that results can be piped."""
 
 

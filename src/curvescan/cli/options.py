@@ -77,7 +77,7 @@ class SlamConfigs:
 
 
 Chain: TypeAlias = Literal["auto", "keys", "last"]
-"""What a scan is matched with: key scans, the last scan, or what suits the method."""
+"""What a scan is matched with: keyframes, the last scan, or what suits the method."""
 
 ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 """A TOML file of parameters, as `curvescan calibrate` writes it; main() reads it, and flags change what it says."""

@@ -30,7 +30,7 @@ def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) ->
     import tomli_w
 
     tables = {name: _as_table(config) for name, config in configs.items()}
-    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8")
+    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8", newline="\n")
 
 
 def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) -> dict[str, Any]:

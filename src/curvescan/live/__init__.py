@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from curvescan.live.foxglove import FoxgloveSink
     from curvescan.live.pipeline import LiveReport, run_live
     from curvescan.live.queues import BoundedQueue
     from curvescan.live.recorder import McapRecorder
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BoundedQueue": "queues",
+    "FoxgloveSink": "foxglove",
     "LiveReport": "pipeline",
     "LiveSink": "sinks",
     "LogSource": "sources",
@@ -36,6 +38,7 @@ _HOMES = {
 
 __all__ = [
     "BoundedQueue",
+    "FoxgloveSink",
     "LiveReport",
     "LiveSink",
     "LogSource",

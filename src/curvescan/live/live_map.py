@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 import zlib
@@ -27,9 +28,12 @@ _MOVED_M, _MOVED_RAD = 0.05, 0.05
 _PATH_STEP_M = 0.03
 """Points of the path are this far apart at least, metres: memory follows the way and not the time."""
 
-_KEPT_M, _KEPT_RAD = 0.25, 0.35
-"""A scan is kept, to draw the map anew, when the sensor has moved by this much, metres or radians."""
+_MAX_PATH = 50_000
+"""Points of the path at most; beyond them every second one is forgotten."""
 
+_KEPT_M, _KEPT_RAD = 0.25, 0.35
+"""A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians: the newest
+that was taken there, so that memory follows the area and not the time."""
 
 _REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
 """The map is drawn anew at most every so many seconds, and in at most this share of the time."""
@@ -46,7 +50,7 @@ class LiveMap:
     config : OccupancyConfig or None
         How to make the occupancy map.
     is_revisable : bool
-        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.25 m of the way.
+        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.25 m and 20 degrees.
     """
 
     def __init__(
@@ -57,9 +61,9 @@ class LiveMap:
         self._deskewer = Deskewer()
         self._before: Pose | None = None
         self._mapped: Pose | None = None
-        self._kept: list[tuple[int, LaserScan]] = []
-        self._kept_at: Pose | None = None
+        self._kept: dict[tuple[int, int, int], tuple[int, LaserScan]] = {}
         self._path, self._path_indices = array("d"), array("q")
+        self._path_step = _PATH_STEP_M
         self._revised: Pose | None = None
         self._next_redraw = 0.0
         self.path_version = 0
@@ -69,7 +73,7 @@ class LiveMap:
     def add(self, tracked: TrackedScan) -> None:
         """Take in a tracked scan."""
         if tracked.revised is not None:
-            self._revised = tracked.revised.poses
+            self.revise(tracked.revised.poses)
         if self._revised is not None and time.monotonic() >= self._next_redraw:
             self.redraw()
         pose = tracked.pose
@@ -78,9 +82,11 @@ class LiveMap:
         self._deskewer = self._deskewer.ticked(tracked.scan)
         moved = np.zeros(3) if self._before is None else se2.between(self._before, pose)
         self._before = pose
-        if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), _PATH_STEP_M, 1e9):
+        if not len(self._path) or _is_far(pose, np.array(self._path[-3:]), self._path_step, 1e9):
             self._path.extend(pose)
             self._path_indices.append(tracked.index)
+            if self.n_path > _MAX_PATH:
+                self._thin_path()
         if not tracked.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
         if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
@@ -89,11 +95,8 @@ class LiveMap:
                 scan = self._deskewer.deskewed(scan, moved)
             self._enter(scan, pose)
             self._mapped = pose
-            if self._is_revisable and (
-                self._kept_at is None or _is_far(pose, self._kept_at, _KEPT_M, _KEPT_RAD)
-            ):
-                self._kept.append((tracked.index, scan))
-                self._kept_at = pose
+            if self._is_revisable:
+                self._kept[_cell(pose)] = tracked.index, scan
 
     def begin_with(self, scans: Iterable[LaserScan], poses: Pose) -> None:
         """Enter the keyframes of a saved map."""
@@ -120,6 +123,13 @@ class LiveMap:
         """Return the map so far."""
         return self._builder.grid()
 
+    def _thin_path(self) -> None:
+        """Forget every second point of the path, and take them half as often from now on."""
+        self._path = array("d", np.array(self._path).reshape(-1, 3)[::2].tobytes())
+        self._path_indices = self._path_indices[::2]
+        self._path_step *= 2.0
+        self.path_version += 1
+
     def _enter(self, scan: LaserScan, pose: Pose) -> None:
         if self.why_no_grid:
             return
@@ -129,17 +139,26 @@ class LiveMap:
             self.why_no_grid = str(error)
         self.version += 1
 
-    def redraw(self, poses: Pose | None = None) -> None:
-        """Draw map and path anew with revised poses, one a scan: those given, else the newest that were not used yet."""
+    def revise(self, poses: Pose) -> None:
+        """Take in revised poses, one a scan, for the next time that the map is drawn anew."""
+        self._revised = poses
+
+    def kept(self) -> list[tuple[int, LaserScan]]:
+        """Return the scans that are kept, in their order, deskewed, each with its number."""
+        return sorted(self._kept.values(), key=lambda item: item[0])
+
+    def redraw(self) -> None:
+        """Draw map and path anew with the newest revised poses, if there are any that were not used yet."""
         started = time.monotonic()
-        poses = self._revised if poses is None else poses
+        poses, self._revised = self._revised, None
         if poses is None or not len(poses):
             return
-        self._revised = None
         self._builder = OccupancyBuilder(self._config)
-        for index, scan in self._kept:
+        kept, self._kept = self.kept(), {}
+        for index, scan in kept:
             if index < len(poses):
                 self._enter(scan, poses[index])
+                self._kept[_cell(poses[index])] = index, scan
         indices = np.minimum(np.array(self._path_indices, dtype=np.int64), len(poses) - 1)
         self._path = array("d", np.ascontiguousarray(poses[indices]).tobytes())
         self._before = self._mapped = None  # the last motion is not one between revised poses
@@ -202,6 +221,16 @@ def _png(pixels: NDArray[np.uint8]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
         for kind, data in chunks
+    )
+
+
+def _cell(pose: Pose) -> tuple[int, int, int]:
+    """Return the square and the sector that a pose lies in."""
+    x, y, theta = pose.tolist()
+    return (
+        math.floor(x / _KEPT_M),
+        math.floor(y / _KEPT_M),
+        math.floor(theta / _KEPT_RAD),
     )
 
 

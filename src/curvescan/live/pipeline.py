@@ -12,6 +12,7 @@ from enum import Enum
 
 import numpy as np
 
+from curvescan._interrupts import stoppable
 from curvescan.errors import CurvescanError
 from curvescan.live.queues import BoundedQueue
 from curvescan.live.sinks import LiveSink
@@ -100,11 +101,12 @@ def run_live(
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)
     tally = _Tally()
-    is_interrupted = False
-    with source:
+    with source, stoppable() as stop:
         reader = _Reader(source, queue)
         try:
             while (item := queue.get(_POLL)) is not None or not queue.is_closed:
+                if stop.is_asked:
+                    break
                 if item is None:
                     continue
                 scan, received = item
@@ -114,11 +116,9 @@ def run_live(
                     sink.put(tracked)
                 if on_scan:
                     on_scan(tracked)
-        except KeyboardInterrupt:
-            is_interrupted = True
         finally:
             queue.close()
-    return tally.report(queue.n_dropped, is_interrupted, reader.error)
+    return tally.report(queue.n_dropped, stop.is_asked, reader.error)
 
 
 class _Reader:

@@ -1,21 +1,27 @@
-"""McapRecorder: scans and poses of a live run to an MCAP file, which Foxglove, ROS 2 and `curvescan` read again."""
+"""McapRecorder: scans, poses and map of a live run to an MCAP file, which Foxglove, ROS 2 and `curvescan` read again."""
 
 from __future__ import annotations
 
 import os
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from curvescan.errors import OutputError
+from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.output import output_file
 from curvescan.io.ros.bag_files import BagKind
 from curvescan.io.ros.bag_writer import BagWriter, mcap_in_file
-from curvescan.live.sinks import WorkerSink
+from curvescan.live.ros_messages import TOPICS, LiveMessages
+from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan
+from curvescan.mapping.config import OccupancyConfig
+
+MAP_PERIOD = 10.0
+"""The map is written at most every so many seconds, and at the end."""
 
 
-class McapRecorder(WorkerSink):
-    """Writes each scan to /scan, and its pose by odometry to /odom and /tf, in a thread of its own.
+class McapRecorder(MapSink):
+    """Writes each scan to /scan, its pose by odometry to /odom and /tf, and the map to /map, in a thread of its own.
 
     The file appears, whole, when the recorder is closed. Ranges are written as float32, what a LaserScan message has;
     beams that are not evenly spaced are not written, and that is reported at the end.
@@ -24,6 +30,10 @@ class McapRecorder(WorkerSink):
     ----------
     path : path-like
         The file; replaced if it is there.
+    mode : str
+        "odometry", "SLAM" or "localization".
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map.
     is_lossless : bool
         Whether the tracker waits for this sink.
 
@@ -33,7 +43,14 @@ class McapRecorder(WorkerSink):
         When it cannot be written there.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, is_lossless: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        mode: str = "odometry",
+        occupancy: OccupancyConfig | None = None,
+        is_lossless: bool = False,
+    ) -> None:
         self.path = Path(path)
         self._files = ExitStack()
         try:
@@ -43,16 +60,42 @@ class McapRecorder(WorkerSink):
         except OSError as error:
             self._files.close()
             raise OutputError(f"cannot write {self.path}: {error}") from error
+        self._messages = LiveMessages(self._bag.builder, is_mapped=mode != "odometry")
+        self._next_map, self._written_map = time.monotonic() + MAP_PERIOD, 0
+        self._stamp = 0.0
         self.n_scans = 0
-        super().__init__("recorder", is_lossless=is_lossless)
+        super().__init__(
+            "recorder",
+            occupancy=occupancy,
+            is_revisable=mode == "SLAM",
+            capacity=1000,
+            is_lossless=is_lossless,
+        )
 
     def _take(self, tracked: TrackedScan) -> None:
-        self._bag.add_scan(tracked.scan)
-        self._bag.add_odometry(tracked.scan.stamp, tracked.pose_odom, tracked.covariance)
-        self._bag.add_transform(tracked.scan.stamp, tracked.pose_odom)
+        self._stamp = tracked.scan.stamp
+        for topic, message in self._messages.of_scan(tracked):
+            self._bag.write(topic, TOPICS[topic], message, self._stamp)
+        self._map.add(tracked)
         self.n_scans += 1
+        if time.monotonic() >= self._next_map:
+            self._write_map()
+
+    def _write_map(self) -> None:
+        grid = self._map.grid()
+        if grid.log_odds.size and self._written_map != self._map.version:
+            topic, message = self._messages.of_map(grid, self._stamp)
+            self._bag.write(topic, TOPICS[topic], message, self._stamp)
+            self._written_map = self._map.version
+        self._next_map = time.monotonic() + MAP_PERIOD
 
     def _finish(self) -> None:
+        try:
+            if self.n_scans and self.error is None:
+                super()._finish()
+                self._write_map()
+        except CurvescanError as error:
+            self.error = error
         try:
             self._files.close()
         except OSError as error:

@@ -1,36 +1,47 @@
-"""ResultsSink: the results folder of a live run: trajectory, occupancy map, run.json."""
+"""ResultsSink: the results folder of a live run, by the writers of `curvescan odometry`, `slam` and `localize`."""
 
 from __future__ import annotations
 
-import json
+import time
 from array import array
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from curvescan import __version__
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
-from curvescan.live.live_map import LiveMap
+from curvescan.io.log import Log, ReadError, ScanAccess
 from curvescan.live.pipeline import LiveReport
-from curvescan.live.sinks import WorkerSink
+from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
+from curvescan.mapping.run_maps import RunMaps, build_maps
+from curvescan.matchers import Outcome
+from curvescan.odometry import OdometryRun
 from curvescan.plots.occupancy import draw_occupancy
-from curvescan.types import Trajectory
+from curvescan.runs.localize import LocalizerRun, save_localizer_run
+from curvescan.runs.odometry import save_run
+from curvescan.runs.slam import save_slam_run
+from curvescan.scan import LaserScan
+from curvescan.slam import SlamRun
+from curvescan.types import Pose, Trajectory
+
+_LONGEST_STEP_S = 2.0
+"""What moved is looked for between scans that are kept at most so far apart, seconds."""
 
 
-class ResultsSink(WorkerSink):
-    """Keeps the trajectory (100 bytes a scan) and draws the map, in a thread of its own.
+class ResultsSink(MapSink):
+    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own.
 
     Parameters
     ----------
     occupancy : OccupancyConfig or None
         How to make the occupancy map.
-    is_revisable : bool
-        Whether poses of the past may change (SLAM).
+    mode : str
+        "odometry", "SLAM" or "localization".
     is_lossless : bool
         Whether the tracker waits for this sink.
     """
@@ -39,31 +50,53 @@ class ResultsSink(WorkerSink):
         self,
         *,
         occupancy: OccupancyConfig | None = None,
-        is_revisable: bool = False,
+        mode: str = "odometry",
         is_lossless: bool = False,
     ) -> None:
-        self._map = LiveMap(occupancy, is_revisable=is_revisable)
-        self._stamps, self._poses, self._covariances = array("d"), array("d"), array("d")
-        self._outcomes: list[str] = []
-        super().__init__("results", capacity=10_000, is_lossless=is_lossless)
+        self._occupancy, self._mode = occupancy, mode
+        self._stamps, self._poses, self._odom, self._covariances, self._seconds = (
+            array("d") for _ in range(5)
+        )
+        self._n_matched, self._is_degenerate = array("q"), array("b")
+        self._outcomes: list[Any] = []
+        self._failures: Counter[Outcome] = Counter()
+        self._n_rejected = 0
+        # scans are kept without SLAM too: the maps are made of them at the end
+        is_kept = mode != "localization"
+        super().__init__(
+            "results",
+            occupancy=occupancy,
+            is_revisable=is_kept,
+            capacity=2000,
+            is_lossless=is_lossless,
+        )
+
+    def put(self, tracked: TrackedScan) -> None:
+        """Take in a scan; its pose at once, so that none is missing in the trajectory."""
+        match = tracked.match
+        self._stamps.append(tracked.scan.stamp)
+        self._poses.extend(tracked.pose)
+        self._odom.extend(tracked.pose_odom)
+        self._covariances.extend(tracked.covariance.ravel())
+        self._seconds.append(tracked.seconds)
+        self._n_matched.append(match.n_matched if match else 0)
+        self._is_degenerate.append(match is not None and match.degenerate_direction is not None)
+        self._outcomes.append(tracked.outcome)
+        if match and not match.ok:
+            self._failures[match.outcome] += 1
+        elif match and not tracked.is_matched:
+            self._n_rejected += 1
+        super().put(tracked)
 
     def _take(self, tracked: TrackedScan) -> None:
         self._map.add(tracked)
-        self._stamps.append(tracked.scan.stamp)
-        self._poses.extend(tracked.pose)
-        self._covariances.extend(tracked.covariance.ravel())
-        self._outcomes.append(tracked.outcome.name.lower())
-
-    def _finish(self) -> None:
-        self._map.redraw()
 
     def trajectory(self) -> Trajectory:
         """Return stamp, pose and covariance of each scan, as they were reported at the time."""
-        n = len(self._outcomes)
         return Trajectory(
             stamps=np.array(self._stamps),
-            poses=np.array(self._poses).reshape(n, 3),
-            covariances=np.array(self._covariances).reshape(n, 3, 3),
+            poses=np.array(self._poses).reshape(-1, 3),
+            covariances=np.array(self._covariances).reshape(-1, 3, 3),
         )
 
     def write(
@@ -72,45 +105,135 @@ class ResultsSink(WorkerSink):
         report: LiveReport,
         *,
         name: str,
-        slam: Any = None,
-        details: Mapping[str, object] | None = None,
+        engine: Any,
+        log: Log | None = None,
+        command: Sequence[str] = (),
     ) -> tuple[str, ...]:
         """Write the results into an existing folder, after the sink was closed, and return the names of the files.
+
+        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn from
+        those that were kept, one for every 0.25 m and 20 degrees.
 
         Parameters
         ----------
         folder : Path
             Where to write.
         report : LiveReport
-            How the run went.
+            How the run went; at least one scan.
         name : str
             Name of the source.
-        slam : Slam or None
-            What was run: its revised trajectory and its map are written, and beside them what was reported at the time.
-        details : mapping or None
-            Further entries of run.json.
+        engine : Odometry, Slam or Localizer
+            What ran.
+        log : Log or None
+            What was replayed; None for a source that cannot be read again.
+        command : sequence of str
+            The command line behind the run.
         """
-        online = self.trajectory()
-        trajectory = online if slam is None else slam.finish()
-        write_tum(folder / "trajectory.tum", trajectory)
-        write_csv(folder / "trajectory.csv", trajectory, self._outcomes)
-        written = ["trajectory.tum", "trajectory.csv"]
-        if slam is not None:
-            write_tum(folder / "trajectory_online.tum", online)
-            slam.map.save(folder / "map.csmap")
-            written += ["trajectory_online.tum", "map.csmap"]
-            self._map.redraw(trajectory.poses)
+        further = {"live": {"mode": self._mode, **record_of(report)}}
+        if self._mode == "localization":
+            self._write_localization(folder, report, name, engine, command, further)
+        elif self._mode == "SLAM":
+            started = time.perf_counter()
+            revised = engine.finish()
+            slam_run = SlamRun(
+                slam=engine,
+                revised=self._run(engine.method, revised, report, len(log or ())),
+                online=self.trajectory(),
+                odometry=Trajectory(
+                    stamps=np.array(self._stamps), poses=np.array(self._odom).reshape(-1, 3)
+                ),
+                seconds_to_finish=time.perf_counter() - started,
+            )
+            save_slam_run(
+                folder,
+                slam_run,
+                log or _Passed(name, report.n_scans),
+                command=command,
+                occupancy=self._occupancy,
+                maps=None if log else self._maps(revised.poses),
+                further=further,
+            )
+        else:
+            run = self._run(engine.method, self.trajectory(), report, len(log or ()))
+            save_run(
+                folder,
+                run,
+                log or _Passed(name, report.n_scans),
+                odometry=engine,
+                command=command,
+                occupancy=self._occupancy,
+                maps=None if log else self._maps(run.trajectory.poses),
+                further=further,
+            )
+        return tuple(sorted(path.name for path in folder.iterdir()))
+
+    def _run(
+        self, method: str, trajectory: Trajectory, report: LiveReport, n_whole: int
+    ) -> OdometryRun:
+        return OdometryRun(
+            method=method,
+            trajectory=trajectory,
+            outcomes=tuple(self._outcomes),
+            failures=dict(self._failures.most_common()),
+            n_rejected=self._n_rejected,
+            n_matched=np.array(self._n_matched, dtype=np.int64),
+            is_degenerate=np.array(self._is_degenerate, dtype=np.bool_),
+            seconds=np.array(self._seconds),
+            is_partial=report.error is not None or n_whole > report.n_scans,
+        )
+
+    def _maps(self, poses: Pose) -> RunMaps:
+        """Return the maps of the scans that were kept, under the poses of all scans."""
+        kept = self._map.kept()
+        indices = np.array([index for index, _ in kept], dtype=np.int64)
+        scans = [scan for _, scan in kept]
+        stamps = np.array([scan.stamp for scan in scans])
+        steps = np.diff(stamps, prepend=-np.inf)
+        is_joined = (steps > 0.0) & (steps < _LONGEST_STEP_S)
+        config = self._occupancy or OccupancyConfig()
+        return build_maps(scans, poses[indices], is_joined, occupancy=config)
+
+    def _write_localization(
+        self,
+        folder: Path,
+        report: LiveReport,
+        name: str,
+        engine: Any,
+        command: Sequence[str],
+        further: Mapping[str, object],
+    ) -> None:
+        run = LocalizerRun(
+            localizer=engine,
+            trajectory=self.trajectory(),
+            outcomes=tuple(self._outcomes),
+            seconds=np.array(self._seconds),
+            is_partial=report.is_interrupted or report.error is not None,
+        )
         grid = self._map.grid()
         if grid.log_odds.size:
             write_map(folder, grid)
-            title = f"{name}: {report.n_scans:,} scans, live"
-            draw_occupancy(folder / "occupancy.png", grid, trajectory.poses, title=title)
-            written += ["map.pgm", "map.yaml", "occupancy.png"]
-        record = (
-            {"curvescan": __version__, "source": name} | record_of(report) | dict(details or {})
-        )
-        (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-        return (*written, "run.json")
+            title = f"{name}: {report.n_scans:,} scans localized"
+            draw_occupancy(folder / "occupancy.png", grid, run.trajectory.poses, title=title)
+        save_localizer_run(folder, run, name=name, command=tuple(command), further=further)
+
+
+class _Passed(ScanAccess):
+    """The log of a sensor whose scans have passed: a name and a number."""
+
+    format = "live"
+    odometry: Trajectory | None = None
+    read_errors: tuple[ReadError, ...] = ()
+    tag_counts: Mapping[str, int] = {}
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, name: str, n_scans: int) -> None:
+        self.name, self._n_scans = name, n_scans
+
+    def __len__(self) -> int:
+        return self._n_scans
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return iter(())
 
 
 def record_of(report: LiveReport) -> dict[str, object]:
@@ -119,19 +242,18 @@ def record_of(report: LiveReport) -> dict[str, object]:
         "scans": report.n_scans,
         "dropped": report.n_dropped,
         "loop_closures": report.n_closures,
-        "is_partial": report.is_interrupted or report.error is not None,
+        "is_interrupted": report.is_interrupted,
         "error": None if report.error is None else str(report.error),
-        "outcomes": {kind.name.lower(): count for kind, count in report.outcomes.items()},
+        "outcomes": {_name(kind): count for kind, count in report.outcomes.items()},
     }
-    if report.n_scans:
-        for key, values in (
-            ("milliseconds_per_scan", report.seconds),
-            ("milliseconds_scan_to_pose", report.latencies),
-        ):
-            median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0]).tolist()
-            record[key] = {
-                "median": round(median, 4),
-                "p99": round(p99, 4),
-                "max": round(worst, 4),
-            }
+    for key, values in (
+        ("milliseconds_per_scan", report.seconds),
+        ("milliseconds_scan_to_pose", report.latencies),
+    ):
+        median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0]).tolist()
+        record[key] = {"median": round(median, 4), "p99": round(p99, 4), "max": round(worst, 4)}
     return record
+
+
+def _name(kind: Enum) -> str:
+    return kind.name.lower()

@@ -1,4 +1,4 @@
-"""LiveSink: where tracked scans go; WorkerSink is the base of those that take their time."""
+"""LiveSink: where tracked scans go; WorkerSink is the base of those that take their time, MapSink of those that draw a map."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import threading
 from typing import Protocol, runtime_checkable
 
 from curvescan.errors import CurvescanError
+from curvescan.live.live_map import LiveMap
 from curvescan.live.queues import BoundedQueue
 from curvescan.live.tracker import TrackedScan
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.types import Pose
 
 
 @runtime_checkable
@@ -71,3 +74,43 @@ class WorkerSink:
 
     def _finish(self) -> None:
         """Finish, in the caller's thread, after the last scan."""
+
+
+class MapSink(WorkerSink):
+    """A sink that draws a map.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map.
+    is_revisable : bool
+        Whether poses of the past may change (SLAM).
+    capacity : int
+        Scans held at most.
+    is_lossless : bool
+        As for :class:`WorkerSink`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        occupancy: OccupancyConfig | None = None,
+        is_revisable: bool = False,
+        capacity: int = 200,
+        is_lossless: bool = False,
+    ) -> None:
+        self._map = LiveMap(occupancy, is_revisable=is_revisable)
+        self._final: Pose | None = None
+        super().__init__(name, capacity=capacity, is_lossless=is_lossless)
+
+    def finish_with(self, poses: Pose) -> None:
+        """Say, before the sink is closed, which poses of all scans are the final ones: those of the finished graph."""
+        self._final = poses
+
+    def _finish(self) -> None:
+        if self._final is not None:
+            self._map.revise(self._final)
+        self._map.redraw()

@@ -8,12 +8,17 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
+from curvescan.deskew import middle_of_sweep
 from curvescan.matchers import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Pose, Trajectory
 
 UNMATCHED = frozenset({"STARTED", "PREDICTED", "HELD", "SEARCHING"})
 """Names of the outcomes, of any engine, that stand on no match."""
+
+
+_REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
+"""Revised poses are handed on at most every so many seconds, and in at most this share of the time."""
 
 
 class Engine(Protocol):
@@ -52,7 +57,7 @@ class TrackedScan:
     closures : tuple of (int, int)
         Numbers of the two scans that each loop closure joins which this scan brought.
     revised : Trajectory or None
-        All poses so far, where this scan changed those of the past.
+        All poses so far, where those of the past have changed; at most once a second.
     is_deskewed : bool
         Whether the engine deskews sweeps by the times of their beams, as a map of them must then do too.
     seconds : float
@@ -79,6 +84,11 @@ class TrackedScan:
     received: float
     n_dropped: int
 
+    @property
+    def half_sweep(self) -> float:
+        """Time from the scan's stamp, of its first beam, to the moment that its pose is of, seconds: half a deskewed sweep."""
+        return middle_of_sweep(self.scan) if self.is_deskewed else 0.0
+
 
 class Tracker:
     """Drives an engine scan by scan.
@@ -95,6 +105,7 @@ class Tracker:
         config = getattr(engine, "config", None)
         self._is_deskewed: bool = getattr(getattr(config, "odometry", config), "deskew", True)
         self._scan_of_keyframe: dict[int, int] = {}
+        self._is_revised, self._next_revision = False, 0.0
 
     def add(
         self,
@@ -123,7 +134,7 @@ class Tracker:
         seconds = time.perf_counter() - started
         if hasattr(step, "keyframe"):
             self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
-        is_revised = getattr(step, "is_revised", False)
+        self._is_revised |= getattr(step, "is_revised", False)
         tracked = TrackedScan(
             index=self._n_scans,
             scan=scan,
@@ -135,7 +146,7 @@ class Tracker:
             is_matched=step.outcome.name not in UNMATCHED,
             match=getattr(step, "match", None),
             closures=self._joined(getattr(step, "closures", ())),
-            revised=self.engine.trajectory() if is_revised else None,  # type: ignore[attr-defined]
+            revised=self._revision(),
             is_deskewed=self._is_deskewed,
             seconds=seconds,
             received=received,
@@ -143,6 +154,17 @@ class Tracker:
         )
         self._n_scans += 1
         return tracked
+
+    def _revision(self) -> Trajectory | None:
+        """Return all poses so far where they have changed and it is time; else None."""
+        started = time.monotonic()
+        if not self._is_revised or started < self._next_revision:
+            return None
+        trajectory: Trajectory = self.engine.trajectory()  # type: ignore[attr-defined]
+        now = time.monotonic()
+        self._next_revision = now + max(_REVISION_PERIOD, (now - started) / _REVISION_SHARE)
+        self._is_revised = False
+        return trajectory
 
     def _joined(self, closures: Sequence[Any]) -> tuple[tuple[int, int], ...]:
         """Return the scans that became the keyframes which loop closures join."""

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from curvescan.live.live_map import LiveMap, MapPicture, picture_of
-from curvescan.live.sinks import WorkerSink
+from curvescan.live.live_map import MapPicture, picture_of
+from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.scan import LaserScan
@@ -31,6 +31,9 @@ _FRAME_PERIOD = 0.025
 
 _HEARTBEAT = 5.0
 """A browser to which nothing was sent for so long gets a comment, seconds: that shows whether it is still there."""
+
+_MAX_CLOSURES = 1000
+"""Loop closures that are drawn at most: the newest."""
 
 _N_POINTS = 1500
 """Readings of a scan that are sent at most."""
@@ -47,7 +50,7 @@ class SavedMap(Protocol):
     def poses(self) -> Pose: ...  # noqa: D102
 
 
-class Viewer(WorkerSink):
+class Viewer(MapSink):
     """What the page shows.
 
     Parameters
@@ -75,12 +78,10 @@ class Viewer(WorkerSink):
     ) -> None:
         self._about = {"name": name, "mode": mode}
         self._status = {"kind": "loading", "text": "loading"}
-        self._map = LiveMap(occupancy, is_revisable=mode == "SLAM")
-        if saved_map is not None:
-            self._map.begin_with(saved_map.scans, saved_map.poses)
         self._picture: MapPicture | None = None
         self._next_picture = 0.0
-        self._closures: list[tuple[int, int]] = []
+        self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
+        self._n_closures = 0
         self._recent: deque[float] = deque(maxlen=200)
         self._stamps: deque[float] = deque(maxlen=50)
         self._length_m = 0.0
@@ -90,7 +91,14 @@ class Viewer(WorkerSink):
         self._n_events = 0
         self._changed = threading.Condition()
         self._is_over = False
-        super().__init__("viewer", capacity=200, is_lossless=is_lossless)
+        super().__init__(
+            "viewer",
+            occupancy=occupancy,
+            is_revisable=mode == "SLAM",
+            is_lossless=is_lossless,
+        )
+        if saved_map is not None:
+            self._map.begin_with(saved_map.scans, saved_map.poses)
 
     def set_status(self, kind: str, text: str) -> None:
         """Show a sentence on the page: "loading", "running", "ended" or "error"."""
@@ -158,7 +166,7 @@ class Viewer(WorkerSink):
                     "shape": p.shape,
                 },
             )
-        closures = (self._map.path_version, len(self._closures))
+        closures = (self._map.path_version, self._n_closures)
         if closures != seen.closures:
             seen.closures = closures
             yield "closures", {"lines": self._closure_lines()}
@@ -171,6 +179,7 @@ class Viewer(WorkerSink):
         with self._changed:
             self._map.add(tracked)
             self._closures += tracked.closures
+            self._n_closures += len(tracked.closures)
             self._frame = frame
             self._n_events += 1
             self._changed.notify_all()
@@ -179,7 +188,7 @@ class Viewer(WorkerSink):
 
     def _finish(self) -> None:
         with self._changed:
-            self._map.redraw()
+            super()._finish()
         self._draw()
 
     def _draw(self) -> None:
@@ -223,7 +232,7 @@ class Viewer(WorkerSink):
             "rate": _rate(self._stamps),
             "n_lost": self._n_lost,
             "n_dropped": tracked.n_dropped,
-            "n_closures": len(self._closures) + len(tracked.closures),
+            "n_closures": self._n_closures + len(tracked.closures),
             "length": round(self._length_m, 2),
             "received": tracked.received,
             "points": _millimetres(tracked),

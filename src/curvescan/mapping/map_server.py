@@ -69,6 +69,7 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         (Path(folder) / f"{name}.yaml").write_text(
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y),
             encoding="utf-8",
+            newline="\n",
         )
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot write {Path(folder) / name}: {error}") from error

@@ -51,6 +51,12 @@ class KeyframesConfig:
     """Two estimates may be of one place up to this squared Mahalanobis distance: 99.9 % of those that are."""
     agreeing_gate_chi2: float = 8.0
     """The same for two matches that agree and score less than `confident_score`: 95 % of those that are."""
+    disputed_gate_chi2: float = 40.0
+    """Beyond `closure_gate_chi2` and up to this, places that ask for one correction are counted: see `min_disputes`."""
+    disputed_confidence: float = 0.9
+    """Least confidence of a match that counts against the chain."""
+    min_disputes: int = 3
+    """So many places, two earlier keyframes at each, that ask for the same correction beat the chain."""
     certain_m: float = 0.1
     """Where the chain knows the place of an earlier keyframe better than this, metres, one match is enough; else two
     earlier keyframes must agree."""
@@ -60,7 +66,7 @@ class KeyframesConfig:
     def __post_init__(self) -> None:
         for name in ("distance", "turn", "drift_floor_m", "drift_floor_rad", "max_reach"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        for name in ("min_score", "least_score", "confident_score"):
+        for name in ("min_score", "least_score", "confident_score", "disputed_confidence"):
             score = getattr(self, name)
             require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
         require(self.max_keyframes >= 1, "max_keyframes must be at least 1", self.max_keyframes)
@@ -70,7 +76,14 @@ class KeyframesConfig:
             0.0 < self.variance_retained <= 1.0, "kept must lie in (0, 1]", self.variance_retained
         )
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("closure_gate_chi2", "agreeing_gate_chi2", "certain_m", "certain_rad"):
+        require(self.min_disputes >= 1, "min_disputes must be at least 1", self.min_disputes)
+        for name in (
+            "closure_gate_chi2",
+            "agreeing_gate_chi2",
+            "disputed_gate_chi2",
+            "certain_m",
+            "certain_rad",
+        ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 
@@ -108,6 +121,9 @@ class MotionConfig:
     """Wheel odometry errs by this much at the least, radians a step."""
     motion_gate_chi2: float = 20.0
     """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
+    expected_score: float = 0.3
+    """A match that would be in doubt without a guess counts where it is expected from this score on, in [0, 1]: of scans of
+    places that share nothing less than 1 in 1,000 reach it there, of scans a metre apart nearly all."""
 
     def __post_init__(self) -> None:
         sigmas = ("least_sigma_m", "least_sigma_rad", "recovery_sigma_m", "recovery_sigma_rad")

@@ -39,7 +39,7 @@ def open_gap(o: Observation, last: Localization) -> tuple[Gap | None, tuple[Keyf
         keyframe = o.keyframes.make(previous, o.index - 1, last)
         before.insert(0, keyframe)
         made = (keyframe,)
-    return (Gap(before=tuple(before), n_scans=0), made) if before else (None, ())
+    return (Gap(before=tuple(before), n_scans=0, first=o.index), made) if before else (None, ())
 
 
 def close_gap(o: Observation, placement: Placement) -> Placement | None:
@@ -80,15 +80,16 @@ def widen_gap(o: Observation, placement: Placement) -> Placement:
         return placement
     n_scans = gap.n_scans + 1
     if n_scans <= config.max_gap:
-        return replace(placement, gap=Gap(before=gap.before, n_scans=n_scans))
+        return replace(placement, gap=replace(gap, n_scans=n_scans))
     here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
+    keyframe = placement.localization.keyframe
+    if keyframe.index < gap.first:  # else it is of the new track, and is disconnected with it
+        here = UncertainPose(here.pose, here.cov + LOST_COVARIANCE)
     lost = replace(
         placement,
         outcome=StepOutcome.LOST,
-        localization=Localization(
-            keyframe=placement.localization.keyframe,
-            pose_keyframe_scan=UncertainPose(here.pose, here.cov + LOST_COVARIANCE),
-        ),
+        localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
+        anew_since=gap.first,
         step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
         n_searches=config.max_searches,
         gap=None,

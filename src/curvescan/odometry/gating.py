@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from curvescan.matchers import MatchResult
 from curvescan.odometry.config import MotionConfig
+from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 
-_OPEN = 100.0
-"""Standard deviation of what is not measured, metres: more than any prediction errs."""
+_SURE = 0.8
+"""Least confidence of a match that explains little of the scans: in an unseen room such ones come about by chance."""
 
 
 class GatedMatch(NamedTuple):
@@ -45,8 +44,11 @@ class GatedMatch(NamedTuple):
         return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
     def is_accepted(self, least_score: float) -> bool:
-        """Return whether the match may decide: one in an unexpected place must at least explain some of the scans."""
-        return self.result.ok and (self.is_plausible or not self.result.score < least_score)
+        """Return whether the match may decide: one that explains little of the scans must lie where expected, and be sure."""
+        result = self.result
+        if not result.ok or not result.score < least_score:
+            return result.ok
+        return self.is_plausible and not result.confidence < _SURE
 
     def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""
@@ -63,15 +65,6 @@ class GatedMatch(NamedTuple):
     def _rank(self, min_score: float) -> tuple[bool, bool, bool, float]:
         score = self.result.score
         return *self._standing, min(score, min_score) if self.is_plausible else score
-
-
-def as_measurement(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match as it may be fused: what the scans leave open is not measured at all."""
-    cov = result.covariance
-    if result.degenerate_direction is not None:
-        # a matcher goes along there as its guess does: to count that as a measurement would count the guess twice
-        cov = cov + _OPEN**2 * np.outer(result.degenerate_direction, result.degenerate_direction)
-    return UncertainPose(result.pose, cov)
 
 
 def gate(

@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan.matchers import PreparedScan
 from curvescan.se2.uncertain import UncertainPose, between, compose, identity, inverse
-from curvescan.types import Floats, Pose
+from curvescan.types import Cov, Floats, Pose
 
 
 @dataclass(eq=False, kw_only=True)
@@ -195,6 +195,13 @@ class KeyframeGraph:
         self._poses = np.array([other.pose_map_keyframe.pose for other in self._keyframes]).reshape(
             -1, 3
         )
+
+    def disconnect(self, first: int, cov: Cov) -> None:
+        """Add a covariance to the places of the keyframes made from a scan on: only among each other are they known."""
+        for keyframe in self._keyframes:
+            if keyframe.index >= first:
+                pose, known = keyframe.pose_map_keyframe
+                keyframe.pose_map_keyframe = UncertainPose(pose, known + cov)
 
     def _place(self, localization: Localization) -> UncertainPose:
         variance_retained = self._variance_retained if localization.is_measured else 1.0

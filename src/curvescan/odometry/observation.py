@@ -9,8 +9,10 @@ from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
+from curvescan.odometry.disputes import Dispute
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
+from curvescan.odometry.measurement import decided_by_expectation
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
@@ -54,6 +56,8 @@ class Matching:
         expected = compose(origin, prediction.motion)
         repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
         result = self.matcher.match(reference.features, current.features, expected.pose)
+        if self.config.motion.is_fused:
+            result = decided_by_expectation(result, expected, self.config.motion)
         return gate(result, expected, self.config.motion, repeated)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
@@ -71,10 +75,13 @@ class Gap:
         The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
     n_scans : int
         Scans in the gap that have readings enough to be matched.
+    first : int
+        Number of the first scan in the gap.
     """
 
     before: tuple[Keyframe, ...]
     n_scans: int
+    first: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,6 +106,8 @@ class State:
         Scans for which earlier keyframes are still tried at once, after a failure.
     gap : Gap or None
         A failure that no match has bridged yet.
+    disputes : tuple of Dispute
+        Loop closures that contradict the chain, since the last one that did not.
     """
 
     motion: MotionModel
@@ -109,6 +118,7 @@ class State:
     first: LaserScan | None = None
     n_searches: int = 0
     gap: Gap | None = None
+    disputes: tuple[Dispute, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -223,8 +233,13 @@ class Placement:
         Keyframes to be taken in, in this order.
     obsolete : Keyframe or None
         A keyframe to be forgotten before.
+    anew_since : int or None
+        Number of the scan from which on the track is a new one, where it was lost: the keyframes made since then are
+        consistent with each other, and their places among the others are unknown.
     first_keyframe_scan : PreparedScan or None
         The first scan, deskewed now that its velocity is known.
+    disputes : tuple of Dispute
+        Loop closures that contradict the chain, still to be settled.
     """
 
     outcome: StepOutcome
@@ -240,7 +255,9 @@ class Placement:
     used: tuple[Keyframe, ...] = ()
     new_keyframes: tuple[Keyframe, ...] = ()
     obsolete: Keyframe | None = None
+    anew_since: int | None = None
     first_keyframe_scan: PreparedScan | None = None
+    disputes: tuple[Dispute, ...] = ()
 
 
 def try_references(observation: Observation, last: Localization) -> Attempt:

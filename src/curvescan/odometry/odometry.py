@@ -18,6 +18,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
+from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.keyframes import KeyframeGraph
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import (
@@ -148,6 +149,8 @@ class Odometry:
             placement.used[0].scan = placement.first_keyframe_scan
         for keyframe in placement.new_keyframes:
             keyframes.insert(keyframe)
+        if placement.anew_since is not None:
+            keyframes.disconnect(placement.anew_since, LOST_COVARIANCE)
         self._state = State(
             motion=placement.motion,
             n_scans=index + 1,
@@ -157,6 +160,7 @@ class Odometry:
             first=observation.scan if index == 0 else None,
             n_searches=placement.n_searches,
             gap=placement.gap,
+            disputes=placement.disputes,
         )
 
 

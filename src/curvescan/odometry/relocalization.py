@@ -7,6 +7,7 @@ the chain has become too vague to tell, two earlier keyframes must agree.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,28 @@ from curvescan.matchers import MatchResult, PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
 from curvescan.se2.uncertain import UncertainPose, fuse
+
+
+class Closure(NamedTuple):
+    """Where a scan is by an earlier keyframe, and the match that says so."""
+
+    localization: Localization
+    result: MatchResult
+
+
+class Search(NamedTuple):
+    """What a search gave.
+
+    Attributes
+    ----------
+    found : Closure or None
+        Where the chain allows it.
+    disputed : Closure or None
+        By two keyframes that agree with each other and surely match, but contradict the chain.
+    """
+
+    found: Closure | None = None
+    disputed: Closure | None = None
 
 
 def find_loop_closure(
@@ -24,8 +47,28 @@ def find_loop_closure(
     *,
     turn: float,
     is_lost: bool = False,
-) -> tuple[Localization, MatchResult] | None:
+    doubtful: Closure | None = None,
+) -> Closure | None:
     """Return where a scan is by an earlier keyframe, and the match that says so; None where none does.
+
+    The arguments are those of :func:`search_loop_closures`.
+    """
+    return search_loop_closures(
+        current, localization, keyframes, config, turn=turn, is_lost=is_lost, doubtful=doubtful
+    ).found
+
+
+def search_loop_closures(
+    current: PreparedScan,
+    localization: Localization,
+    keyframes: KeyframeGraph,
+    config: KeyframesConfig,
+    *,
+    turn: float,
+    is_lost: bool = False,
+    doubtful: Closure | None = None,
+) -> Search:
+    """Return where a scan is by an earlier keyframe, or where two of them would have it against the chain.
 
     Parameters
     ----------
@@ -42,12 +85,16 @@ def find_loop_closure(
     is_lost : bool
         Whether nothing else shows where the scan is. Two matches that agree may then score less, if they lie near where
         it is thought to be: other places of the same kind are the same to both.
+    doubtful : Closure or None
+        A match with the keyframe in use that failed for want of support: it counts as one of two that agree.
     """
     if config.max_tries == 0:
-        return None
+        return Search()
     alone = config.confident_score, config.closure_gate_chi2
     agreeing = (config.least_score, config.agreeing_gate_chi2) if is_lost else alone
-    hits: list[tuple[Localization, MatchResult]] = []
+    hits = [] if doubtful is None else [doubtful]
+    contrary: list[Closure] = []
+    disputed: Closure | None = None
     n_tried = 0
     for keyframe in keyframes.nearest(localization.pose_map_scan.pose, config.max_reach, turn):
         if n_tried == config.max_tries:
@@ -68,15 +115,33 @@ def find_loop_closure(
         if not result.ok or result.degenerate_direction is not None or result.score < min_score:
             continue
         found = UncertainPose(result.pose, result.covariance)
-        if fuse(expected, found)[1] > max_distance:
+        hit = Closure(
+            Localization(keyframe=keyframe, pose_keyframe_scan=found, is_measured=True), result
+        )
+        distance = fuse(expected, found)[1]
+        if distance > max_distance:
+            if not is_certain and _is_disputable(result, distance, config):
+                disputed = disputed or _agreeing(hit, contrary, config)
+                contrary.append(hit)
             continue
-        hit = (Localization(keyframe=keyframe, pose_keyframe_scan=found, is_measured=True), result)
-        if is_certain:
-            return hit
-        for other in hits:
-            if _agree(hit[0], other[0], config):
-                return min(hit, other, key=lambda h: h[0].keyframe.number)
+        closure = hit if is_certain else _agreeing(hit, hits, config)
+        if closure is not None:
+            return Search(found=closure)
         hits.append(hit)
+    return Search(disputed=disputed)
+
+
+def _is_disputable(result: MatchResult, distance: float, config: KeyframesConfig) -> bool:
+    return distance <= config.disputed_gate_chi2 and result.confidence >= config.disputed_confidence
+
+
+def _agreeing(hit: Closure, others: list[Closure], config: KeyframesConfig) -> Closure | None:
+    """Return of two closures that agree the one by the older keyframe; None where none of the others agrees."""
+    for other in others:
+        if _agree(hit.localization, other.localization, config):
+            return min(
+                hit, other, key=lambda c: (not c.result.ok, c.localization.keyframe.number)
+            )
     return None
 
 

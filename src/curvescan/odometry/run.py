@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan._interrupts import stoppable
 from curvescan.matchers import Outcome
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
@@ -105,7 +106,7 @@ def run_odometry(
 ) -> OdometryRun:
     """Return the odometry of a sequence of scans.
 
-    Ctrl-C (KeyboardInterrupt) ends the run and gives what there is so far, marked as partial.
+    Ctrl-C ends the run and gives what there is so far, marked as partial.
 
     Parameters
     ----------
@@ -129,8 +130,7 @@ def run_odometry(
     n_matched, is_degenerate = array("q"), array("b")
     n_rejected = n_prior_rejected = 0
     failures: Counter[Outcome] = Counter()
-    is_partial = False
-    try:
+    with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
             step = odometry.add(scan, None if odometry_poses is None else odometry_poses[k])
@@ -151,8 +151,8 @@ def run_odometry(
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
-    except KeyboardInterrupt:
-        is_partial = True
+            if stop.is_asked:
+                break
     n = len(outcomes)  # a row that an interrupt left half-made is dropped
     return OdometryRun(
         method=odometry.method,
@@ -167,7 +167,7 @@ def run_odometry(
         n_matched=np.array(n_matched[:n], dtype=np.int64),
         is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
         seconds=np.array(seconds[:n]),
-        is_partial=is_partial,
+        is_partial=stop.is_asked,
         has_prior=odometry_poses is not None,
         n_prior_rejected=n_prior_rejected,
     )

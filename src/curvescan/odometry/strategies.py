@@ -21,11 +21,17 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
+from curvescan.odometry.disputes import Dispute, is_settled, remembered
 from curvescan.odometry.gaps import close_gap, open_gap, widen_gap, with_keyframe
-from curvescan.odometry.gating import GatedMatch, as_measurement
+from curvescan.odometry.gating import GatedMatch
 from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.measurement import as_measurement, doubtful_pose
 from curvescan.odometry.observation import Attempt, Observation, Placement
-from curvescan.odometry.relocalization import find_loop_closure
+from curvescan.odometry.relocalization import (
+    Closure,
+    find_loop_closure,
+    search_loop_closures,
+)
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 
@@ -87,6 +93,7 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         n_searches=max(o.state.n_searches - 1, 0),
         step_motion=_step_motion(o, attempt, gated),
         gap=o.state.gap,
+        disputes=o.state.disputes,
         match=result,
         is_prior_rejected=gated.is_prior_rejected,
         reference=keyframe.index,
@@ -128,10 +135,17 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
     """Return where earlier keyframes show a scan: anywhere around by confident matches, else near where it is expected."""
     o, config, last = observation, observation.config, attempt.last
     around, ahead = last.moved(o.prediction.inflated(config.motion)), last.moved(o.expected)
+    doubtful = _doubtful(attempt)
     known = find_loop_closure(
-        o.current, around, o.keyframes, config.keyframes, turn=math.pi
+        o.current, around, o.keyframes, config.keyframes, turn=math.pi, doubtful=doubtful
     ) or find_loop_closure(
-        o.current, ahead, o.keyframes, config.keyframes, turn=math.pi, is_lost=True
+        o.current,
+        ahead,
+        o.keyframes,
+        config.keyframes,
+        turn=math.pi,
+        is_lost=True,
+        doubtful=doubtful,
     )
     if known is None:
         return None
@@ -149,6 +163,17 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
         reference=localization.keyframe.index,
         used=(localization.keyframe,),
     )
+
+
+def _doubtful(attempt: Attempt) -> Closure | None:
+    """Return where the keyframe in use would have a scan, though the match with it failed."""
+    pose = doubtful_pose(attempt.gated.result)
+    if pose is None or attempt.outcome is not StepOutcome.MATCHED:
+        return None
+    localization = Localization(
+        keyframe=attempt.last.keyframe, pose_keyframe_scan=pose, is_measured=True
+    )
+    return Closure(localization, attempt.gated.result)
 
 
 def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
@@ -234,11 +259,21 @@ def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement
     """Return the placement by an earlier keyframe if one is known here; else the scan becomes a keyframe if one is due."""
     config = o.config.keyframes
     turn = math.pi if o.state.n_searches > 0 else _TURN_OF_CLOSURE * config.turn
-    known = find_loop_closure(
+    found, disputed = search_loop_closures(
         placement.current, placement.localization, o.keyframes, config, turn=turn
     )
-    if known is not None:
-        localization, result = known
+    if found is None and disputed is not None:
+        dispute = Dispute(
+            by_chain=placement.localization.pose_map_scan.pose,
+            by_closure=disputed.localization.pose_map_scan.pose,
+        )
+        if is_settled(dispute, o.state.disputes, config):
+            found = disputed
+        else:
+            disputes = remembered(dispute, o.state.disputes, config)
+            placement = replace(placement, disputes=disputes)
+    if found is not None:
+        localization, result = found
         placement = replace(
             placement,
             outcome=StepOutcome.LOOP_CLOSED,
@@ -247,6 +282,7 @@ def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement
             match=result,
             reference=localization.keyframe.index,
             used=(*placement.used, localization.keyframe),
+            disputes=(),
         )
         is_due = _is_leaving(localization, result.score, config, _SHARE_AFTER_CLOSURE)
     return with_keyframe(o, placement) if is_due else placement

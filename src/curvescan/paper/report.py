@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from curvescan.paper.tables import (
 )
 from curvescan.runs.document import Part, save_document
 from curvescan.runs.evaluation import relation_record
+from curvescan.runs.results import write_record
 from curvescan.runs.table import ResultTable
 
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}
@@ -40,8 +40,7 @@ def save_experiments(folder: Path, results: Experiments) -> None:
     """Write report.html (self-contained), report.md, results.json and the figures into an existing folder."""
     title = "curvescan: " + ("the paper's experiments" if results.drives else "real logs")
     save_document(folder, title, list(_parts(folder, results)))
-    record = json.dumps(as_record(results), indent=2)
-    (folder / "results.json").write_text(record + "\n", "utf-8")
+    write_record(folder, as_record(results), "results.json")
 
 
 def as_record(results: Experiments) -> dict[str, object]:

@@ -247,7 +247,7 @@ def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
             )
         )
     return ResultTable(
-        title="Errors of relations, the odometry of each method: key scans for the default matcher, scan to scan for the others",
+        title="Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for the others",
         columns=(
             "log",
             "method",

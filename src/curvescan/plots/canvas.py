@@ -5,6 +5,7 @@ Figures are made without pyplot: nothing global, nothing to close, no window.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from curvescan.io.files.printable import printable
 from curvescan.types import Points
 
 DARK = "#1b2a41"
@@ -40,6 +42,7 @@ _STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
 }
 _DPI = 150
+_MAX_TITLE = 160
 
 
 @contextmanager
@@ -48,7 +51,10 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
     with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
         figure = Figure(figsize=(width, height))
         yield figure
-        figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+        with warnings.catch_warnings():
+            # names of files may be in any script; a box stands for what the font does not have
+            warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
+            figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
 
 
 @contextmanager
@@ -79,8 +85,8 @@ def as_place(axes: Axes, title: str = "") -> None:
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    if title:
-        axes.set_title(title)
+    if title:  # often the name of a file, in which a $ begins no formula
+        axes.set_title(printable(title, _MAX_TITLE), parse_math=False)
 
 
 def segment_colour(k: int) -> tuple[float, float, float]:

@@ -80,7 +80,9 @@ def save_match(
             "readings_reference": count_gates(trace.gates_reference),
             "readings_current": count_gates(trace.gates_current),
         }
-    (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    (folder / "match.json").write_text(
+        json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n"
+    )
 
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:

@@ -28,7 +28,7 @@ def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
     """
     text = write_markdown(folder / "report.md", parts)
     page = _PAGE.format(title=escape(title), body=_html(folder, text))
-    (folder / "report.html").write_text(page, "utf-8")
+    (folder / "report.html").write_text(page, encoding="utf-8", newline="\n")
 
 
 def write_markdown(path: Path, parts: Sequence[Part]) -> str:
@@ -42,7 +42,7 @@ def write_markdown(path: Path, parts: Sequence[Part]) -> str:
         In their order.
     """
     text = "\n".join(_markdown(part) for part in parts)
-    path.write_text(text, "utf-8")
+    path.write_text(text, encoding="utf-8", newline="\n")
     return text
 
 

@@ -135,7 +135,9 @@ def _save(
     parts: list[Part] = ["# Evaluation", facts, *notes, *tables, *figures]
     write_markdown(folder / "evaluation.md", parts)
     whole = {"curvescan": __version__, **about, **record}
-    (folder / "evaluation.json").write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
+    (folder / "evaluation.json").write_text(
+        json.dumps(whole, indent=2) + "\n", encoding="utf-8", newline="\n"
+    )
 
 
 def _record(spread: Spread) -> dict[str, object]:

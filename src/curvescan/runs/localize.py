@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from curvescan import __version__
+from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
 from curvescan.runs.plain import as_plain
+from curvescan.runs.results import write_record
 from curvescan.scan import LaserScan
 from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
 from curvescan.types import Floats, Pose, Trajectory
@@ -61,8 +62,7 @@ def run_localizer(
     """Return the localization of a sequence of scans; Ctrl-C ends it and gives what there is so far."""
     steps: list[LocalizerStep] = []
     seconds: list[float] = []
-    is_partial = False
-    try:
+    with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
             step = localizer.add(scan, None if odometry_poses is None else odometry_poses[k])
@@ -70,8 +70,8 @@ def run_localizer(
             steps.append(step)
             if on_step:
                 on_step(step)
-    except KeyboardInterrupt:
-        is_partial = True
+            if stop.is_asked:
+                break
     n = len(steps)
     return LocalizerRun(
         localizer=localizer,
@@ -82,14 +82,19 @@ def run_localizer(
         ),
         outcomes=tuple(s.outcome for s in steps),
         seconds=np.array(seconds[:n]),
-        is_partial=is_partial,
+        is_partial=stop.is_asked,
     )
 
 
 def save_localizer_run(
-    folder: Path, run: LocalizerRun, *, name: str, command: tuple[str, ...] = ()
+    folder: Path,
+    run: LocalizerRun,
+    *,
+    name: str,
+    command: tuple[str, ...] = (),
+    further: Mapping[str, object] | None = None,
 ) -> None:
-    """Write trajectory.tum, trajectory.csv, map.png and run.json into an existing folder."""
+    """Write trajectory.tum, trajectory.csv, map.png and run.json, with `further` entries, into an existing folder."""
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
     cells = run.localizer.map.occupancy().occupied_centres
@@ -113,4 +118,4 @@ def save_localizer_run(
             "max": round(float(np.max(1e3 * run.seconds)), 4),
         },
     }
-    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    write_record(folder, {**record, **(further or {})})

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import math
 import platform
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,15 +17,11 @@ from curvescan import __version__
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.log import Log
 from curvescan.io.ros.bag_files import storage_files
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.map_server import write_map
-from curvescan.mapping.run_maps import build_maps
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
-from curvescan.odometry.deskewing import deskewed_along
-from curvescan.plots.map import draw_map
-from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.plain import as_plain
+from curvescan.runs.results import save_trajectory_and_maps, write_record
 from curvescan.types import Pose
 
 
@@ -41,6 +36,8 @@ def save_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write the trajectory, the maps and the record of a run into an existing folder.
 
@@ -67,6 +64,10 @@ def save_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted, for run.json; None to judge the run alone, without its log.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -74,23 +75,19 @@ def save_run(
         What was left out and why, a sentence each.
     """
     occupancy = occupancy or OccupancyConfig()
-    write_tum(folder / "trajectory.tum", run.trajectory)
-    write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    seen = deskewed_along(log, run.trajectory) if odometry.config.deskew else log
-    place = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
-    draw_map(folder / "map.png", run, place, title=_title(run, log), wheels=log, truth=truth)
-    left_out: tuple[str, ...] = ()
-    if place.grid is not None:
-        write_map(folder, place.grid)
-        title = f"{_title(run, log)}: occupancy"
-        draw_occupancy(folder / "occupancy.png", place.grid, run.trajectory.poses, title=title)
-    else:
-        left_out = (f"no occupancy map: {place.why_no_grid}",)
+    saved = save_trajectory_and_maps(
+        folder,
+        run,
+        log,
+        is_deskewed=odometry.config.deskew,
+        occupancy=occupancy,
+        truth=truth,
+        maps=maps,
+    )
     record = describe_run(run, log, odometry, command, source, verdict)
-    record["occupancy"] = as_plain(occupancy)
-    record["left_out"] = list(left_out)
-    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    return left_out
+    record |= {"occupancy": as_plain(occupancy), "left_out": list(saved.left_out)}
+    write_record(folder, {**record, **(further or {})})
+    return saved.left_out
 
 
 def describe_run(
@@ -148,10 +145,3 @@ def _digest(source: Path | None) -> dict[str, object]:
     with source.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"bytes": source.stat().st_size, "sha256": digest}
-
-
-def _title(run: OdometryRun, log: Log) -> str:
-    title = f"{log.name}: {len(run.outcomes):,} scans, {run.method}"
-    if run.is_partial:
-        title += f" (partial: interrupted, {len(log):,} scans in all)"
-    return title

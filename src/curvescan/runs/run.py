@@ -31,6 +31,7 @@ from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
 from curvescan.odometry.pose_graph import PoseGraph
 from curvescan.runs.odometry import save_run
+from curvescan.runs.results import list_further_files
 from curvescan.types import Pose, Trajectory
 
 
@@ -165,7 +166,9 @@ def run(
 
     files: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    with _folder(out) as folder:  # first of all: a place that cannot be written costs no work
+    with _folder(
+        out, source
+    ) as folder:  # first of all: a place that cannot be written costs no work
         shown.begin("looking for what is wrong with the log", 0)
         sensor = judge_sensor(opened, is_order_needed=config.deskew)
         issues = find_issues(inspect_log(opened, sensor))
@@ -193,8 +196,10 @@ def run(
         # on their own: what goes wrong here must not cost the results of the run
         data = RunData(trajectory=done.trajectory, edges=graph.edges, scans=opened)
         shown.begin("exporting", 0)
-        with output_folder(out) as folder:
+        with _folder(out, source) as folder:
+            assert folder is not None
             files += write_exports(folder, exports, data)
+            list_further_files(folder, Path(out))
     return RunResult(
         log=opened,
         run=done,
@@ -208,11 +213,13 @@ def run(
 
 
 @contextmanager
-def _folder(out: str | os.PathLike[str] | None) -> Iterator[Path | None]:
+def _folder(
+    out: str | os.PathLike[str] | None, source: str | os.PathLike[str] | None
+) -> Iterator[Path | None]:
     if out is None:
         yield None
     else:
-        with output_folder(out) as folder:
+        with output_folder(out, inputs=() if source is None else (source,)) as folder:
             yield folder
 
 

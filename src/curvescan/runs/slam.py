@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +13,13 @@ import numpy as np
 from curvescan.diagnostics.verdict import Verdict
 from curvescan.io.log import Log
 from curvescan.io.trajectories.g2o import write_g2o
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.io.trajectories.tum_csv import write_tum
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.map_server import write_map
-from curvescan.mapping.run_maps import build_maps
-from curvescan.odometry.deskewing import deskewed_along
+from curvescan.mapping.run_maps import RunMaps
 from curvescan.plots.graph import draw_graph
-from curvescan.plots.map import draw_map
-from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.odometry import describe_run
 from curvescan.runs.plain import as_plain
+from curvescan.runs.results import save_trajectory_and_maps, write_record
 from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
@@ -45,6 +41,8 @@ def save_slam_run(
     truth: Pose | None = None,
     occupancy: OccupancyConfig | None = None,
     verdict: Verdict | None = None,
+    maps: RunMaps | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
@@ -69,6 +67,10 @@ def save_slam_run(
         How to make the occupancy map; None for the defaults.
     verdict : Verdict or None
         Whether the run can be trusted; None to judge it here.
+    maps : RunMaps or None
+        The maps, where they have been made already; None to read the log once more.
+    further : mapping or None
+        Further entries of run.json.
 
     Returns
     -------
@@ -77,37 +79,29 @@ def save_slam_run(
     """
     occupancy = occupancy or OccupancyConfig()
     revised, slam = run.revised, run.slam
-    title = f"{log.name}: {len(revised.outcomes):,} scans, {revised.method}, SLAM"
-    write_tum(folder / "trajectory.tum", revised.trajectory)
-    write_tum(folder / "trajectory_online.tum", run.online)
-    write_csv(
-        folder / "trajectory.csv", revised.trajectory, [o.name.lower() for o in revised.outcomes]
+    saved = save_trajectory_and_maps(
+        folder,
+        revised,
+        log,
+        is_deskewed=slam.config.odometry.deskew,
+        what="SLAM",
+        occupancy=occupancy,
+        truth=truth,
+        maps=maps,
     )
-    seen = deskewed_along(log, revised.trajectory) if slam.config.odometry.deskew else log
-    maps = build_maps(seen, revised.trajectory.poses, revised.is_joined, occupancy=occupancy)
-    draw_map(folder / "map.png", revised, maps, title=title, wheels=log, truth=truth)
-    left_out: tuple[str, ...] = ()
-    if maps.grid is not None:
-        write_map(folder, maps.grid)
-        draw_occupancy(
-            folder / "occupancy.png",
-            maps.grid,
-            revised.trajectory.poses,
-            title=f"{title}: occupancy",
-        )
-    else:
-        left_out = (f"no occupancy map: {maps.why_no_grid}",)
-    slam_map = replace(slam.map, grid=maps.grid)
+    write_tum(folder / "trajectory_online.tum", run.online)
+    slam_map = replace(slam.map, grid=saved.maps.grid)
     slam_map.save(folder / "map.csmap")
     save_graph(folder, slam_map)
-    draw_graph(folder / "graph.png", slam_map, maps.standing, title=f"{title}: pose graph")
+    title = f"{saved.title}: pose graph"
+    draw_graph(folder / "graph.png", slam_map, saved.maps.standing, title=title)
     write_closures(folder / "closures.csv", slam.closures)
     record = describe_run(revised, log, slam.odometry, command, source, verdict)
     record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
     record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
-    record["left_out"] = list(left_out)
-    (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    return left_out
+    record |= {"left_out": list(saved.left_out)}
+    write_record(folder, {**record, **(further or {})})
+    return saved.left_out
 
 
 def save_graph(folder: Path, slam_map: SlamMap) -> None:

@@ -56,6 +56,7 @@ def slam_log(
     occupancy: OccupancyConfig | None = None,
     command: Sequence[str] = (),
     source: str | os.PathLike[str] | None = None,
+    inputs: Sequence[str | os.PathLike[str]] = (),
     display: RunDisplay | None = None,
 ) -> SlamResult:
     """Return SLAM of a log, and write it with its maps into a folder; Ctrl-C keeps what there is so far.
@@ -82,6 +83,8 @@ def slam_log(
         The command line behind the run, for run.json.
     source : str, path-like or None
         The file or folder of the log, for its size and digest in run.json.
+    inputs : sequence of str or path-like
+        Further files that stay where `out` holds an earlier run that wrote them: the map that is continued.
     display : RunDisplay or None
         Shows how far the run has come.
 
@@ -97,7 +100,8 @@ def slam_log(
     config = config or SlamConfig()
     shown = display or Silent()
     left_out: tuple[str, ...] = ()
-    with nullcontext() if out is None else output_folder(out) as folder:
+    kept = (*inputs, *(() if source is None else (source,)))
+    with nullcontext() if out is None else output_folder(out, inputs=kept) as folder:
         shown.begin("looking for what is wrong with the log", 0)
         sensor = judge_sensor(log, is_order_needed=config.odometry.deskew)
         issues = find_issues(inspect_log(log, sensor))

@@ -51,13 +51,13 @@ def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool 
     doors += [_door(one, (one.y0, one.y1)[int(rng.integers(2))], rng) for one in core]
     hub_door = Door(round_x, core_high, 2.0 * _ROUND_GAP, False)
     rooms = [*lower, *upper, *core]
-    is_degenerate = rng.random(len(rooms)) < 0.8
+    is_open = rng.random(len(rooms)) < 0.8
     visited = [len(lower) // 2, len(lower) + len(upper) // 2]
-    is_degenerate[visited] = True
+    is_open[visited] = True
 
     world = walls_of([*rooms, hub], [*doors, hub_door]) + _ends(length, low, high)
     world += _round_wall(hub)
-    for one, door, opens in zip(rooms, doors, is_degenerate, strict=True):
+    for one, door, opens in zip(rooms, doors, is_open, strict=True):
         world += _leaf(one, door, opens, rng) + furnish(one, doors, rng)
     world += _in_the_corridors(length, (low, core_low, core_high, high), [*doors, hub_door], rng)
 
@@ -101,10 +101,10 @@ def _door(one: Room, y: float, rng: np.random.Generator) -> Door:
     return Door(float(rng.uniform(one.x0 + margin, one.x1 - margin)), y, width, False)
 
 
-def _leaf(one: Room, door: Door, is_degenerate: bool, rng: np.random.Generator) -> World:
+def _leaf(one: Room, door: Door, is_open: bool, rng: np.random.Generator) -> World:
     """Return the leaf of a door: across the opening when closed, turned into the room when open."""
     side = 1.0 if rng.random() < 0.5 else -1.0
-    if not is_degenerate:
+    if not is_open:
         return World(boxes=np.array([[door.x, door.y, door.width, _LEAF, 0.0]]))
     into = 1.0 if one.centre[1] > door.y else -1.0
     x = door.x + side * 0.5 * (door.width + _LEAF)

@@ -19,6 +19,9 @@ from curvescan.simulation.world import World
 from curvescan.types import Floats, Points, Pose
 
 _STEP = 0.05  # seconds between two control steps, at most
+_NEAR_ROUTE = (
+    2.0  # metres: by so much a drive about a start may lie beside the corners of the route
+)
 
 
 def drive_route(
@@ -156,8 +159,15 @@ def _wander(
 
 
 def _roomiest(world: World, rng: np.random.Generator) -> Floats:
-    """Return the place, of some random ones, that is farthest from everything: (2,) metres."""
+    """Return the place, of some random ones near the route, if there is one, that is farthest from everything: (2,) metres.
+
+    A route leaves out what a laser cannot see its way in, as the round room of "office-floor".
+    """
     places = rng.uniform(world.bounds[:2], world.bounds[2:], (64, 2))
+    if len(world.route) > 1:
+        from_route = np.linalg.norm(places[:, None] - world.route[None], axis=2).min(axis=1)
+        is_near = from_route < _NEAR_ROUTE
+        places = places[is_near] if is_near.any() else places
     distance = np.where(world.on_floor(places), world.distance(places), -1.0)
     return np.asarray(places[int(np.argmax(distance))])
 

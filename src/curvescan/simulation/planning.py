@@ -43,16 +43,16 @@ class Grid:
 
     def reachable(self, start: ArrayLike, clearance: float) -> Points:
         """Return the (n, 2) cell centres that can be reached from a place with some clearance, metres."""
-        is_degenerate = self.clearance >= clearance
-        reached = np.zeros_like(is_degenerate)
-        reached[self._nearest_open(start, is_degenerate)] = True
+        is_open = self.clearance >= clearance
+        reached = np.zeros_like(is_open)
+        reached[self._nearest_open(start, is_open)] = True
         while True:
             grown = reached.copy()
             grown[1:] |= reached[:-1]
             grown[:-1] |= reached[1:]
             grown[:, 1:] |= reached[:, :-1]
             grown[:, :-1] |= reached[:, 1:]
-            grown &= is_degenerate
+            grown &= is_open
             if np.array_equal(grown, reached):
                 return self._centres(np.argwhere(reached))
             reached = grown
@@ -72,14 +72,14 @@ class Grid:
         (n, 2) float64 or None
             Cell centres, metres; None when there is no way.
         """
-        is_degenerate = self.clearance >= clearance
+        is_open = self.clearance >= clearance
         first, last = (
-            self._nearest_open(start, is_degenerate),
-            self._nearest_open(goal, is_degenerate),
+            self._nearest_open(start, is_open),
+            self._nearest_open(goal, is_open),
         )
         weight = 1.0 + _SHY * np.maximum(1.0 - self.clearance / _COMFORT, 0.0)
-        n_rows, n_columns = is_degenerate.shape
-        weights, opens = weight.ravel().tolist(), is_degenerate.ravel().tolist()
+        n_rows, n_columns = is_open.shape
+        weights, opens = weight.ravel().tolist(), is_open.ravel().tolist()
         start_id, goal_id = first[0] * n_columns + first[1], last[0] * n_columns + last[1]
         cost = {start_id: 0.0}
         parent: dict[int, int] = {}
@@ -106,8 +106,8 @@ class Grid:
                     heapq.heappush(queue, (whole + float(ahead), there))
         return None
 
-    def _nearest_open(self, place: ArrayLike, is_degenerate: Bools) -> tuple[int, int]:
-        cells = np.argwhere(is_degenerate)
+    def _nearest_open(self, place: ArrayLike, is_open: Bools) -> tuple[int, int]:
+        cells = np.argwhere(is_open)
         if not len(cells):
             raise InvalidArgumentError(
                 "the world has no free place for a robot: it is too small or too full"

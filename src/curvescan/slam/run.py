@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan._interrupts import stoppable
 from curvescan.matchers import Outcome
 from curvescan.odometry import OdometryRun, StepOutcome
 from curvescan.odometry.step import MATCHES
@@ -53,7 +54,7 @@ def run_slam(
 ) -> SlamRun:
     """Return SLAM over a sequence of scans.
 
-    Ctrl-C (KeyboardInterrupt) ends the run and gives what there is so far, marked as partial.
+    Ctrl-C ends the run and gives what there is so far, marked as partial.
 
     Parameters
     ----------
@@ -73,8 +74,7 @@ def run_slam(
     failures: Counter[Outcome] = Counter()
     is_degenerate = array("b")
     n_rejected = 0
-    is_partial = False
-    try:
+    with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
             step = slam.add(scan, None if odometry_poses is None else odometry_poses[k])
@@ -94,8 +94,8 @@ def run_slam(
             outcomes.append(step.outcome)
             if on_step:
                 on_step(step)
-    except KeyboardInterrupt:
-        is_partial = True
+            if stop.is_asked:
+                break
     n = len(outcomes)
     started = time.perf_counter()
     trajectory = slam.finish() if n else slam.trajectory()
@@ -116,7 +116,7 @@ def run_slam(
             n_matched=np.array(n_matched[:n], dtype=np.int64),
             is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
             seconds=np.array(seconds[:n]),
-            is_partial=is_partial,
+            is_partial=stop.is_asked,
             has_prior=odometry_poses is not None,
         ),
         online=Trajectory(

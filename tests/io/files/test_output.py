@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
+import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from curvescan.errors import OutputError
 from curvescan.io import output_folder
-from curvescan.io.files.output import output_file
+from curvescan.io.files import replacing
+from curvescan.io.files.output import HIDDEN_PREFIX, output_file
 
 
 def tree(folder: Path) -> dict[str, str | None]:
@@ -216,20 +220,154 @@ def test_new_target_is_not_there_when_the_move_fails(
     assert tree(tmp_path) == {}
 
 
-def test_new_folders_appear_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    replace, moves = Path.replace, []
+def write_run(target: Path, number: int, *names: str, inputs: tuple[Path, ...] = ()) -> None:
+    """Write a run's results: its number in every file, and a record that lists them."""
+    with output_folder(target, inputs=inputs) as folder:
+        for name in names:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(f"{number}")
+        record = {"number": number, "files": [*names, "run.json"]}
+        (folder / "run.json").write_text(json.dumps(record))
+
+
+def runs_in(target: Path) -> set[int]:
+    """Return the numbers of the runs whose files are in a folder, as anybody sees it."""
+    numbers = set()
+    for path in target.rglob("*"):
+        if path.is_file() and path.name != "notes" and HIDDEN_PREFIX not in str(path):
+            content = json.loads(path.read_text())
+            numbers.add(content["number"] if isinstance(content, dict) else content)
+    return numbers
+
+
+def test_a_folder_of_results_changes_in_one_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if sys.platform not in ("linux", "darwin"):
+        pytest.skip("no system call that exchanges two folders")
+    monkeypatch.setattr(replacing, "_swap_files", None)
+    target = tmp_path / "out"
+    write_run(target, 1, "a", "b", "sub/c", "old/d")
+    target.chmod(0o750)
+    write_run(target, 2, "a", "new/e")
+    assert [*tree(tmp_path)] == ["out", "out/a", "out/new", "out/new/e", "out/run.json"]
+    assert runs_in(target) == {2}
+    assert target.stat().st_mode & 0o777 == 0o750
+
+
+@pytest.mark.parametrize("has_notes", [False, True])
+def test_a_folder_never_holds_files_of_two_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_notes: bool
+) -> None:
+    # as on a system that cannot exchange folders, or with files of others, which stay
+    monkeypatch.setattr(replacing, "_exchange", lambda *_: False)
+    target, seen = tmp_path / "out", []
+    write_run(target, 1, "a", "b", "sub/c", "old/d")
+    if has_notes:
+        (target / "notes").write_text("mine")
+    replace = Path.replace
 
     def watch(path: Path, goal: Path) -> None:
-        moves.append(goal.relative_to(tmp_path).as_posix())
         replace(path, goal)
+        seen.append((runs_in(target), (target / "run.json").exists()))
 
     monkeypatch.setattr(Path, "replace", watch)
-    for _ in range(2):
-        with output_folder(tmp_path / "out") as folder:
-            (folder / "sub").mkdir()
-            for name in ("a", "sub/b"):
-                (folder / name).write_text("1")
-    assert moves == ["out", "out/a", "out/sub/b"]
+    write_run(target, 2, "a", "b", "sub/c", "new/e")
+    assert len(seen) == 10
+    assert all(len(runs) <= 1 for runs, _ in seen)
+    # a folder without a record is not complete
+    assert [has_record for _, has_record in seen] == [*[False] * 9, True]
+    names = ["a", "b", "new", "new/e", *["notes"] * has_notes, "run.json", "sub", "sub/c"]
+    assert [*tree(target)] == names
+
+
+def test_a_move_that_fails_is_undone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "out"
+    write_run(target, 1, "a", "b", "sub/c")
+    (target / "notes").write_text("mine")
+    before, replace = tree(tmp_path), Path.replace
+    for n_moves in range(1, 9):
+        failing = iter([False] * (n_moves - 1) + [True])
+
+        def fail(path: Path, goal: Path, failing: Iterator[bool] = failing) -> None:
+            if next(failing, False):
+                raise OSError(28, "No space left on device")
+            replace(path, goal)
+
+        monkeypatch.setattr(Path, "replace", fail)
+        with pytest.raises(OutputError, match="No space left on device; make room, or"):
+            write_run(target, 2, "a", "b", "sub/d")
+        assert tree(tmp_path) == before
+
+
+def test_what_the_results_are_made_from_stays(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    write_run(target, 1, "map", "log", "other")
+    write_run(target, 2, "a", inputs=(target / "map", target / "log"))
+    assert [*tree(target)] == ["a", "log", "map", "run.json"]
+
+
+def test_what_is_no_run_replaces_none(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    write_run(target, 1, "a", "b")
+    with output_folder(target) as folder:
+        (folder / "evaluation").write_text("2")
+    assert [*tree(target)] == ["a", "b", "evaluation", "run.json"]
+
+
+def test_a_record_names_no_file_outside_its_folder(tmp_path: Path) -> None:
+    for name in ("mine", "out-mine"):
+        (tmp_path / name).write_text("mine")
+    target = tmp_path / "out"
+    write_run(target, 1, "a")
+    files = ["../mine", str(tmp_path / "out-mine"), "a\0b", 7, "missing", ""]
+    (target / "run.json").write_text(json.dumps({"files": files}))
+    write_run(target, 2, "b")
+    assert {*tree(tmp_path)} == {"mine", "out", "out-mine", "out/a", "out/b", "out/run.json"}
+
+
+def test_the_folder_that_the_shell_is_in_stays_that_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_run(tmp_path / "out", 1, "a")
+    monkeypatch.chdir(tmp_path / "out")
+    before = Path().stat().st_ino
+    write_run(Path(), 2, "a")
+    assert (Path().stat().st_ino, runs_in(tmp_path / "out")) == (before, {2})
+
+
+def test_folders_of_killed_processes_are_swept_and_no_others(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl", reason="no locks on folders")
+    killed, other = tmp_path / f"{HIDDEN_PREFIX}abcdefgh", tmp_path / f"{HIDDEN_PREFIX}notes"
+    for folder in (killed, other):
+        folder.mkdir()
+        (folder / "a").write_text("half")
+    with output_folder(tmp_path / "out") as first:
+        (first / "a").write_text("1")
+        with output_folder(tmp_path / "out") as second:
+            (second / "b").write_text("2")
+        assert first.exists()
+    assert [*tree(tmp_path)] == [
+        f"{HIDDEN_PREFIX}notes",
+        f"{HIDDEN_PREFIX}notes/a",
+        "out",
+        "out/a",
+        "out/b",
+    ]
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), OSError("4 of 8 written")]
+)
+def test_a_disk_that_fills_in_the_middle_is_one_sentence(tmp_path: Path, error: OSError) -> None:
+    def work() -> None:
+        with output_folder(tmp_path / "x" / "out") as folder:
+            (folder / "a").write_text("1")
+            raise error
+
+    with pytest.raises(OutputError, match=r"cannot write results to .*(No space|4 of 8)"):
+        work()
+    assert tree(tmp_path) == {}
 
 
 def test_file_is_replaced_when_the_block_ends(tmp_path: Path) -> None:

@@ -8,8 +8,18 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
-from curvescan.matchers.curvescan.information import covariance, eigen3, pose_information
+from curvescan.matchers.curvescan.features.surfels import VARIANCE
+from curvescan.matchers.curvescan.information import (
+    CHI2,
+    COUNT,
+    LEVER2,
+    add_information,
+    covariance,
+    eigen3,
+    pose_information,
+)
 from curvescan.matchers.curvescan.labels import compare_readings
 from curvescan.matchers.curvescan.refinement import refine
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
@@ -53,6 +63,46 @@ def test_the_information_is_that_of_the_slow_twin(seed):
     cov = covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0)
     np.testing.assert_array_equal(cov, cov.T)
     np.testing.assert_allclose(cov @ net, np.eye(3), atol=1e-6)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.01, 0.03])
+def test_what_is_left_and_what_is_spurious_are_all_of_it(off):
+    """Also where residuals exceed the noise: then both are less, by the mean of their normalised squares."""
+    ref, cur = pair(1)
+    arguments, (information, spurious, axes, units) = told_at(
+        ref, cur, MOTION + np.array([off, 0.0, 0.0])
+    )
+    expected = axes.T @ (slow.information(*arguments) * np.outer(units, units)) @ axes
+    # derivatives by differences in the twin
+    np.testing.assert_allclose(information + spurious, np.diag(expected), rtol=1e-3)
+    assert spurious[0] > 1e-3 * information[0]
+
+
+def test_residuals_above_the_noise_widen_the_covariance_and_smaller_ones_do_not_narrow_it():
+    ref, cur = pair(1)
+    arguments, (information, *_) = told_at(ref, cur, MOTION)
+    # the same readings, taken for more and for less noisy than they are
+    for factor, expected in ((0.04, 1.0), (25.0, 25.0)):
+        ref_surfels, partner_ref, cur_surfels, partner_cur, pose = arguments
+        surfels = [one.copy() for one in (ref_surfels, cur_surfels)]
+        for one in surfels:
+            one[one[:, VARIANCE] > 0.0, VARIANCE] /= factor
+        found, *_ = pose_information(surfels[0], partner_ref, surfels[1], partner_cur, pose)
+        # information in proportion to 1 / variance, and then divided by what residuals exceed the noise
+        np.testing.assert_allclose(found / information, factor / expected, rtol=0.25)
+
+
+def test_residuals_of_plain_noise_have_a_mean_square_of_one():
+    means = []
+    for seed in range(6):
+        ref, cur = pair(seed)
+        (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = told_at(ref, cur, MOTION)
+        system = np.zeros(LEVER2 + 1)
+        add_information(cur_surfels, ref_surfels, partner_cur, pose, FORWARD, system)
+        add_information(ref_surfels, cur_surfels, partner_ref, pose, BACKWARD, system)
+        means.append(system[CHI2] / system[COUNT])
+    # of 300 readings each, with neighbours that share their lines
+    assert np.mean(means) == pytest.approx(1.0, abs=0.12)
 
 
 @pytest.mark.slow

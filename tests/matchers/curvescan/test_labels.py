@@ -9,6 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.features.range_image import reading_at
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, VARIANCE, X, Y
 from curvescan.matchers.curvescan.labels import (
     DYNAMIC,
     INLIER,
@@ -94,3 +95,27 @@ def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
     assert np.mean(result.labels_current[~is_box] == cs.matchers.Label.MATCHED) > 0.9
     still = cs.match(ref, plain)
     assert (still.labels_current == cs.matchers.Label.DYNAMIC).mean() < 0.02
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("n_sigmas", "is_inlier"), [(2.2, True), (2.8, True), (3.2, False), (6.0, False)]
+)
+def test_a_reading_agrees_within_three_standard_deviations(side, n_sigmas, is_inlier):
+    ref, _ = pair()
+    moved = ref.image.surfels.copy()
+    has_line = moved[:, VARIANCE] > 0.0
+    normal, centre = moved[:, [NX, NY]], moved[:, [CX, CY]]
+    # along its beam, so that it stays in the direction of its own line, to so many deviations of both readings
+    distance = (
+        side * n_sigmas * np.sqrt(2.0 * moved[:, VARIANCE], where=has_line, out=0.0 * normal[:, 0])
+    )
+    share = (np.sum(normal * centre, axis=1) + distance) / np.sum(normal * moved[:, [X, Y]], axis=1)
+    moved[:, [X, Y]] *= share[:, np.newaxis]
+    codes, partner = compare_readings(moved, ref.image, np.zeros(3), 0.0)
+    # a grazed line is reached so far along that nothing is said of it
+    is_own = has_line & (np.abs(share - 1.0) < 0.05)
+    assert is_own.sum() > 200
+    assert ((codes[is_own] == INLIER) == is_inlier).mean() > 0.97
+    if is_inlier:
+        assert (partner[is_own] == np.flatnonzero(is_own)).mean() > 0.97

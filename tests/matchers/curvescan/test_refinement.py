@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers.curvescan.association import FORWARD
 from curvescan.matchers.curvescan.config import RefinementConfig
 from curvescan.matchers.curvescan.features.range_image import reading_at
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, VARIANCE, X, Y
+from curvescan.matchers.curvescan.normal_equations import N_SUMS, N_TRIANGLE
 from curvescan.matchers.curvescan.refinement import accumulate, refine, solve
 from tests.matchers.curvescan.scenes import MOTION, pair
 from tests.reference import curvescan as slow
@@ -37,6 +40,39 @@ def test_the_gradient_is_the_derivative_of_the_residuals(seed, inverse):
         full = weight * np.outer(slope, slope)
         np.testing.assert_allclose(system[:6], full[np.triu_indices(3)], rtol=1e-5, atol=1e-4)
     assert n_told > 15
+
+
+def one_residual(n_sigmas, turn=0.0):
+    """Normal equations of one reading moved along its beam to so many deviations of its own line, and turned."""
+    ref, _ = pair()
+    surfel = ref.image.surfels[np.argmax(ref.image.surfels[:, VARIANCE] > 0.0) + 60].copy()
+    normal, centre = surfel[[NX, NY]], surfel[[CX, CY]]
+    distance = n_sigmas * np.sqrt(2.0 * surfel[VARIANCE])
+    surfel[[X, Y]] *= (normal @ centre + distance) / (normal @ surfel[[X, Y]])
+    surfel[[NX, NY]] = cs.se2.rotation(turn) @ normal
+    system = np.zeros(N_SUMS)
+    accumulate(surfel[np.newaxis], ref.image, np.zeros(3), FORWARD, 0.0, 0.0, system)
+    return system
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_residual_counts_less_from_two_deviations_on_and_nothing_from_four(side):
+    full = one_residual(side)[:N_TRIANGLE]
+    assert np.abs(full).max() > 1e3
+    for n_sigmas, weight in ((1.9, 1.0), (2.5, 0.659), (3.0, 0.340), (3.5, 0.0977), (3.9, 0.0043)):
+        # ((16 - n^2) / 12)^2 beyond two; the reading's own place moves with n
+        found = one_residual(side * n_sigmas)[:N_TRIANGLE]
+        assert np.trace(found.reshape(2, 3)) == pytest.approx(
+            weight * np.trace(full.reshape(2, 3)), rel=0.1
+        )
+    assert not one_residual(4.1 * side).any()
+
+
+@pytest.mark.parametrize(
+    ("turn", "is_used"), [(0.6, True), (-0.6, True), (1.0, False), (3.0, False)]
+)
+def test_a_reading_meets_only_lines_that_face_as_it_does(turn, is_used):
+    assert one_residual(0.5, turn).any() == is_used
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.matchers.curvescan.config import ScoringConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.matchers.curvescan.scoring import best_beside, score_pose, score_samples, select
-from tests.matchers.curvescan.scenes import MOTION, pair
+from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
 
@@ -107,3 +107,17 @@ def test_beside_the_truth_the_score_falls():
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
         ScoringConfig(**wrong)
+
+
+def test_poses_across_the_seam_of_angles_are_one():
+    ref = features(pillar_scan(seed=0))
+    true = MOTION + np.array([0.0, 0.0, np.pi])
+    cur = features(pillar_scan(true, seed=1, fov=2.0 * np.pi * 360 / 361))
+    near = true - np.array([0.0, 0.0, 2.0 * np.pi - 0.01])
+
+    def n_kept(*poses):
+        return len(select(np.array(poses), ref.image, cur.image, 0.08, 0.03, 4, 64, 0.3)[0])
+
+    assert n_kept(true, near) == n_kept(near, true) == 1
+    assert n_kept(true, true + np.array([0.5, 0.0, 0.0])) == 2
+    assert n_kept(true, true + np.array([0.0, 0.0, 0.2])) == 2

@@ -2,34 +2,46 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
-from curvescan.errors import OutputError
+from curvescan._interrupts import cleaned_up_by, held_back, note_written
+from curvescan.errors import CurvescanError, OutputError
+from curvescan.io.files.hidden import HIDDEN_PREFIX, hidden_folder
+from curvescan.io.files.printable import printable
+from curvescan.io.files.replacing import move_results
+from curvescan.io.files.windows import replace
 
-HIDDEN_PREFIX = ".curvescan-"
-"""Beginning of the names of temporary folders; one that is left belongs to a process that was killed."""
+_MAX_PATH = 4_000
+"""Characters of a path in a sentence."""
+
+__all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
 
 @contextmanager
-def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+def output_folder(
+    path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()
+) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `path` when the block ends without an error.
 
     The temporary folder is hidden, on the file system of the target and beside it (inside it where the target is a
     mount point or its parent cannot be written). It is made, and the target's access rights are tried, before the
     block runs, so that a place that cannot be written costs no work. A target that was missing appears with all its
-    files in one step. In one that exists, new folders appear in one step, files of the same name are replaced, each in
-    one step, and other files stay. After an error the target is as before, and parent folders that were made for it
-    are gone. A process that is killed leaves each file old or new, whole, and perhaps the hidden folder.
+    files in one step. In one that exists, files of the same name are replaced, and so are those of an earlier run that
+    its run.json or results.json lists; other files stay. It never holds files of two runs: it changes in one step where
+    nothing else is in it and the system can do that (Linux, macOS), else the old ones go before the new ones come.
+    After an error the target is as before, and parent folders that were made for it are gone. A process that is killed
+    leaves files of one run, and perhaps the hidden folder, which the next run into that place removes.
 
     Parameters
     ----------
     path : str or path-like
         Folder of the results; it and its parents are made where they are missing.
+    inputs : sequence of str or path-like
+        What the results are made from: stays, even where an earlier run wrote it.
 
     Yields
     ------
@@ -41,10 +53,11 @@ def output_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the results cannot be written there.
     """
-    with _temporary(path, _check_is_free, _make_temporary) as (temporary, target):
+    with _temporary(path, _check_is_free, _hidden_for) as (temporary, target):
         yield temporary
-        with _one_sentence(path):
-            _move_all(temporary, target)
+        with held_back():
+            move_results(temporary, target, [Path(source) for source in inputs])
+            note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 @contextmanager
@@ -69,43 +82,54 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         When the file cannot be written there.
     """
-    with _temporary(path, _check_takes_file, _make_beside) as (temporary, target):
+    with _temporary(path, _check_takes_file, _hidden_beside) as (temporary, target):
         yield temporary / target.name
-        with _one_sentence(path):
-            (temporary / target.name).replace(target)
+        with held_back():
+            replace(temporary / target.name, target)
+            if not target.parent.name.startswith(HIDDEN_PREFIX):
+                note_written(printable(os.fspath(path), _MAX_PATH))
 
 
 @contextmanager
 def _temporary(
-    path: str | os.PathLike[str], check: Callable[[Path], None], make: Callable[[Path], Path]
+    path: str | os.PathLike[str],
+    check: Callable[[Path], None],
+    hidden: Callable[[Path], AbstractContextManager[Path]],
 ) -> Iterator[tuple[Path, Path]]:
     """Yield a temporary folder, gone when the block ends, and the target; an error takes the new parents along."""
     made: list[Path] = []
-    temporary: Path | None = None
-    try:
-        with _one_sentence(path):
-            target = Path(os.path.realpath(path))
-            check(target)
-            _make_parents(target, made)
-            temporary = make(target)
-        yield temporary, target
-    except BaseException:
-        _remove(temporary, made)
-        raise
-    _remove(temporary, [])
+    with cleaned_up_by(lambda: _remove(made)), _one_sentence(path):
+        try:
+            try:
+                target = Path(os.path.realpath(path))
+                check(target)
+                _make_parents(target, made)
+                folder = hidden(target)
+                temporary = folder.__enter__()
+            except ValueError as error:  # a path with a NUL character
+                raise OSError(errno.EINVAL, str(error)) from error
+            with ExitStack() as stack:
+                stack.push(folder)
+                yield temporary, target
+        except BaseException:
+            with held_back():
+                _remove(made)
+            raise
 
 
 @contextmanager
 def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say as an OutputError why results cannot be written to `path`."""
+    """Say as an OutputError why results cannot be written to `path`; a disk may also be full in the middle of a file."""
     try:
         yield
-    except OutputError:
+    except CurvescanError:
         raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+    except OSError as error:
+        remedy = "choose another folder"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            remedy = f"make room, or {remedy}"
         raise OutputError(
-            f"cannot write results to {os.fspath(path)!r}: {reason}; choose another folder"
+            f"cannot write results to {os.fspath(path)!r}: {error.strerror or error}; {remedy}"
         ) from error
 
 
@@ -128,70 +152,34 @@ def _make_parents(target: Path, made: list[Path]) -> None:
         made.append(parent)
 
 
-def _make_temporary(target: Path) -> Path:
+def _hidden_beside(target: Path) -> AbstractContextManager[Path]:
+    return hidden_folder(target.parent)
+
+
+@contextmanager
+def _hidden_for(target: Path) -> Iterator[Path]:
+    """Yield a hidden folder beside the target, or inside it where it must be."""
     if not target.exists():
-        return _new_hidden_folder(target.parent)
-    # tried in any case: the results must at last go into the target itself
-    inside = _new_hidden_folder(target)
-    try:
-        beside = _new_hidden_folder(target.parent)
-    except OSError:
-        return inside
-    if beside.stat().st_dev != inside.stat().st_dev:
-        beside.rmdir()
-        return inside
-    inside.rmdir()
-    return beside
-
-
-def _make_beside(target: Path) -> Path:
-    return _new_hidden_folder(target.parent)
-
-
-def _new_hidden_folder(parent: Path) -> Path:
-    return Path(tempfile.mkdtemp(prefix=HIDDEN_PREFIX, dir=parent))
-
-
-def _move_all(temporary: Path, target: Path) -> None:
-    files = sorted(path for path in temporary.rglob("*") if not path.is_dir())
-    _check_goals([target / file.relative_to(temporary) for file in files], target)
-    if not target.exists():
-        _give_ordinary_rights(temporary)
-    _move(temporary, target)
-
-
-def _move(source: Path, goal: Path) -> None:
-    """Move a file, or a folder's content: in one step where the goal is a file or is not there."""
-    if not (source.is_dir() and goal.is_dir()):
-        source.replace(goal)
+        with hidden_folder(target.parent) as beside:
+            yield beside
         return
-    for entry in sorted(source.iterdir()):
-        _move(entry, goal / entry.name)
+    with ExitStack() as folders:
+        # tried in any case: the results must at last go into the target itself
+        with ExitStack() as trial:
+            inside = trial.enter_context(hidden_folder(target))
+            try:
+                beside = folders.enter_context(hidden_folder(target.parent))
+                is_one_system = beside.stat().st_dev == inside.stat().st_dev
+            except OSError:
+                is_one_system = False
+            if not is_one_system:
+                folders.close()
+                folders.push(trial.pop_all())
+                beside = inside
+        yield beside
 
 
-def _give_ordinary_rights(temporary: Path) -> None:
-    # it was made for its owner alone; the mode of a new folder is found by making one
-    ordinary = temporary / ".rights"
-    ordinary.mkdir()
-    temporary.chmod(ordinary.stat().st_mode & 0o7777)
-    ordinary.rmdir()
-
-
-def _check_goals(goals: list[Path], target: Path) -> None:
-    # looked at before the first move, so that the target does not end half old, half new
-    for goal in goals:
-        if goal.is_dir():
-            raise OutputError(f"{goal} is a folder and a result has its name: remove or rename it")
-        for parent in goal.parents:
-            if parent == target:
-                break
-            if parent.exists() and not parent.is_dir():
-                raise OutputError(f"{parent} is a file where results need a folder: remove it")
-
-
-def _remove(temporary: Path | None, made: list[Path]) -> None:
-    if temporary is not None:
-        shutil.rmtree(temporary, ignore_errors=True)
+def _remove(made: list[Path]) -> None:
     for parent in reversed(made):
         try:
             parent.rmdir()

@@ -21,6 +21,8 @@ from curvescan.matchers.curvescan.scoring import select
 from curvescan.matchers.curvescan.search import Candidates, Problem
 from curvescan.types import Floats, Pose
 
+_OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RefinedCandidates:
@@ -94,7 +96,7 @@ def search_degenerate_direction(
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
     best, _ = select(
-        moved_along, *wide_range_images(ref, cur, config), *config.scoring.close, 4, 24, 0.1
+        moved_along, *wide_range_images(ref, cur, config), *config.scoring.close, 4, 24, _OTHER
     )
     return _finish(ref, cur, np.concatenate((poses, best)), config)
 
@@ -106,7 +108,7 @@ def _finish(
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
     # one pose has only to be enough; several are compared on more samples
     images = wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
-    return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, 0.1)
+    return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, _OTHER)
 
 
 def wide_range_images(

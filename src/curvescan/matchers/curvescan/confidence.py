@@ -61,6 +61,12 @@ _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 _NEARER = 0.7  # metres and radians by which the best pose may be nearer to the guess before others count less
 
+_FADING = 0.25  # for each metre and radian: how fast others count less beyond that
+_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
+_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
+_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
+_WALL = 0.12  # metres from its line within which a reading is of a wall
+
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
@@ -119,7 +125,7 @@ class Support:
     def confidence(self) -> float:
         """Probability that the pose is right, within what its covariance says, if it is not repeated."""
         log_odds = sum(COEFFICIENTS[name] * value for name, value in self.terms.items())
-        return 1.0 / (1.0 + math.exp(-max(min(log_odds, 60.0), -60.0)))
+        return 1.0 / (1.0 + math.exp(-max(min(log_odds, _MAX_LOG_ODDS), -_MAX_LOG_ODDS)))
 
 
 def support_of(
@@ -199,7 +205,7 @@ def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Asses
     farther = motion_of(problem, other) - motion_of(problem, best)
     if excess < _TWO_WALLS:
         share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
-    share *= min(1.0, max(0.0, 1.0 - 0.25 * (farther - _MUCH_NEARER)))
+    share *= min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER)))
     return float(share)
 
 
@@ -261,7 +267,7 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
             i = rows[seed]
             nx, ny = surfels[i, NX], surfels[i, NY]
             if turn == 1 and (
-                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > 0.88
+                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > _ACROSS
             ):
                 continue
             length = 0.0
@@ -283,10 +289,10 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
 def is_on_wall(surfels: Floats, i: int, seed: int) -> bool:
     """Return whether a reading lies on the line through another and faces like it."""
     nx, ny = surfels[seed, NX], surfels[seed, NY]
-    if nx * surfels[i, NX] + ny * surfels[i, NY] < 0.98:
+    if nx * surfels[i, NX] + ny * surfels[i, NY] < _ALIKE:
         return False
     off = nx * (surfels[i, CX] - surfels[seed, CX]) + ny * (surfels[i, CY] - surfels[seed, CY])
-    return bool(abs(off) < 0.12)
+    return bool(abs(off) < _WALL)
 
 
 @kernel
@@ -308,13 +314,13 @@ def compare_explanations(
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
     codes_cur, _ = compare_readings(cur.surfels, ref, pose, margin)
     codes_ref, _ = compare_readings(ref.surfels, cur, back, margin)
-    a = support_lengths(ref.surfels, bounds_ref, codes_ref, best_ref)
-    b = support_lengths(cur.surfels, bounds_cur, codes_cur, best_cur)
+    agreeing_a, _, _, new_a, _ = support_lengths(ref.surfels, bounds_ref, codes_ref, best_ref)
+    agreeing_b, _, _, new_b, _ = support_lengths(cur.surfels, bounds_cur, codes_cur, best_cur)
     best_a = support_lengths(ref.surfels, bounds_ref, best_ref, best_ref)
     best_b = support_lengths(cur.surfels, bounds_cur, best_cur, best_cur)
     excess = 0.5 * (excess_length(ref.surfels, codes_ref) + excess_length(cur.surfels, codes_cur))
     excess_best = 0.5 * (
         excess_length(ref.surfels, best_ref) + excess_length(cur.surfels, best_cur)
     )
-    agreeing, contradicted = 0.5 * (a[0] + b[0]), 0.5 * (a[3] + b[3])
+    agreeing, contradicted = 0.5 * (agreeing_a + agreeing_b), 0.5 * (new_a + new_b)
     return agreeing, contradicted, excess, 0.5 * (best_a[0] + best_b[0]), excess_best

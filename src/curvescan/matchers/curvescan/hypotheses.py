@@ -17,6 +17,9 @@ from curvescan.matchers.curvescan.features.surfels import RANGE
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
+_BEHIND = 0.1
+"""Metres that a sensor may stand behind what the other saw: noise, and the error of a pose from two corners."""
+
 
 @kernel
 def is_in_sight(x: float, y: float, image: RangeImage, margin: float) -> bool:
@@ -55,9 +58,9 @@ def pair_keypoints(
             c, s = math.cos(theta), math.sin(theta)
             tx = keypoints_ref[j, FX] - c * x + s * y
             ty = keypoints_ref[j, FY] - s * x - c * y
-            if not is_in_sight(tx, ty, ref, 0.1):
+            if not is_in_sight(tx, ty, ref, _BEHIND):
                 continue
-            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, 0.1):
+            if not is_in_sight(-c * tx - s * ty, s * tx - c * ty, cur, _BEHIND):
                 continue
             poses[n, 0], poses[n, 1], poses[n, 2] = tx, ty, theta
             n += 1

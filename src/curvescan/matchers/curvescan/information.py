@@ -14,8 +14,33 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, TILT, VARIANCE, X, Y
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    distances,
+    lever,
+    motion_of,
+    projected,
+    turned,
+)
+from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
+from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, add_square
 from curvescan.types import Bools, Floats, Ints
+
+INFORMATION, SPURIOUS = 0, N_TRIANGLE
+CHI2, COUNT, LEVER2 = range(2 * N_TRIANGLE, 2 * N_TRIANGLE + 3)
+"""Columns of the sums: the triangles of the information and of its spurious part, from tilt; the normalised squared
+residuals, how many there are, the squared distances of the readings from the current sensor."""
+
+_N_COLUMNS = LEVER2 + 1
+
+_LINE_NOISE = 0.3
+"""Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean."""
+
+_LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
+_N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale
+_SAGITTA2 = 0.25  # square of the half that a sagitta is of the arc's length times its turn
+_ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is nothing
 
 
 @kernel
@@ -24,7 +49,7 @@ def add_information(
     surfels_other: Floats,
     partner: Ints,
     pose: Floats,
-    inverse: bool,
+    way: float,
     system: Floats,
 ) -> None:
     """Add the information of the readings of one scan, each against its partner's line.
@@ -37,50 +62,30 @@ def add_information(
         Reading of the other scan, -1 for none.
     pose : (3,) float64
         Of the current scan in the reference.
-    inverse : bool
-        Whether `surfels` is the reference.
+    way : float
+        FORWARD where `surfels` is the current scan, BACKWARD where it is the reference.
     system : (15,) float64
-        Upper triangles of the information (0:6) and of its spurious part, from tilt (6:12); sums of
-        normalised squared residuals (12) and of their weights (13), of squared distances (14).
+        What is added to; see INFORMATION and the columns after it.
     """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    motion = motion_of(pose, way)
     for i in range(surfels.shape[0]):
         j = partner[i]
         if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
             continue
-        ax, ay = surfels[i, X], surfels[i, Y]
-        if inverse:
-            dx, dy = ax - pose[0], ay - pose[1]
-            qx, qy = c * dx + s * dy, c * dy - s * dx
-        else:
-            dx, dy = c * ax - s * ay, s * ax + c * ay
-            qx, qy = dx + pose[0], dy + pose[1]
+        dx, dy = lever(surfels, i, motion)
+        x, y = projected(surfels, i, motion)
+        e = distances(x, y, surfels_other, j)[0]
         nx, ny = surfels_other[j, NX], surfels_other[j, NY]
-        e = nx * (qx - surfels_other[j, CX]) + ny * (qy - surfels_other[j, CY])
-        if inverse:
-            nx, ny = c * nx - s * ny, s * nx + c * ny
+        if way < 0.0:
+            nx, ny = turned(nx, ny, motion)
         va = surfels[i, VARIANCE]
         variance = va + surfels_other[j, VARIANCE]
         weight = 1.0 / variance
-        jt = ny * dx - nx * dy
-        system[0] += weight * nx * nx
-        system[1] += weight * nx * ny
-        system[2] += weight * nx * jt
-        system[3] += weight * ny * ny
-        system[4] += weight * ny * jt
-        system[5] += weight * jt * jt
-        weight *= surfels_other[j, TILT]
-        jt = -nx * dx - ny * dy
-        system[6] += weight * ny * ny
-        system[7] -= weight * ny * nx
-        system[8] += weight * -ny * jt
-        system[9] += weight * nx * nx
-        system[10] += weight * nx * jt
-        system[11] += weight * jt * jt
-        # a line holds three tenths of the variance of its own reading: OWN_SHARE of it, and the rest of a mean
-        system[12] += e * e / (va + 0.3 * surfels_other[j, VARIANCE])
-        system[13] += 1.0
-        system[14] += dx * dx + dy * dy
+        add_square(system, INFORMATION, weight, nx, ny, ny * dx - nx * dy)
+        add_square(system, SPURIOUS, weight * surfels_other[j, TILT], -ny, nx, -nx * dx - ny * dy)
+        system[CHI2] += e * e / (va + _LINE_NOISE * surfels_other[j, VARIANCE])
+        system[COUNT] += 1.0
+        system[LEVER2] += dx * dx + dy * dy
 
 
 @kernel
@@ -92,9 +97,9 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
         v[i, i] = 1.0
         for k in range(3):
             a[i, k] = matrix[i, k]
-    for _ in range(8):
+    for _ in range(_N_SWEEPS):
         off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
-        if off <= 1e-15 * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
+        if off <= _ROUNDING * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
             break
         for p in range(2):
             for q in range(p + 1, 3):
@@ -147,25 +152,23 @@ def pose_information(
         1, 1 and 1 / lever: what one unit of each row of `axes` is in metres, metres and radians; the lever is the
         root mean square distance of the readings.
     """
-    system = np.zeros(15)
-    for inverse in (False, True):  # no constants: each would be compiled for
-        surfels, others = (surfels_ref, surfels_cur) if inverse else (surfels_cur, surfels_ref)
-        partner = partner_ref if inverse else partner_cur
-        add_information(surfels, others, partner, pose, inverse, system)
-    n = max(system[13], 1.0)
-    lever = math.sqrt(system[14] / n) + 1e-3
+    system = np.zeros(_N_COLUMNS)
+    add_information(surfels_cur, surfels_ref, partner_cur, pose, FORWARD, system)
+    add_information(surfels_ref, surfels_cur, partner_ref, pose, BACKWARD, system)
+    n = max(system[COUNT], 1.0)
+    arm = math.sqrt(system[LEVER2] / n) + _LEAST_LEVER
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
     # explains widen it, smaller ones do not narrow it
-    scale = 0.5 / max(system[12] / n, 1.0)
-    units = np.array([1.0, 1.0, 1.0 / lever])
+    scale = 0.5 / max(system[CHI2] / n, 1.0)
+    units = np.array([1.0, 1.0, 1.0 / arm])
     net = np.empty((3, 3))
     false = np.empty((3, 3))
     k = 0
     for i in range(3):
         for j in range(i, 3):
             unit = scale * units[i] * units[j]
-            net[i, j] = net[j, i] = unit * (system[k] - system[6 + k])
-            false[i, j] = false[j, i] = unit * system[6 + k]
+            net[i, j] = net[j, i] = unit * (system[INFORMATION + k] - system[SPURIOUS + k])
+            false[i, j] = false[j, i] = unit * system[SPURIOUS + k]
             k += 1
     information, axes = eigen3(net)
     spurious = np.zeros(3)
@@ -192,8 +195,8 @@ def covariance(
             # an open turn about a place apart from the sensor moves it along an arc: its sagitta, to second order
             turn = abs(axes[2, k]) * units[2] * degenerate_sigma
             way = math.hypot(axes[0, k], axes[1, k]) * degenerate_sigma
-            cov[0, 0] += 0.25 * turn * turn * way * way
-            cov[1, 1] += 0.25 * turn * turn * way * way
+            cov[0, 0] += _SAGITTA2 * turn * turn * way * way
+            cov[1, 1] += _SAGITTA2 * turn * turn * way * way
     for i in range(3):
         for j in range(i):
             cov[j, i] = cov[i, j]

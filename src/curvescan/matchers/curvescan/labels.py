@@ -7,12 +7,35 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.association import (
+    FORWARD,
+    associate,
+    distances,
+    is_seen_through,
+    motion_of,
+    projected,
+)
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.types import Bools, Codes, Floats, Ints
 
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
+
+_AGREEING_SIGMAS = 3.0
+"""Standard deviations of the noise of both readings by which two of one surface may lie apart: 99.7 % of them do not more."""
+
+_REACH, _REACH_SLOPE = 0.1, 0.1
+"""How far along its line a reading may lie from the line's centre: metres, and metres for each metre of range."""
+
+_POINT_LIMIT = 0.05
+"""The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
+
+_IN_FRONT = 0.05
+"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another thing."""
+
+_MIN_PARTNERS = 4
+"""Readings of a segment from which on its mean says whether it moved."""
 
 
 @kernel
@@ -28,7 +51,7 @@ def compare_readings(
     ----------
     surfels : (m, 10) float64
         The readings.
-    other : View
+    other : RangeImage
         The other scan.
     pose : (3,) float64
         Of the readings' scan in the other.
@@ -38,36 +61,31 @@ def compare_readings(
     Returns
     -------
     codes : (m,) uint8
-        HIDDEN, AGREES or MOVED.
+        OCCLUDED, INLIER or DYNAMIC.
     partner : (m,) int64
-        Reading of the other scan where it AGREES, else -1.
+        Reading of the other scan where it is an INLIER, else -1.
     """
     m = surfels.shape[0]
     codes = np.zeros(m, dtype=np.uint8)
     partner = np.full(m, -1, dtype=np.int64)
     surfels_other = other.surfels
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    motion = motion_of(pose, FORWARD)
     for i in range(m):
-        ax, ay = surfels[i, X], surfels[i, Y]
-        qx, qy = c * ax - s * ay + pose[0], s * ax + c * ay + pose[1]
-        j = reading_at(qx, qy, other)
+        j, _, x, y, across, along = associate(surfels, i, motion, other)
         if j < 0:
             continue
-        ux, uy = qx - surfels_other[j, CX], qy - surfels_other[j, CY]
-        nx, ny = surfels_other[j, NX], surfels_other[j, NY]
-        across, along = nx * ux + ny * uy, ny * ux - nx * uy
         variance = abs(surfels[i, VARIANCE]) + abs(surfels_other[j, VARIANCE])
-        limit = 3.0 * math.sqrt(variance) + margin
-        reach = 0.1 + 0.1 * surfels_other[j, RANGE]
+        limit = _AGREEING_SIGMAS * math.sqrt(variance) + margin
+        reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
         if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
-            limit, reach = 0.05 + margin, 0.1
+            limit, reach = _POINT_LIMIT + margin, _REACH
         if abs(across) < limit and along * along < reach * reach:
-            codes[i] = 1
+            codes[i] = INLIER
             partner[i] = j
             continue
-        front = surfels_other[j, RANGE] - 2.0 * limit - 0.05
-        if front > 0.0 and qx * qx + qy * qy < front * front:
-            codes[i] = 2
+        front = surfels_other[j, RANGE] - 2.0 * limit - _IN_FRONT
+        if is_seen_through(x, y, front):
+            codes[i] = DYNAMIC
     return codes, partner
 
 
@@ -111,19 +129,18 @@ def static_segments(
     """
     is_static = np.ones(surfels.shape[0], dtype=np.bool_)
     n_dynamic = 0
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    motion = motion_of(pose, FORWARD)
     for k in range(bounds.size - 1):
         total, variance, n = 0.0, 0.0, 0
         for i in range(bounds[k], bounds[k + 1]):
             j = partner[i]
             if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
                 continue
-            ax, ay = surfels[i, X], surfels[i, Y]
-            total += surfels_other[j, NX] * (c * ax - s * ay + pose[0] - surfels_other[j, CX])
-            total += surfels_other[j, NY] * (s * ax + c * ay + pose[1] - surfels_other[j, CY])
+            x, y = projected(surfels, i, motion)
+            total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        if n >= 4 and total * total > max(limit * limit * variance, (least * n) ** 2):
+        if n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2):
             n_dynamic += 1
             for i in range(bounds[k], bounds[k + 1]):
                 is_static[i] = False

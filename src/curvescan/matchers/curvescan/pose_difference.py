@@ -6,6 +6,9 @@ import math
 
 from curvescan.types import Pose
 
+_STRAIGHT = 0.05
+"""Turn for each metre, radians, below which a motion is a line: its arc leaves the line by 1 cm in 0.6 m."""
+
 
 def difference(pose: Pose, origin: Pose) -> tuple[float, float, float]:
     """Return x, y and theta of a pose less those of another, metres, metres and radians in [-pi, pi]."""
@@ -35,7 +38,7 @@ def is_along(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool
     x, y, theta = difference(other, pose)
     dx, dy, turn = direction.tolist()
     length = math.hypot(dx, dy)
-    if abs(turn) < 0.05 * length:
+    if abs(turn) < _STRAIGHT * length:
         return bool(max(abs(dx * y - dy * x) / length, abs(theta)) < tolerance)
     # the sensor circles around this place, seen from the pose
     cx, cy = -dy / turn, dx / turn

@@ -13,10 +13,55 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    associate,
+    lever,
+    motion_of,
+    turned,
+    turned_back,
+)
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE
+from curvescan.matchers.curvescan.normal_equations import (
+    GRADIENT_T,
+    GRADIENT_X,
+    GRADIENT_Y,
+    N_SUMS,
+    TT,
+    XT,
+    XX,
+    XY,
+    YT,
+    YY,
+    add_square,
+)
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
+
+TURN_SIGMA = 0.3
+"""Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation is
+known beside a translation, radians a metre."""
+
+_KNEE_CHI2, _OUTLIER_CHI2 = 4.0, 16.0
+"""Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on not at
+all; between them less and less, so that no iteration jumps."""
+
+_REACH, _REACH_SIGMAS, _REACH_SLOPE = 0.1, 3.0, 0.1
+"""How far along its line a reading may lie from the line's centre: metres, standard deviations of what the pose may be
+wrong by, and metres for each metre of range, as readings lie farther apart there."""
+
+_FACING = 0.7
+"""Least cosine of the angle between two lines of one surface, 46 degrees: the faces of a right corner are two."""
+
+_DAMPING = 10.0
+"""Information that each parameter has before any reading, 1/m^2 and 1/rad^2: what no reading fixes moves little."""
+
+_MAX_STEP = 0.5
+"""Longest step of an iteration, metres and radians: beyond it the lines are others."""
+
+_LEAST_PIVOT = 1e-12  # so that no root is taken of what rounding makes negative
 
 
 @kernel
@@ -33,96 +78,71 @@ def accumulate(
 
     Parameters
     ----------
-    surfels_a : (p, 10) float64
-        Readings of scan a.
-    view_b : View
-        Scan b.
-    pose : (3,) float64
-        Of the current scan in the reference.
-    way : float
-        1 where scan a is the current one, -1 where it is the reference (no bool: for each constant one Numba would
-        compile anew).
-    slack, slack_slope : float
+    surfels_a, view_b
+        Readings of scan a, the range image of scan b.
+    pose, way : (3,) float64, float
+        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where it is the reference.
+    sigma_extra, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64
-        What is added to: the upper triangle of the information (0:6) over x, y and theta, theta turning about the
-        current sensor; the gradient (6:9).
+        What is added to: the information and the gradient over x, y and theta, theta turning about the current sensor;
+        columns of normal_equations.py.
     """
     surfels_b = view_b.surfels
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    tx, ty = pose[0], pose[1]
+    motion = motion_of(pose, way)
     for i in range(surfels_a.shape[0]):
         va = surfels_a[i, VARIANCE]
         if va < 0.0:
             continue
-        ax, ay = surfels_a[i, X], surfels_a[i, Y]
-        if way < 0.0:
-            dx, dy = ax - tx, ay - ty
-            qx, qy = c * dx + s * dy, c * dy - s * dx
-        else:
-            dx, dy = c * ax - s * ay, s * ax + c * ay
-            qx, qy = dx + tx, dy + ty
-        j = reading_at(qx, qy, view_b)
+        j, _, _, _, e, along = associate(surfels_a, i, motion, view_b)
         if j < 0:
             continue
         vb = surfels_b[j, VARIANCE]
         if vb < 0.0:
             continue
-        ux, uy = qx - surfels_b[j, CX], qy - surfels_b[j, CY]
-        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
-        e = nx * ux + ny * uy
         extra = sigma_extra + slack_slope * surfels_b[j, RANGE]
         variance = va + vb + extra * extra
         u2 = e * e / variance
-        if u2 > 16.0:
+        if u2 > _OUTLIER_CHI2:
             continue
-        reach = 0.1 + 3.0 * extra
-        min_difference = uy * nx - ux * ny
-        if (
-            min_difference * min_difference
-            > reach * reach + 0.01 * surfels_b[j, RANGE] * surfels_b[j, RANGE]
-        ):
+        reach = _REACH + _REACH_SIGMAS * extra
+        spread = _REACH_SLOPE * surfels_b[j, RANGE]
+        if along * along > reach * reach + spread * spread:
             continue
         # facing: both lines must look the same way
+        nx, ny = surfels_b[j, NX], surfels_b[j, NY]
         mx, my = surfels_a[i, NX], surfels_a[i, NY]
-        if way < 0.0:
-            mx, my = c * mx + s * my, c * my - s * mx
-        else:
-            mx, my = c * mx - s * my, s * mx + c * my
-        if mx * nx + my * ny < 0.7:
+        mx, my = turned_back(mx, my, motion) if way < 0.0 else turned(mx, my, motion)
+        if mx * nx + my * ny < _FACING:
             continue
         weight = 1.0 / variance
-        if u2 > 4.0:
-            weight *= (16.0 - u2) * (16.0 - u2) / 144.0
+        if u2 > _KNEE_CHI2:
+            left, whole = _OUTLIER_CHI2 - u2, _OUTLIER_CHI2 - _KNEE_CHI2
+            weight *= left * left / (whole * whole)
         if way < 0.0:
-            nx, ny = -(c * nx - s * ny), -(s * nx + c * ny)
-        j2 = nx * -dy + ny * dx
-        wx, wy, wt = weight * nx, weight * ny, weight * j2
-        system[0] += wx * nx
-        system[1] += wx * ny
-        system[2] += wx * j2
-        system[3] += wy * ny
-        system[4] += wy * j2
-        system[5] += wt * j2
-        system[6] += wx * e
-        system[7] += wy * e
-        system[8] += wt * e
+            nx, ny = turned(-nx, -ny, motion)
+        dx, dy = lever(surfels_a, i, motion)
+        jt = nx * -dy + ny * dx
+        add_square(system, XX, weight, nx, ny, jt)
+        system[GRADIENT_X] += weight * nx * e
+        system[GRADIENT_Y] += weight * ny * e
+        system[GRADIENT_T] += weight * jt * e
 
 
 @kernel
 def solve(system: Floats, damping: float) -> tuple[float, float, float]:
     """Return minus the solution of the 3 x 3 normal equations, by Cholesky, each diagonal raised by `damping`."""
-    a00 = system[0] + damping
-    a11, a22 = system[3] + damping, system[5] + damping
-    a01, a02, a12 = system[1], system[2], system[4]
+    a00 = system[XX] + damping
+    a11, a22 = system[YY] + damping, system[TT] + damping
+    a01, a02, a12 = system[XY], system[XT], system[YT]
     l00 = math.sqrt(a00)
     l10, l20 = a01 / l00, a02 / l00
-    l11 = math.sqrt(max(a11 - l10 * l10, 1e-12))
+    l11 = math.sqrt(max(a11 - l10 * l10, _LEAST_PIVOT))
     l21 = (a12 - l20 * l10) / l11
-    l22 = math.sqrt(max(a22 - l20 * l20 - l21 * l21, 1e-12))
-    y0 = -system[6] / l00
-    y1 = (-system[7] - l10 * y0) / l11
-    y2 = (-system[8] - l20 * y0 - l21 * y1) / l22
+    l22 = math.sqrt(max(a22 - l20 * l20 - l21 * l21, _LEAST_PIVOT))
+    y0 = -system[GRADIENT_X] / l00
+    y1 = (-system[GRADIENT_Y] - l10 * y0) / l11
+    y2 = (-system[GRADIENT_T] - l20 * y0 - l21 * y1) / l22
     z2 = y2 / l22
     z1 = (y1 - l21 * z2) / l11
     z0 = (y0 - l10 * z1 - l20 * z2) / l00
@@ -142,23 +162,24 @@ def refine(
     ----------
     poses : (h, 3) float64
         Where to start, of the current scan in the reference.
-    ref, cur : View
+    ref, cur : RangeImage
         Both scans; their samples are what is compared with the other scan.
-    slacks : (n,) float64
+    sigmas : (n,) float64
         One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
         for each metre away from it.
     """
     refined = poses.copy()
-    system = np.empty(9)
+    system = np.empty(N_SUMS)
     for h in range(refined.shape[0]):
         pose = refined[h]
         for sigma_extra in sigmas:
             system[:] = 0.0
-            accumulate(cur.samples, ref, pose, 1.0, sigma_extra, 0.3 * sigma_extra, system)
-            accumulate(ref.samples, cur, pose, -1.0, sigma_extra, 0.3 * sigma_extra, system)
-            dx, dy, dtheta = solve(system, 10.0)
+            slope = TURN_SIGMA * sigma_extra
+            accumulate(cur.samples, ref, pose, FORWARD, sigma_extra, slope, system)
+            accumulate(ref.samples, cur, pose, BACKWARD, sigma_extra, slope, system)
+            dx, dy, dtheta = solve(system, _DAMPING)
             step = max(abs(dx), abs(dy), abs(dtheta))
-            shrink = 0.5 / step if step > 0.5 else 1.0
+            shrink = _MAX_STEP / step if step > _MAX_STEP else 1.0
             pose[0] += shrink * dx
             pose[1] += shrink * dy
             pose[2] = wrap_angle(pose[2] + shrink * dtheta)

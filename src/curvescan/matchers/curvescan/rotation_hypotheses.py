@@ -12,14 +12,19 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.features.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
-from curvescan.matchers.curvescan.refinement import accumulate
+from curvescan.matchers.curvescan.normal_equations import N_SUMS, XX, XY, YY
+from curvescan.matchers.curvescan.refinement import TURN_SIGMA, accumulate
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
 _RIGHT_ANGLES = 4.0  # directions a right angle apart are one axis
 _FACING = 0.9  # cosine of the most that a wall may face away from an axis, 26 degrees
+
+_SIGMA = 0.02
+"""Metres by which a residual may be wrong after a quick refinement, when it is asked which direction the scans leave open."""
 
 
 @kernel
@@ -170,19 +175,19 @@ def degenerate_hypotheses(
     n_each = 2 * n_steps
     moved_along = np.empty((poses.shape[0] * n_each, 3))
     count = 0
-    system = np.empty(9)
+    system = np.empty(N_SUMS)
     for h in range(poses.shape[0]):
         pose = poses[h]
         system[:] = 0.0
-        accumulate(cur.samples, ref, pose, 1.0, 0.02, 0.006, system)
-        accumulate(ref.samples, cur, pose, -1.0, 0.02, 0.006, system)
-        half = 0.5 * (system[0] - system[3])
-        root = math.sqrt(half * half + system[1] * system[1])
-        mean = 0.5 * (system[0] + system[3])
+        accumulate(cur.samples, ref, pose, FORWARD, _SIGMA, TURN_SIGMA * _SIGMA, system)
+        accumulate(ref.samples, cur, pose, BACKWARD, _SIGMA, TURN_SIGMA * _SIGMA, system)
+        half = 0.5 * (system[XX] - system[YY])
+        root = math.sqrt(half * half + system[XY] * system[XY])
+        mean = 0.5 * (system[XX] + system[YY])
         if mean - root > max_ratio * (mean + root):
             continue
         # the direction of least information is at right angles to that of the most
-        angle = 0.5 * math.atan2(system[1], half) + 0.5 * math.pi
+        angle = 0.5 * math.atan2(system[XY], half) + 0.5 * math.pi
         ux, uy = math.cos(angle), math.sin(angle)
         for k in range(n_each):
             offset = step * (k - n_steps if k < n_steps else k - n_steps + 1)

@@ -12,15 +12,15 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.range_image import (
-    RangeImage,
-    place_of,
-    reading_beside,
-    reading_in,
+from curvescan.matchers.curvescan.association import (
+    FORWARD,
+    Motion,
+    associate,
+    is_seen_through,
+    turned,
 )
+from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import (
-    CX,
-    CY,
     NX,
     NY,
     RANGE,
@@ -37,6 +37,15 @@ DEVIATIONS = 2.0
 ALONG = 0.6
 """Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 more where the surface is not straight."""
+
+_REACH2 = 9.0
+"""Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it."""
+
+_PROSPECT = 0.6
+"""What is uncertain of a score of one sample; of n it is this over their root. A sample counts from -0.5 to 1."""
+
+_MAX_ALIKE = 4
+"""Poses near one that is kept that are tried in its place: more of them hardly score better."""
 
 
 @kernel
@@ -58,34 +67,30 @@ def score_samples(
     """
     score = 0.0
     surfels = image.surfels
+    motion = Motion(c, s, x, y, FORWARD)
     for k in range(low, high):
-        ax, ay = samples[k, X], samples[k, Y]
-        qx, qy = c * ax - s * ay + x, s * ax + c * ay + y
-        place = place_of(qx, qy, image)
-        j = reading_in(place, image)
+        j, place, qx, qy, across, _ = associate(samples, k, motion, image)
         if j < 0:
             continue
-        nx, ny = surfels[j, NX], surfels[j, NY]
-        across = nx * (qx - surfels[j, CX]) + ny * (qy - surfels[j, CY])
         limit = tolerance + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
         limit2 = max(limit * limit, DEVIATIONS * DEVIATIONS * noise2)
         badness = across * across / limit2
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]
-        if badness < 1.0 and ux * ux + uy * uy < 9.0 * limit2 + along * along:
-            mx, my = samples[k, NX], samples[k, NY]
-            alike = nx * (c * mx - s * my) + ny * (s * mx + c * my)
+        if badness < 1.0 and ux * ux + uy * uy < _REACH2 * limit2 + along * along:
+            mx, my = turned(samples[k, NX], samples[k, NY], motion)
+            alike = surfels[j, NX] * mx + surfels[j, NY] * my
             if alike > 0.0:
                 score += (1.0 - badness) * alike
                 continue
         front = surfels[j, RANGE] - 2.0 * math.sqrt(limit2)
-        if front <= 0.0 or qx * qx + qy * qy >= front * front:
+        if not is_seen_through(qx, qy, front):
             continue
         # between two beams the nearer surface may reach as far as the other beam
         i = reading_beside(place, image, j)
         front -= max(surfels[j, RANGE] - surfels[i, RANGE], 0.0) if i >= 0 else 0.0
-        if front > 0.0 and qx * qx + qy * qy < front * front:
+        if is_seen_through(qx, qy, front):
             score -= 0.5
     return score
 
@@ -137,7 +142,7 @@ def score_pose(
         )
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few samples err more: what is certain of a score narrows with the root of their number
-        if rate < least - 0.6 / math.sqrt(min(high, n_ref) + min(high, n_cur)):
+        if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):
             break
         low = high
         high *= 2
@@ -175,7 +180,7 @@ def select(
                 break
         if like >= 0:
             n_alike[like] += 1
-            if n_alike[like] > 4:
+            if n_alike[like] > _MAX_ALIKE:
                 continue
             least = scores[like]
         score = score_pose(

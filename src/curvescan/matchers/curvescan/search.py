@@ -23,6 +23,7 @@ from curvescan.matchers.curvescan.scoring import select
 from curvescan.types import Floats, Pose
 
 _STAND_STILL = np.zeros(3)
+_OTHER = 0.3  # metres, and half of it in radians: candidates nearer to one another are one, and the better is kept
 _SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
 
@@ -88,7 +89,7 @@ def refine_guess(
     """Return the guess refined, or nothing where no reading agrees."""
     images = (ref.image, cur.image)
     near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *config.scoring.close, 1, 64, 0.3)
+    near, scores = select(near, *images, *config.scoring.close, 1, 64, _OTHER)
     return Candidates(poses=near, scores=scores, n_tried=1)
 
 
@@ -196,7 +197,7 @@ def explore(
     compile `select` anew.
     """
     rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
-    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], 0.3)
+    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], _OTHER)
     quick = refine(chosen, ref, cur, sigmas)
     moved_along = degenerate_hypotheses(quick[:2], ref, cur, along_step, n_along, degenerate_ratio)
     if moved_along.shape[0] > 0:
@@ -208,10 +209,10 @@ def explore(
             slid_slope,
             n_kept[1],
             n_first[1],
-            0.3,
+            _OTHER,
         )
         quick = refine(chosen, ref, cur, sigmas)
-    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], 0.3)
+    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], _OTHER)
 
 
 def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig) -> bool:

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.odometry.gating import as_measurement
+from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.types import Cov, Pose

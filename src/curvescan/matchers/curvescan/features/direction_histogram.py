@@ -11,20 +11,29 @@ from curvescan.matchers.curvescan.features.range_image import bearing
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.types import Floats
 
+N_DIRECTIONS = 120
+"""Bins of the histogram: of 3 degrees, which smoothing and a parabola through the best shift make finer."""
+
+_LEAST_NORM2 = 1e-12  # square metres, so that a scan without surfaces is not divided by zero
+
 
 @kernel
 def direction_histogram(surfels: Floats) -> Floats:
     """Return (120,) the length of surface that faces each direction, smoothed, of unit norm."""
-    counts = np.zeros(120)
+    counts = np.zeros(N_DIRECTIONS)
     for i in range(surfels.shape[0]):
-        place = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * 120.0 / (2.0 * math.pi)
-        k = min(int(place), 119)
+        place = (
+            (bearing(surfels[i, NX], surfels[i, NY]) + math.pi)
+            * float(N_DIRECTIONS)
+            / (2.0 * math.pi)
+        )
+        k = min(int(place), N_DIRECTIONS - 1)
         share = place - k
         counts[k] += (1.0 - share) * surfels[i, LENGTH]
-        counts[k + 1 if k < 119 else 0] += share * surfels[i, LENGTH]
-    smooth = np.empty(120)
-    total = 1e-12
-    for k in range(120):
-        smooth[k] = counts[k - 1] + 2.0 * counts[k] + counts[(k + 1) % 120]
+        counts[k + 1 if k < N_DIRECTIONS - 1 else 0] += share * surfels[i, LENGTH]
+    smooth = np.empty(N_DIRECTIONS)
+    total = _LEAST_NORM2
+    for k in range(N_DIRECTIONS):
+        smooth[k] = counts[k - 1] + 2.0 * counts[k] + counts[(k + 1) % N_DIRECTIONS]
         total += smooth[k] * smooth[k]
     return smooth / math.sqrt(total)

@@ -11,6 +11,7 @@ from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
 from curvescan.matchers.curvescan.features.range_image import (
+    SIGMA,
     RangeImage,
     azimuth_table,
     uneven_azimuth_table,
@@ -33,9 +34,9 @@ class CurvescanFeatures(NamedTuple):
         The scan's own index of each valid reading, readings counter-clockwise from a breakpoint on.
     bounds : (s + 1,) int64
         Surface k is readings bounds[k]:bounds[k + 1].
-    view : View
+    image : RangeImage
         The readings and the lines through them, and which reading stands in which direction.
-    whole : View
+    full_image : RangeImage
         The same with all readings as samples.
     keypoints : (k, 5) float64
         Corners and ends of surfaces; columns as in keypoints.py.
@@ -58,7 +59,7 @@ class CurvescanFeatures(NamedTuple):
     @property
     def sigma(self) -> float:
         """Range noise of the scan, metres."""
-        return float(self.image.azimuth[2])
+        return float(self.image.azimuth[SIGMA])
 
     @property
     def points(self) -> Floats:

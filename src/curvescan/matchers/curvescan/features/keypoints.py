@@ -19,8 +19,29 @@ from curvescan.types import Floats, Ints
 FX, FY, DIRECTION, TURN, KIND = range(5)
 """Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind."""
 
-BEGIN, END = 10, 20
-"""Kinds of the first and last reading of a surface, plus the arm's number; a corner's kind is the arm's number."""
+BEGIN, END = 10.0, 20.0
+"""Kinds of the first and last reading of a surface; a corner's kind is the number of its arm."""
+
+_MIN_READINGS = 5
+"""Readings of a surface that has corners: two arms of two, and one between them."""
+
+_ARM_REACHED2 = 0.49
+"""Square of the share of an arm that its last reading must reach, 0.7: what is shorter is another arm's."""
+
+_MEETING2 = 0.25
+"""Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm."""
+
+_TILT2 = 12.0
+"""Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one metre."""
+
+_TURN_SIGMAS = 3.0
+"""Standard deviations of the directions of both arms that a corner must turn by."""
+
+_END_REACHED2 = 0.36
+"""Square of the share of its arm, 0.6, that the line to an end of a surface must have."""
+
+_GRAZED = 0.2
+"""Sine of the angle of incidence, 12 degrees, below which the place of an end depends on where one stands."""
 
 
 @kernel
@@ -33,6 +54,107 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
     if ux * dx + uy * dy < 0.0:
         return -ux, -uy
     return ux, uy
+
+
+@kernel
+def measure_bends(
+    surfels: Floats,
+    sums: Floats,
+    bounds: Ints,
+    arm: float,
+    straight: float,
+    bend: Floats,
+    lows: Ints,
+    highs: Ints,
+) -> None:
+    """Write how much the surface turns at each reading, one less the cosine, and the first and last reading of its arms.
+
+    Parameters
+    ----------
+    arm : float
+        Length of the arms on both sides, metres.
+    straight : float
+        Square, its sign kept, of the cosine of the least turn that is looked at.
+    bend, lows, highs : (m,) float64, int64, int64
+        What is written; `bend` is 0, and the others are not touched, where a surface is straight or an arm too short.
+    """
+    arm2 = arm * arm
+    least2 = _ARM_REACHED2 * arm2
+    bend[:] = 0.0
+    for s in range(bounds.size - 1):
+        start, stop = bounds[s], bounds[s + 1]
+        if stop - start < _MIN_READINGS:
+            continue
+        low, high, upcoming = start, start, start
+        for i in range(start, stop):
+            if i < upcoming:
+                continue
+            x, y = surfels[i, X], surfels[i, Y]
+            while low < i:
+                dx, dy = surfels[low, X] - x, surfels[low, Y] - y
+                if dx * dx + dy * dy <= arm2 or i - low <= 2:
+                    break
+                low += 1
+            high = max(high, i)
+            while high + 1 < stop:
+                dx, dy = surfels[high + 1, X] - x, surfels[high + 1, Y] - y
+                if dx * dx + dy * dy > arm2 and high - i >= 2:
+                    break
+                high += 1
+            if i - low < 2 or high - i < 2:
+                continue
+            dx, dy = surfels[low, X] - x, surfels[low, Y] - y
+            if dx * dx + dy * dy < least2:
+                continue
+            dx, dy = surfels[high, X] - x, surfels[high, Y] - y
+            if dx * dx + dy * dy < least2:
+                continue
+            # chords to the middle of each arm, times its readings: a mean's end is half as noisy
+            inx = (i - low) * x - (sums[i, SUM_X] - sums[low, SUM_X])
+            iny = (i - low) * y - (sums[i, SUM_Y] - sums[low, SUM_Y])
+            outx = sums[high + 1, SUM_X] - sums[i + 1, SUM_X] - (high - i) * x
+            outy = sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y] - (high - i) * y
+            dot = inx * outx + iny * outy
+            squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
+            if dot * abs(dot) > straight * squares:
+                upcoming = i + 1 + (high - low) // 8  # no corner within a quarter of an arm
+                continue
+            lows[i], highs[i] = low, high
+            bend[i] = 1.0 - dot / math.sqrt(squares)
+
+
+@kernel
+def is_sharpest(bend: Floats, i: int, low: int, high: int) -> bool:
+    """Return whether the surface turns nowhere more within half an arm of reading i."""
+    height = bend[i]
+    if bend[i - 1] > height or bend[i + 1] >= height:
+        return False
+    most = height
+    for j in range((i + low) // 2, (i + high + 1) // 2 + 1):
+        most = max(most, bend[j])
+    return bool(most <= height)
+
+
+@kernel
+def corner_between(
+    surfels: Floats, sums: Floats, low: int, i: int, high: int, arm: float
+) -> tuple[float, float, float, float]:
+    """Return place, direction and turn of the corner at reading i between the lines low..i - 1 and i + 1..high."""
+    x, y = surfels[i, X], surfels[i, Y]
+    inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, X], y - surfels[low, Y])
+    outx, outy = arm_direction(sums, i + 1, high, surfels[high, X] - x, surfels[high, Y] - y)
+    cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
+    if abs(cross) > 0.5:
+        # where the two lines meet is sharper than any reading
+        ax = (sums[i, SUM_X] - sums[low, SUM_X]) / (i - low)
+        ay = (sums[i, SUM_Y] - sums[low, SUM_Y]) / (i - low)
+        bx = (sums[high + 1, SUM_X] - sums[i + 1, SUM_X]) / (high - i)
+        by = (sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y]) / (high - i)
+        along = ((bx - ax) * outy - (by - ay) * outx) / cross
+        px, py = ax + along * inx, ay + along * iny
+        if (px - x) ** 2 + (py - y) ** 2 < _MEETING2 * arm * arm:
+            x, y = px, py
+    return x, y, math.atan2(iny + outy, inx + outx), math.atan2(cross, dot)
 
 
 @kernel
@@ -53,88 +175,25 @@ def find_corners(
     lows = np.empty(m, dtype=np.int64)
     highs = np.empty(m, dtype=np.int64)
     min_bend = 1.0 - math.cos(min_turn)
-    # square, its sign kept, of the cosine of half the least turn
     straight = math.cos(0.5 * min_turn) * abs(math.cos(0.5 * min_turn))
     for a in range(arms.size - 1, -1, -1):
-        arm2 = arms[a] * arms[a]
-        least2 = 0.49 * arm2
-        bend[:] = 0.0
+        measure_bends(surfels, sums, bounds, arms[a], straight, bend, lows, highs)
         for s in range(bounds.size - 1):
-            start, stop = bounds[s], bounds[s + 1]
-            if stop - start < 5:
-                continue
-            low, high, upcoming = start, start, start
-            for i in range(start, stop):
-                if i < upcoming:
-                    continue
-                x, y = surfels[i, X], surfels[i, Y]
-                while low < i:
-                    dx, dy = surfels[low, X] - x, surfels[low, Y] - y
-                    if dx * dx + dy * dy <= arm2 or i - low <= 2:
-                        break
-                    low += 1
-                high = max(high, i)
-                while high + 1 < stop:
-                    dx, dy = surfels[high + 1, X] - x, surfels[high + 1, Y] - y
-                    if dx * dx + dy * dy > arm2 and high - i >= 2:
-                        break
-                    high += 1
-                if i - low < 2 or high - i < 2:
-                    continue
-                dx, dy = surfels[low, X] - x, surfels[low, Y] - y
-                if dx * dx + dy * dy < least2:
-                    continue
-                dx, dy = surfels[high, X] - x, surfels[high, Y] - y
-                if dx * dx + dy * dy < least2:
-                    continue
-                # chords to the middle of each arm, times its readings: a mean's end is half as noisy
-                inx = (i - low) * x - (sums[i, SUM_X] - sums[low, SUM_X])
-                iny = (i - low) * y - (sums[i, SUM_Y] - sums[low, SUM_Y])
-                outx = sums[high + 1, SUM_X] - sums[i + 1, SUM_X] - (high - i) * x
-                outy = sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y] - (high - i) * y
-                dot = inx * outx + iny * outy
-                squares = (inx * inx + iny * iny) * (outx * outx + outy * outy)
-                if dot * abs(dot) > straight * squares:
-                    upcoming = i + 1 + (high - low) // 8  # no corner within a quarter of an arm
-                    continue
-                lows[i], highs[i] = low, high
-                bend[i] = 1.0 - dot / math.sqrt(squares)
-            for i in range(start + 1, stop - 1):
-                height = bend[i]
-                if height < min_bend or bend[i - 1] > height or bend[i + 1] >= height:
+            for i in range(bounds[s] + 1, bounds[s + 1] - 1):
+                if bend[i] < min_bend or n_found >= max_keypoints:
                     continue
                 low, high = lows[i], highs[i]
-                is_peak = True
-                for j in range((i + low) // 2, (i + high + 1) // 2 + 1):
-                    if bend[j] > height:
-                        is_peak = False
-                        break
-                if not is_peak or n_found >= max_keypoints:
+                if not is_sharpest(bend, i, low, high):
                     continue
-                x, y = surfels[i, X], surfels[i, Y]
-                inx, iny = arm_direction(sums, low, i - 1, x - surfels[low, X], y - surfels[low, Y])
-                outx, outy = arm_direction(
-                    sums, i + 1, high, surfels[high, X] - x, surfels[high, Y] - y
-                )
-                cross, dot = inx * outy - iny * outx, inx * outx + iny * outy
-                turn = math.atan2(cross, dot)
+                x, y, direction, turn = corner_between(surfels, sums, low, i, high, arms[a])
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
-                doubt = sigma * math.sqrt(12.0 / (i - low) + 12.0 / (high - i)) / arms[a]
-                if abs(turn) < max(min_turn, 3.0 * doubt):
+                doubt = (
+                    sigma * math.sqrt(_TILT2 / float(i - low) + _TILT2 / float(high - i)) / arms[a]
+                )
+                if abs(turn) < max(min_turn, _TURN_SIGMAS * doubt):
                     continue
-                if abs(cross) > 0.5:
-                    # where the two lines meet is sharper than any reading
-                    ax = (sums[i, SUM_X] - sums[low, SUM_X]) / (i - low)
-                    ay = (sums[i, SUM_Y] - sums[low, SUM_Y]) / (i - low)
-                    bx = (sums[high + 1, SUM_X] - sums[i + 1, SUM_X]) / (high - i)
-                    by = (sums[high + 1, SUM_Y] - sums[i + 1, SUM_Y]) / (high - i)
-                    along = ((bx - ax) * outy - (by - ay) * outx) / cross
-                    px, py = ax + along * inx, ay + along * iny
-                    if (px - x) ** 2 + (py - y) ** 2 < 0.25 * arm2:
-                        x, y = px, py
                 found[n_found, FX], found[n_found, FY] = x, y
-                found[n_found, DIRECTION] = math.atan2(iny + outy, inx + outx)
-                found[n_found, TURN] = turn
+                found[n_found, DIRECTION], found[n_found, TURN] = direction, turn
                 found[n_found, KIND] = a
                 n_found += 1
     return found[:n_found].copy()
@@ -179,16 +238,16 @@ def with_ends(
                     break
                 far = dx * dx + dy * dy
                 k += way
-            if abs(k - i) < 3 or far < 0.36 * arm * arm:
+            if abs(k - i) < 3 or far < _END_REACHED2 * arm * arm:
                 continue
             low, high = min(i, k), max(i, k)
             dx, dy = surfels[high, X] - surfels[low, X], surfels[high, Y] - surfels[low, Y]
             ux, uy = arm_direction(sums, low, high, dx, dy)
-            if abs(ux * y - uy * x) < 0.2 * surfels[i, RANGE]:
-                continue  # grazed: where it ends depends on where one stands
+            if abs(ux * y - uy * x) < _GRAZED * surfels[i, RANGE]:
+                continue
             found[n_found, FX], found[n_found, FY] = x, y
             found[n_found, DIRECTION] = math.atan2(uy, ux)
             found[n_found, TURN] = 0.0
-            found[n_found, KIND] = 10.0 + 10.0 * side
+            found[n_found, KIND] = BEGIN if side == 0 else END
             n_found += 1
     return found[:n_found].copy()

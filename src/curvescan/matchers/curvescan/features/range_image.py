@@ -22,7 +22,7 @@ class RangeImage(NamedTuple):
         Surfels that the other scan is compared with: all.
     azimuth : (4,) float64
         Direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
-        neighbouring beams.
+        neighbouring beams: AZIMUTH_MIN to SLOTS_A_BEAM.
     table : (n_slots,) int64
         Reading in each direction, see :func:`azimuth_table`.
     """
@@ -33,10 +33,27 @@ class RangeImage(NamedTuple):
     table: Ints
 
 
+AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)
+"""Columns of `azimuth`."""
+
 _SLOTS_A_STEP = 4
 """Slots of an uneven azimuth table for each median step: the nearest beam is found to an eighth of a step."""
 
 _MAX_SLOTS = 1 << 16
+
+_GAP_STEPS = 1.5
+"""Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may be."""
+
+_ONE_TURN = 1e-9  # radians: rounding of a beam that stands a full turn after the first
+
+_TINY = 1e-300  # so that the origin is not divided by zero
+
+_ATAN = (
+    *(0.3333314528, 0.1999355085, 0.1420889944, 0.1065626393),
+    *(0.0752896400, 0.0429096138, 0.0161657367, 0.0028662257),
+)
+"""Coefficients of the odd powers of the arc tangent from the third on, their signs alternating (Abramowitz and Stegun
+4.4.49)."""
 
 
 @kernel
@@ -84,9 +101,9 @@ def uneven_azimuth_table(
         angles, reading = angles[::-1], reading[::-1]
     turn = 2.0 * math.pi
     offsets = angles - angles[0]
-    once = offsets < turn - 1e-9  # what a sweep sees a second time is left to the first
+    once = offsets < turn - _ONE_TURN  # what a sweep sees a second time is left to the first
     offsets, reading = offsets[once], reading[once]
-    reach = turn if is_closed else offsets[-1] + 1.5 * step
+    reach = turn if is_closed else offsets[-1] + _GAP_STEPS * step
     n_slots = int(min(math.ceil(_SLOTS_A_STEP * reach / step), _MAX_SLOTS)) + 1 - is_closed
     # a full circle has a whole number of slots, the last slot of an open sweep is what it does not see
     density = (n_slots - (not is_closed)) / reach
@@ -97,7 +114,7 @@ def uneven_azimuth_table(
     slots = np.arange(n_slots) / density
     after = np.clip(np.searchsorted(around, slots), 1, max(around.size - 1, 1))
     nearest = np.where(slots - around[after - 1] <= around[after] - slots, after - 1, after)
-    table = np.where(np.abs(slots - around[nearest]) <= 1.5 * step, reading[nearest], -2)
+    table = np.where(np.abs(slots - around[nearest]) <= _GAP_STEPS * step, reading[nearest], -2)
     if not is_closed:
         table[-1] = -2
     return table, density
@@ -111,14 +128,15 @@ def bearing(x: float, y: float) -> float:
     points to the wrong one of two beams, by another rule in each sensor frame, and that moves poses by 0.01 mm.
     """
     ax, ay = abs(x), abs(y)
-    z = min(ax, ay) / (max(ax, ay) + 1e-300)
+    z = min(ax, ay) / (max(ax, ay) + _TINY)
     q = z * z
     # in pairs, not by Horner's rule: shorter chains of operations that wait for one another
     q2 = q * q
-    low = (1.0 - 0.3333314528 * q) + q2 * (0.1999355085 - 0.1420889944 * q)
-    high = (0.1065626393 - 0.0752896400 * q) + q2 * (0.0429096138 - 0.0161657367 * q)
+    c3, c5, c7, c9, c11, c13, c15, c17 = _ATAN
+    low = (1.0 - c3 * q) + q2 * (c5 - c7 * q)
+    high = (c9 - c11 * q) + q2 * (c13 - c15 * q)
     q4 = q2 * q2
-    a = z * (low + q4 * (high + q4 * 0.0028662257))
+    a = z * (low + q4 * (high + q4 * c17))
     a = 0.5 * math.pi - a if ay > ax else a
     a = math.pi - a if x < 0.0 else a
     return -a if y < 0.0 else a
@@ -128,13 +146,13 @@ def bearing(x: float, y: float) -> float:
 def place_of(x: float, y: float, image: RangeImage) -> float:
     """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
-    return float((bearing(x, y) - image.azimuth[0]) * image.azimuth[1] + 0.5)
+    return float((bearing(x, y) - image.azimuth[AZIMUTH_MIN]) * image.azimuth[SLOTS_A_RADIAN] + 0.5)
 
 
 @kernel
 def reading_in(place: float, image: RangeImage) -> int:
     """Return the reading in the slot of a place, or a negative number as in the azimuth table."""
-    turn = 2.0 * math.pi * image.azimuth[1]
+    turn = 2.0 * math.pi * image.azimuth[SLOTS_A_RADIAN]
     if place < 0.0:
         place += turn
     elif place >= turn:
@@ -152,6 +170,6 @@ def reading_at(x: float, y: float, image: RangeImage) -> int:
 @kernel
 def reading_beside(place: float, image: RangeImage, nearest: int) -> int:
     """Return the reading of the two beams on either side of a place that is not the nearest, or a negative number."""
-    half = 0.5 * image.azimuth[3]
+    half = 0.5 * image.azimuth[SLOTS_A_BEAM]
     before = reading_in(place - half, image)
     return before if before != nearest else reading_in(place + half, image)

@@ -10,6 +10,9 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.features.surfels import LENGTH, N_COLUMNS
 from curvescan.types import Floats
 
+_GOLDEN_SECTION = 0.618
+"""Share of a circle by which steps around it spread most evenly, however many there are."""
+
 
 @kernel
 def choose_samples(surfels: Floats, n_samples: int) -> Floats:
@@ -32,7 +35,7 @@ def choose_samples(surfels: Floats, n_samples: int) -> Floats:
             chosen[count] = i
             count += 1
     # a stride near the golden section that shares no factor with the count visits each one once
-    stride = max(int(0.618 * count), 1)
+    stride = max(int(_GOLDEN_SECTION * count), 1)
     while math.gcd(stride, max(count, 1)) != 1:
         stride += 1
     samples = np.empty((count, N_COLUMNS))

@@ -15,6 +15,24 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.types import Bools, Floats, Ints, Points
 
+_MAX_BRIDGED2 = 1.0
+"""Square of the longest gap that is bridged, square metres: over longer ones a wall is not distinguishable from chance."""
+
+_LEAST_INCIDENCE2 = 0.0016
+"""Square of the least angle at which a wall is seen, 0.04 rad."""
+
+_LEAST_SHARE2, _MOST_SHARE2 = 0.16, 6.25
+"""Squares of how far off the third reading lies, 0.4 and 2.5 of the gap: about as far as the two beside it."""
+
+_OFF_LINE2 = 1e-4
+"""Square of how far the middle reading lies from the line through the other two, (0.01 m)^2."""
+
+_NEAR_LIMIT = 0.9
+"""Share of the incidence limit from which on a beam's turn leaves no angle to divide by."""
+
+_WIDEST = 10.0
+"""Gap of a beam's turn beyond it, in ranges times the sine of the turn."""
+
 
 @kernel
 def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) -> None:
@@ -42,8 +60,8 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
         dx, dy = bx - ax, by - ay
         length2 = dx * dx + dy * dy
         far = max(ranges[a], ranges[b])
-        # no wall is seen at less than 0.04 rad, and none is distinguishable from chance over gaps beyond 1 m
-        if length2 > 1.0 or (ax * by - ay * bx) ** 2 < 0.0016 * length2 * far * far:
+        least2 = _LEAST_INCIDENCE2 * length2 * far * far
+        if length2 > _MAX_BRIDGED2 or (ax * by - ay * bx) ** 2 < least2:
             continue
         for k in (i - 2, i + 1):
             if k < 0 or k >= m:
@@ -55,11 +73,12 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
             cx, cy = ranges[c] * directions[c, 0], ranges[c] * directions[c, 1]
             ex, ey = (ax - cx, ay - cy) if before else (cx - bx, cy - by)
             e2 = ex * ex + ey * ey
-            if e2 < 0.16 * length2 or e2 > 6.25 * length2 or ex * dx + ey * dy <= 0.0:
+            is_alike = _LEAST_SHARE2 * length2 <= e2 <= _MOST_SHARE2 * length2
+            if not is_alike or ex * dx + ey * dy <= 0.0:
                 continue
             # the middle one of the three within a centimetre of the line through the others
             cross = ex * dy - ey * dx
-            if cross * cross < 1e-4 * ((ex + dx) ** 2 + (ey + dy) ** 2):
+            if cross * cross < _OFF_LINE2 * ((ex + dx) ** 2 + (ey + dy) ** 2):
                 breaks[i] = False
                 break
 
@@ -67,13 +86,13 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
 @kernel
 def widest_gap(turn: float, incidence_limit: float) -> float:
     """Return the gap that a surface may show between two readings, per metre of range and a turn of the beam apart."""
-    if turn < 0.9 * incidence_limit:
+    if turn < _NEAR_LIMIT * incidence_limit:
         return math.sin(turn) / math.sin(incidence_limit - turn)
-    return 10.0 * math.sin(turn)
+    return _WIDEST * math.sin(turn)
 
 
 @kernel
-def ordered_readings(
+def break_order(
     ranges: Floats,
     directions: Points,
     valid: Bools,
@@ -84,20 +103,8 @@ def ordered_readings(
     incidence_limit: float,
     max_gap: int,
     jump: float,
-) -> tuple[Ints, Floats, Ints]:
-    """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
-
-    `angles` has the direction of each beam where these are not evenly spaced, and is empty where they are.
-
-    Returns
-    -------
-    beam_idx : (m,) int64
-        The scan's own index of each reading.
-    readings : (m, 3) float64
-        x, y and range, metres, sensor frame.
-    bounds : (s + 1,) int64
-        Segment k is readings[bounds[k]:bounds[k + 1]].
-    """
+) -> tuple[Ints, Bools]:
+    """Return (m,) the beams with readings, counter-clockwise, and (m,) whether a surface begins at each of them."""
     n = ranges.size
     m = 0
     order = np.empty(n, dtype=np.int64)
@@ -132,7 +139,49 @@ def ordered_readings(
         widest = slope[skipped] if angles.size == 0 else widest_gap(turn, incidence_limit)
         limit = near * widest + jump
         breaks[i] = dx * dx + dy * dy > limit * limit
-    join_grazed(ranges, directions, order[:m], breaks)
+    return order[:m], breaks
+
+
+@kernel
+def ordered_readings(
+    ranges: Floats,
+    directions: Points,
+    valid: Bools,
+    is_clockwise: bool,
+    is_closed: bool,
+    step: float,
+    angles: Floats,
+    incidence_limit: float,
+    max_gap: int,
+    jump: float,
+) -> tuple[Ints, Floats, Ints]:
+    """Return the valid readings counter-clockwise from a breakpoint on, and where surfaces end.
+
+    `angles` has the direction of each beam where these are not evenly spaced, and is empty where they are.
+
+    Returns
+    -------
+    beam_idx : (m,) int64
+        The scan's own index of each reading.
+    readings : (m, 3) float64
+        x, y and range, metres, sensor frame.
+    bounds : (s + 1,) int64
+        Segment k is readings[bounds[k]:bounds[k + 1]].
+    """
+    order, breaks = break_order(
+        ranges,
+        directions,
+        valid,
+        is_clockwise,
+        is_closed,
+        step,
+        angles,
+        incidence_limit,
+        max_gap,
+        jump,
+    )
+    m = order.size
+    join_grazed(ranges, directions, order, breaks)
     first = 0
     while first < m - 1 and not breaks[first]:
         first += 1

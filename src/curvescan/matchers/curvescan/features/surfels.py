@@ -37,6 +37,30 @@ _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
 Wilson and Hilferty."""
 
 
+_MIN_FACING2 = 0.05
+"""Least square of the cosine of incidence by which a line's noise is taken for the range's: grazed walls say little."""
+
+_QUANTILE = 0.4
+"""Share of the variances that lie below the noise: clutter raises many of the others."""
+
+_BENT = 1.5
+"""Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked for."""
+
+_BETTER = 1.3
+"""A line is better when its variance is less by this factor: of two that are as good the reading's own is kept."""
+
+_MIN_INCIDENCE2, _MIN_INCIDENCE = 0.01, 0.1
+"""Least square of the cosine of incidence, and the cosine, that surfels are taken to have: a grazed wall is rough."""
+
+_ROUGH = 4.0
+"""Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance."""
+
+_LEAST_ALONG = 1e-12  # square metres: readings in one place have no line
+
+_MIN_LENGTH, _MAX_LENGTH = 0.03, 0.3
+"""Length of surface that a reading stands for, metres, at least and at most."""
+
+
 @kernel
 def moments(readings: Floats) -> Floats:
     """Return (m + 1, 5) running sums of x, y, x x, x y, y y: any stretch's moments are a difference of rows."""
@@ -110,7 +134,7 @@ def fit_lines(
     """
     m = readings.shape[0]
     sums = moments(readings)
-    fits = np.zeros((m, 8))
+    fits = np.zeros((m, FIT_HIGH + 1))
     variances = np.empty(m)  # of ranges, by the lines of five readings or more
     n_fits = 0
     for s in range(bounds.size - 1):
@@ -140,7 +164,7 @@ def fit_lines(
             fits[i, FIT_VARIANCE], fits[i, FIT_ALONG] = variance, along
             if n >= 5:
                 facing = (ux * y - uy * x) / readings[i, RANGE]
-                cos2 = max(facing * facing, 0.05)
+                cos2 = max(facing * facing, _MIN_FACING2)
                 variances[n_fits] = variance * _RAISED[min(n, 64)] / cos2
                 n_fits += 1
     sigma = math.sqrt(low_quantile(variances[:n_fits]))
@@ -162,8 +186,8 @@ def low_quantile(variances: Floats) -> float:
     while k < n_bins - 1 and 5 * (count + histogram[k]) < 2 * variances.size:
         count += histogram[k]
         k += 1
-    inside = (0.4 * variances.size - count) / max(histogram[k], 1)
-    return 2.0 ** (k // 4 - 27) * (1.0 + 0.25 * (k % 4 + inside)) if variances.size else 0.0
+    inside = (_QUANTILE * variances.size - count) / max(histogram[k], 1)
+    return 2.0 ** (k // 4 - 27) * (1.0 + (k % 4 + inside) / 4) if variances.size else 0.0
 
 
 @kernel
@@ -174,9 +198,9 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
     hold reading i is taken from which its readings lie least far.
     """
     best = i
-    if fits[i, FIT_VARIANCE] <= 1.5 * sigma2 * max(facing2, 0.01):
+    if fits[i, FIT_VARIANCE] <= _BENT * sigma2 * max(facing2, _MIN_INCIDENCE2):
         return best
-    least = fits[i, FIT_VARIANCE] / 1.3
+    least = fits[i, FIT_VARIANCE] / _BETTER
     for j in range(int(fits[i, FIT_LOW]), int(fits[i, FIT_HIGH]) + 1):
         holds = (
             fits[j, FIT_LOW] <= i <= fits[j, FIT_HIGH] and fits[j, FIT_HIGH] - fits[j, FIT_LOW] >= 3
@@ -213,16 +237,16 @@ def fit_surfels(readings: Floats, fits: Floats, step: float, sigma: float) -> Fl
         facing = nx * bx + ny * by
         if facing > 0.0:
             nx, ny, facing = -nx, -ny, -facing
-        variance = sigma2 * max(facing * facing, 0.01)
-        rough = fits[best, FIT_VARIANCE] - 4.0 * variance
+        variance = sigma2 * max(facing * facing, _MIN_INCIDENCE2)
+        rough = fits[best, FIT_VARIANCE] - _ROUGH * variance
         if rough > 0.0:
             variance += rough
         off = OWN_SHARE * (nx * (x - fits[best, FIT_X]) + ny * (y - fits[best, FIT_Y]))
         surfels[i, CX], surfels[i, CY] = fits[best, FIT_X] + off * nx, fits[best, FIT_Y] + off * ny
         surfels[i, NX], surfels[i, NY] = nx, ny
         surfels[i, VARIANCE] = variance
-        surfels[i, TILT] = variance / max(fits[best, FIT_ALONG], 1e-12)
-        spacing = r * step / max(-facing, 0.1)
-        surfels[i, LENGTH] = min(max(spacing, 0.03), 0.3)
+        surfels[i, TILT] = variance / max(fits[best, FIT_ALONG], _LEAST_ALONG)
+        spacing = r * step / max(-facing, _MIN_INCIDENCE)
+        surfels[i, LENGTH] = min(max(spacing, _MIN_LENGTH), _MAX_LENGTH)
         surfels[i, SPACING] = spacing
     return surfels

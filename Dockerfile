@@ -1,0 +1,29 @@
+# curvescan in a container whose kernels are compiled when it is built:
+#   docker build --tag curvescan .
+#   docker run --rm --volume "$PWD:/data" curvescan slam /data/office.bag --out /data/results
+FROM python:3.12-slim AS build
+COPY . /source
+RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
+
+FROM python:3.12-slim
+COPY --from=build /wheels /wheels
+RUN pip install --no-cache-dir "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
+
+# Machine code for any processor of this kind: code for the one that builds would be compiled anew on others.
+ENV NUMBA_CPU_NAME=generic \
+    NUMBA_CACHE_DIR=/var/cache/curvescan/kernels \
+    MPLCONFIGDIR=/var/cache/curvescan/matplotlib \
+    MPLBACKEND=Agg
+
+# The main job, and all that it has not compiled; whoever the container runs as may write to the caches.
+RUN mkdir -p "$NUMBA_CACHE_DIR" "$MPLCONFIGDIR" \
+    && curvescan demo --out /tmp/demo \
+    && python -c "import curvescan; curvescan.warm_up()" \
+    && rm -r /tmp/demo \
+    && chmod -R a+rwX /var/cache/curvescan
+
+RUN useradd --create-home curvescan
+USER curvescan
+WORKDIR /data
+ENTRYPOINT ["curvescan"]
+CMD ["--help"]

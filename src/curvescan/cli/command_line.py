@@ -1,0 +1,162 @@
+"""The command line: finds the command, makes its flags, and turns every error into one sentence."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import tyro
+
+from curvescan import __version__
+from curvescan.cli.commands.batch import batch
+from curvescan.cli.commands.bench import bench
+from curvescan.cli.commands.calibrate import calibrate
+from curvescan.cli.commands.convert import convert
+from curvescan.cli.commands.demo import demo
+from curvescan.cli.commands.evaluate import evaluate
+from curvescan.cli.commands.experiments import experiments
+from curvescan.cli.commands.info import info
+from curvescan.cli.commands.live import live
+from curvescan.cli.commands.localize import localize
+from curvescan.cli.commands.match import match
+from curvescan.cli.commands.odometry import odometry
+from curvescan.cli.commands.slam import slam
+from curvescan.cli.flags import with_flags
+from curvescan.cli.help import overview, short_help
+from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.errors import CurvescanError
+from curvescan.io.files.printable import printable
+from curvescan.mapping.config import OccupancyConfig
+
+COMMANDS: dict[str, Callable[..., int]] = {
+    "demo": demo,
+    "info": info,
+    "convert": convert,
+    "odometry": odometry,
+    "slam": slam,
+    "localize": localize,
+    "batch": batch,
+    "live": live,
+    "match": match,
+    "evaluate": evaluate,
+    "experiments": experiments,
+    "calibrate": calibrate,
+    "bench": bench,
+}
+
+CONFIG_ARGUMENTS: dict[str, type[Any]] = {
+    "configs": MethodConfigs,
+    "chain_config": ChainConfigs,
+    "slam_config": SlamConfigs,
+}
+"""Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
+
+HELP_ALL = "--help-all"
+FIRST_STEPS = """\
+curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three commands to try:
+
+  curvescan live                    a simulated robot drives round a building; watch it on a page in the browser
+  curvescan demo                    the same as files: trajectory, map and a table of errors, in ./demo
+  curvescan odometry LOG --out DIR  a log of yours (ROS bag, CARMEN, CSV, NPZ): trajectory and map
+
+All commands: curvescan -h"""
+"""What is printed without arguments."""
+
+MAX_SENTENCE = 4_000
+"""Longest sentence about an error, characters: a path may have so many."""
+
+DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def run(arguments: list[str]) -> int:
+    """Return the exit status of a command line (130 when Ctrl-C ended it before there was a result)."""
+    if arguments in (["--version"], ["-V"]):
+        print(f"curvescan {__version__}")
+        return DONE
+    if (text := _help(arguments)) is not None:
+        print(text)
+        return DONE
+    if HELP_ALL in arguments:
+        arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
+    if not arguments:
+        print(FIRST_STEPS)
+        return DONE
+    try:
+        return int(_parse_and_call(arguments))
+    except CurvescanError as error:
+        print(f"curvescan: {printable(with_flags(str(error)), MAX_SENTENCE)}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("curvescan: interrupted, nothing written", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # the reader of our output (head, less) has gone: nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+
+
+def _help(arguments: list[str]) -> str | None:
+    """Return the help on one screen for -h; None without it, or with --help-all."""
+    if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
+        return None
+    if arguments[0] in COMMANDS:
+        return short_help(arguments[0], COMMANDS[arguments[0]])
+    return overview(COMMANDS)
+
+
+def _parse_and_call(arguments: list[str]) -> Any:
+    return tyro.extras.subcommand_cli_from_dict(
+        _commands(arguments),
+        prog="curvescan",
+        description="2D laser scan matching: scans in; motion, covariance, trajectory and map out.",
+        args=arguments,
+    )
+
+
+def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
+    """Return the commands; where --config names a file, its parameters are the defaults of their flags."""
+    path = None
+    for k, argument in enumerate(arguments):
+        if argument == "--config" and k + 1 < len(arguments):
+            path = arguments[k + 1]
+        elif argument.startswith("--config="):
+            path = argument.removeprefix("--config=")
+    if path is None:
+        return COMMANDS
+    from curvescan.io.config import read_config
+
+    defaults = {
+        field.name: getattr(group(), field.name)
+        for group in CONFIG_ARGUMENTS.values()
+        for field in fields(group)
+    }
+    read = read_config(path, {**defaults, "map": OccupancyConfig()})
+    configs: dict[str, object] = {
+        argument: group(**{field.name: read[field.name] for field in fields(group)})
+        for argument, group in CONFIG_ARGUMENTS.items()
+    }
+    configs["occupancy"] = read["map"]
+    return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
+
+
+def _with_configs(command: Callable[..., int], configs: Mapping[str, object]) -> Callable[..., int]:
+    """Return the command with other defaults for those of the arguments `configs` names that it has."""
+    signature = inspect.signature(command)
+    if not configs.keys() & signature.parameters.keys():
+        return command
+
+    @functools.wraps(command)
+    def changed(*args: Any, **kwargs: Any) -> int:
+        return command(*args, **kwargs)
+
+    parameters = [
+        p.replace(default=configs[p.name]) if p.name in configs else p
+        for p in signature.parameters.values()
+    ]
+    changed.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return changed

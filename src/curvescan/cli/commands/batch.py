@@ -1,0 +1,218 @@
+"""curvescan batch: many logs in, a folder of results for each, and one table."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import tyro
+
+from curvescan._interrupts import reported_as
+from curvescan.cli.options import (
+    ChainConfig,
+    ChainConfigs,
+    ConfigFile,
+    Configs,
+    Flag,
+    Laser,
+    MapConfig,
+    MethodConfigs,
+    SensorFlags,
+    SlamConfigs,
+    SlamFlags,
+    Topic,
+    sensor_setup,
+)
+from curvescan.io.files.printable import printable
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import Method
+
+if TYPE_CHECKING:
+    from curvescan.runs.batch.batch import BatchDisplay
+    from curvescan.runs.batch.job import Job
+    from curvescan.runs.batch.manifest import BatchRecord
+
+Patterns: TypeAlias = Annotated[
+    tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
+]
+"""Paths of logs, or patterns of them."""
+
+
+def batch(
+    patterns: Patterns,
+    /,
+    *,
+    out: str,
+    slam: Flag = False,
+    resume: Flag = False,
+    engine: Literal["local", "ray"] = "local",
+    workers: int | None = None,
+    timeout: float = 3600.0,
+    method: Method = "curvescan",
+    odometry_prior: bool = False,
+    range_max: float | None = None,
+    topic: Topic = None,
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
+    config: ConfigFile = None,
+    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
+    chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
+    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
+) -> int:
+    """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
+
+    Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line for each log
+    as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit status 1 if any log failed.
+
+    Parameters
+    ----------
+    patterns
+        Logs, or patterns of them in quotes: `'logs/**/*.bag'`, `'s3://bucket/logs/*.mcap'`.
+    out
+        Folder for the results; made if it is missing. May be one of a bucket: s3://, gs:// or az://.
+    slam
+        SLAM in place of odometry.
+    resume
+        Leave out logs whose results stand: same log, same options, same version. What failed is run again.
+    engine
+        Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names.
+    workers
+        How many logs at once; one a core if not given.
+    timeout
+        Time that one log may take, seconds; inf for any.
+    method
+        The matcher.
+    odometry_prior
+        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion.
+    range_max
+        Upper limit of a valid reading, metres, in place of what the log says.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
+    occupancy
+        How to make the occupancy map.
+    config
+        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
+    configs
+        Parameters of the methods; those of the method that runs are used.
+    chain_config
+        Parameters of the odometry, where keyframes are used and --slam is not given.
+    slam_config
+        Parameters of SLAM.
+    """
+    from curvescan.cli.console import ERR, OUT
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.tracker import make_config
+    from curvescan.runs.batch.batch import run_batch
+    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
+
+    logs = LogOptions(range_max=range_max, topic=topic, setup=sensor_setup(laser))
+    job: Job
+    if slam:
+        job = SlamJob(
+            method=method,
+            config=slam_config.slam,
+            matcher=configs.of(method),
+            odometry_prior=odometry_prior,
+            occupancy=occupancy,
+            logs=logs,
+            command=tuple(sys.argv),
+        )
+    else:
+        job = OdometryJob(
+            method=method,
+            config=make_config(method, "auto", chain_config),
+            matcher=configs.of(method),
+            odometry_prior=odometry_prior,
+            occupancy=occupancy,
+            logs=logs,
+            command=tuple(sys.argv),
+        )
+    listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
+    sentence = (
+        f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
+    )
+    with reported_as(printable(sentence, 1000)), _display() as display:
+        result = run_batch(
+            patterns,
+            out=out,
+            job=job,
+            engine=engine,
+            workers=workers,
+            timeout=timeout,
+            resume=resume,
+            display=display,
+        )
+    OUT.print(_table(result.records))
+    for record in result.records:
+        if record.is_failed:
+            ERR.print(
+                f"{record.input}: {with_flags(record.sentence)}", markup=False, soft_wrap=True
+            )
+    OUT.print(f"wrote {out}/fleet.csv, manifest.jsonl and a folder for each log", markup=False)
+    skipped = f" ({result.n_skipped:,} stood from before)" if result.n_skipped else ""
+    n_trusted = sum(record.exit == 0 for record in result.records)
+    OUT.print(
+        f"{len(result.records):,} logs{skipped}: {n_trusted:,} trusted, "
+        f"{len(result.records) - n_trusted - result.n_failed:,} not to be trusted, {result.n_failed:,} failed"
+    )
+    return 1 if result.n_failed else 0
+
+
+def _table(records: tuple[BatchRecord, ...]) -> object:
+    from rich.markup import escape
+
+    from curvescan.cli.console import table
+
+    shown = table("batch", "results", "scans", "path", "time", "verdict")
+    for record in records:
+        figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
+        shown.add_row(escape(record.folder), *figures, f"{record.seconds:.1f} s", record.verdict)
+    return shown
+
+
+@contextmanager
+def _display() -> Iterator[BatchDisplay]:
+    """Yield what shows a batch: one bar for the whole, and what has failed so far."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    from curvescan.cli.console import ERR
+
+    progress = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[said]}", markup=False),
+        TimeElapsedColumn(),
+        console=ERR,
+        refresh_per_second=4,
+    )
+    task = progress.add_task("batch", total=None, said="")
+
+    class Display:
+        """Shows a batch."""
+
+        def __init__(self) -> None:
+            self._n_failed = 0
+
+        def begin(self, stage: str, n_logs: int) -> None:
+            progress.update(task, description=stage, total=n_logs or None)
+
+        def add(self, record: BatchRecord) -> None:
+            self._n_failed += record.is_failed
+            said = f"logs, {self._n_failed:,} failed" if self._n_failed else "logs"
+            progress.update(task, advance=1, said=said)
+
+    with progress:
+        yield Display()

@@ -1,0 +1,105 @@
+"""curvescan calibrate: parameters from scans of planes, as the paper found its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+def calibrate(
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
+    /,
+    *,
+    out: Path,
+    sensor: str = "sick-lms200-5mm",
+    distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
+    range_max: float | None = None,
+    seed: int = 0,
+    sweep: bool = False,
+) -> int:
+    """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
+
+    sigma_rho keeps a wall beside the sensor whole. U_k is the least tolerance at which planes show no peak. U_c lies just
+    above the correlation that the functions of planes, which are noise, still have. U_p is the least at which planes show
+    no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that rejects no
+    right pair of their corners; walls, corners and pairs are always simulated, with the noise that the planes show.
+    Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of
+    what the equations mean; with --sweep also sweep.md.
+
+    Parameters
+    ----------
+    log
+        Log of a sensor in front of planes, bare walls say; planes are simulated when it is left out.
+    out
+        Folder for the results; made if it is missing.
+    sensor
+        Simulated sensor, where there is no log.
+    distances
+        Distances of the simulated planes, metres.
+    range_max
+        Upper limit of a valid reading of the log, metres, in place of what the log says.
+    seed
+        Seed of the simulated noise.
+    sweep
+        Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
+        of its own: some minutes.
+    """
+    from curvescan.cli.console import ERR, OUT, show
+    from curvescan.io import output_folder, read_log, write_config
+    from curvescan.paper.calibration import (
+        calibrate as find_parameters,
+    )
+    from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
+    from curvescan.paper.calibration_figure import (
+        calibration_table,
+        draw_calibration,
+        neighbour_table,
+        peak_table,
+        similarity_table,
+        wall_table,
+    )
+    from curvescan.paper.drawings import draw_curvature, draw_geometry
+    from curvescan.paper.sweep import SEED, sweep_table
+    from curvescan.paper.sweep import sweep as sweep_parameters
+    from curvescan.simulation.sensors import choose_sensor
+
+    if log is None:
+        source, planes = choose_sensor(sensor), None
+    else:
+        recording = read_log(log, range_max=range_max)
+        source, planes = sensor_of_log(recording), planes_of_log(recording, recording.name)
+    with output_folder(out) as folder, ERR.status("scanning planes and corners"):
+        if planes is None:
+            planes = simulated_planes(source, distances, seed=seed)
+        found = find_parameters(planes, source, seed=seed)
+        write_config(folder / "cfsma.toml", {"cfsma": found.config})
+        draw_calibration(folder / "calibration.png", found)
+        draw_geometry(folder / "geometry.png")
+        draw_curvature(folder / "curvature.png")
+        tables = tuple(
+            table(found)
+            for table in (
+                calibration_table,
+                wall_table,
+                peak_table,
+                neighbour_table,
+                similarity_table,
+            )
+        )
+        text = "\n".join(table.markdown() for table in tables)
+        (folder / "calibration.md").write_text(text, encoding="utf-8", newline="\n")
+        if sweep:
+            swept = sweep_table(sweep_parameters(seed=seed + SEED)).markdown()
+            (folder / "sweep.md").write_text(swept, encoding="utf-8", newline="\n")
+    for table in tables:
+        show(table)
+    for group, is_free in zip(found.groups, found.is_free, strict=True):
+        if not is_free:
+            OUT.print(
+                f"planes at {group.name} show peaks at every U_k and were left out of the choice: "
+                "their readings lie closer together than the noise"
+            )
+    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md", markup=False)
+    return 0

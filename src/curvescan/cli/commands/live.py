@@ -1,0 +1,341 @@
+"""curvescan live: a running laser, a log or a simulated robot, tracked while it drives, and a page to look at."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import time
+import webbrowser
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import tyro
+
+import curvescan
+from curvescan._interrupts import stoppable
+from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.files.output import output_folder
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import Method
+
+if TYPE_CHECKING:
+    from curvescan.io import Log
+    from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
+    from curvescan.live.sinks import MapSink
+    from curvescan.live.tracker import Engine
+
+Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
+
+DEFAULT_PORT = 8765
+"""Default port of the page, unless it is in use."""
+
+_POLL_S = 0.2
+"""Time between two looks whether to close the page, seconds."""
+
+
+def live(
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="LOG")] = None,
+    /,
+    *,
+    driver: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    port: Annotated[str | None, tyro.conf.arg(metavar="PORT")] = None,
+    speed: float = 1.0,
+    out: Path | None = None,
+    record: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mcap")] = None,
+    odometry_only: Flag = False,
+    map: Annotated[Path | None, tyro.conf.arg(name="map", metavar="FILE")] = None,  # noqa: A002 - the flag's name
+    host: str = "127.0.0.1",
+    http_port: int | None = None,
+    no_page: Flag = False,
+    foxglove: Flag = False,
+    foxglove_port: int = 8766,
+    keep_open: Flag = False,
+    method: Method = "curvescan",
+    scans: int | None = None,
+    people: int = 3,
+    seed: int = 0,
+    topic: Topic = None,
+    range_max: float | None = None,
+    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
+) -> int:
+    """Track a running laser and show map, path and scan on a page in the browser.
+
+    Without LOG and --driver, a simulated robot drives round a building. Ctrl-C ends the run; with --out and --record
+    what there is so far is written.
+
+    Parameters
+    ----------
+    log
+        A log to replay, of any format that `curvescan odometry` reads.
+    driver
+        Driver of a laser: lds2d:MODEL (LDROBOT, YDLIDAR, RPLIDAR and others), rplidar or hokuyo; needs the extra
+        curvescan[lidar].
+    port
+        Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
+        HOST:PORT for hokuyo.
+    speed
+        Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes.
+    out
+        Folder for the results: the files of `curvescan slam`, or of `odometry` or `localize`.
+    record
+        MCAP file for scans, poses and map.
+    odometry_only
+        Odometry instead of SLAM: past poses are not revised.
+    map
+        A map saved by `curvescan slam`: localize in it.
+    host
+        Address that the page is served at; 0.0.0.0 lets other machines look on.
+    http_port
+        Port of the page; 8765, or a free one if that is in use.
+    no_page
+        No page: only --out, --record, --foxglove and the summary.
+    foxglove
+        Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove].
+    foxglove_port
+        Port of the websocket for Foxglove; 0 for any that is free.
+    keep_open
+        Serve the page after the source has ended, until Ctrl-C.
+    method
+        The matcher.
+    scans
+        End after so many scans of the simulated robot.
+    people
+        How many people walk around the simulated robot.
+    seed
+        Random seed; selects the simulated building and its people.
+    topic
+        Which topic of a ROS bag to read, where it holds laser scans on several.
+    range_max
+        Upper limit of a valid reading, metres, in place of what the log says.
+    laser
+        How the laser is set up, where its log does not say so or is wrong.
+    occupancy
+        How to make the occupancy map.
+    """
+    from curvescan.cli.console import ERR, OUT
+    from curvescan.live import (
+        FoxgloveSink,
+        LogSource,
+        McapRecorder,
+        ResultsSink,
+        Tracker,
+        Viewer,
+    )
+    from curvescan.live.server import PageServer
+
+    source: ScanSource
+    if log is not None and driver is not None:
+        raise InvalidArgumentError("LOG and --driver exclude each other: give one")
+    if driver is not None:
+        source = _laser(driver, port, laser)
+    elif log is not None:
+        source = LogSource(
+            open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed
+        )
+    else:
+        source = _simulation(scans, people, seed, speed)
+    mode = _mode(map, odometry_only)
+    saved = None if map is None else _saved_map(map)
+    maps: dict[str, Any] = {
+        "mode": mode,
+        "occupancy": occupancy,
+        "is_lossless": not source.is_live,
+    }
+    with ExitStack() as pages:
+        viewer = None
+        if not no_page:
+            viewer = Viewer(source.name, saved_map=saved, **maps)
+            server = PageServer(viewer, host=host, port=_free_port(host, http_port))
+            ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
+            _open_browser(server.url)
+        sinks: list[MapSink] = [] if viewer is None else [viewer]
+        if foxglove:
+            served = FoxgloveSink(source.name, host=host, port=foxglove_port, **maps)
+            pages.callback(served.stop)
+            sinks.append(served)
+            ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
+        with output_folder(out) if out else nullcontext() as folder:
+            results = ResultsSink(**maps) if out else None
+            can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
+            engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
+            if results is not None:
+                sinks.append(results)
+            if record is not None:
+                sinks.append(McapRecorder(record, **maps))
+            report = _track(source, Tracker(engine), viewer, sinks)
+            OUT.print(summary(report, source.name), markup=False)
+            if folder is not None and results is not None and report.n_scans:
+                files = results.write(
+                    folder,
+                    report,
+                    name=source.name,
+                    engine=engine,
+                    log=source.log if isinstance(source, LogSource) else None,
+                    command=sys.argv,
+                )
+                OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
+        if keep_open and viewer is not None:
+            ERR.print("the source has ended; Ctrl-C closes the page", markup=False)
+            _wait()
+    if report.error is not None:
+        raise report.error
+    return 0
+
+
+def summary(report: LiveReport, name: str) -> str:
+    """Return how a live run went, in a few lines."""
+    import numpy as np
+
+    if not report.n_scans:
+        return f"{name}: no scan"
+    lines = [f"{name}: {report.n_scans:,} scans" + (", interrupted" * report.is_interrupted)]
+    lines += [f"  {n:,}  {kind.value}" for kind, n in report.outcomes.most_common()]
+    if report.n_closures:
+        lines.append(f"  {report.n_closures:,} loop closures")
+    lines.append(f"  {report.n_dropped:,} scans dropped because tracking was too slow")
+    for what, values in (
+        ("time a scan", report.seconds),
+        ("from scan to pose", report.latencies),
+    ):
+        median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
+        lines.append(f"  {what}: {median:.2f} ms median, {p99:.2f} ms p99, {worst:.1f} ms worst")
+    return "\n".join(lines)
+
+
+def _mode(saved_map: Path | None, odometry_only: bool) -> Mode:
+    if saved_map is not None:
+        if odometry_only:
+            raise InvalidArgumentError("--map and --odometry-only exclude each other: give one")
+        return "localization"
+    return "odometry" if odometry_only else "SLAM"
+
+
+def _saved_map(path: Path) -> Any:
+    from curvescan import load_map
+
+    return load_map(path)
+
+
+def _can_deskew(log: Log) -> bool:
+    """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
+    from curvescan.cli.console import ERR
+    from curvescan.diagnostics.inspect import inspect_log
+    from curvescan.diagnostics.issues import find_issues
+    from curvescan.diagnostics.sensor import judge_sensor
+    from curvescan.diagnostics.verdict import propose_commands
+
+    with ERR.status("looking for what is wrong with the log"):
+        sensor = judge_sensor(log)
+        issues = find_issues(inspect_log(log, sensor))
+    if not sensor.can_deskew:
+        ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    return sensor.can_deskew
+
+
+def _simulation(scans: int | None, people: int, seed: int, speed: float) -> ScanSource:
+    from curvescan.live import SimulatedSource
+
+    return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
+
+
+def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
+    from curvescan.live.drivers import open_driver
+
+    if port is None:
+        raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
+    return open_driver(
+        driver,
+        port,
+        is_mirrored=laser.upside_down != laser.clockwise,
+        ignore_beams=laser.ignore_beams,
+    )
+
+
+def _engine(
+    mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool
+) -> Engine:
+    """Return the odometry, SLAM or localizer, its kernels compiled."""
+    from curvescan.cli.console import ERR
+    from curvescan.live.warm_up import warm_up
+
+    def new() -> Engine:
+        if mode == "odometry":
+            odometry = curvescan.OdometryConfig.of_method(method)
+            return curvescan.Odometry(method, config=replace(odometry, deskew=can_deskew))
+        config = curvescan.SlamConfig()
+        config = replace(config, odometry=replace(config.odometry, deskew=can_deskew))
+        if mode == "localization":
+            return curvescan.Localizer(saved, method=method, config=config)
+        return curvescan.Slam(method, config=config)
+
+    if viewer is not None:
+        viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
+    with ERR.status("loading kernels"):
+        warm_up(new, method)
+    return new()
+
+
+def _track(
+    source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]
+) -> LiveReport:
+    """Run and show; every sink has finished when this returns."""
+    from curvescan.live import run_live
+
+    if viewer is not None:
+        viewer.set_status("running", "running")
+    try:
+        report = run_live(source, tracker, sinks)
+        if report.n_scans and isinstance(tracker.engine, curvescan.Slam):
+            poses = tracker.engine.finish().poses
+            for sink in sinks:
+                sink.finish_with(poses)
+    finally:
+        for sink in sinks:
+            sink.close()
+    if viewer is not None:
+        if report.error is not None:
+            viewer.set_status("error", str(report.error))
+        else:
+            what = "stopped" if report.is_interrupted else "ended"
+            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.")
+    for sink in sinks:
+        if sink.error is not None:
+            raise sink.error
+    return report
+
+
+def _free_port(host: str, port: int | None) -> int:
+    """Return the given port; else the default one, or 0, for any, where that is in use."""
+    if port is not None:
+        return port
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((host, DEFAULT_PORT))
+        except OSError:
+            return 0
+    return DEFAULT_PORT
+
+
+def _open_browser(url: str) -> None:
+    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
+    has_desktop = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    if sys.stdout.isatty() and has_desktop:
+        webbrowser.open(url)
+
+
+def _wait() -> None:
+    with stoppable() as stop:
+        while not stop.is_asked:
+            time.sleep(_POLL_S)

@@ -1,0 +1,255 @@
+"""MessageBuilder: scans, poses and maps as ROS messages; the counterpart of laser_scan.py and odometry.py.
+
+A LaserScan message holds float32: what a scan keeps of a float64 is its nearest float32. Times are whole nanoseconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from curvescan.errors import OutputError
+from curvescan.io.ros.messages import (
+    LASER_SCAN,
+    OCCUPANCY_GRID,
+    ODOMETRY,
+    TRANSFORMS,
+    bundled_types,
+)
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Floats, Pose
+
+MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
+
+_SECOND = 10**9
+_PLANAR = [0, 1, 5]
+"""x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
+_UNKNOWN = 1e6
+"""Variance of a speed that is not known, (m/s)^2 and (rad/s)^2."""
+
+
+class MessageBuilder:
+    """Builds messages of the bundled types, and their bytes.
+
+    Parameters
+    ----------
+    is_ros1 : bool
+        Whether for ROS 1; else for ROS 2, whose bytes are CDR.
+    where : str
+        Where the messages go, for what is said of a stamp that none can hold.
+    """
+
+    def __init__(self, *, is_ros1: bool = False, where: str = "ROS 2 bag") -> None:
+        self._is_ros1, self._where = is_ros1, where
+        self.store = bundled_types(is_ros1)
+
+    def nanoseconds(self, stamp: float) -> int:
+        """Return a stamp in whole nanoseconds, having made sure that a message can hold it.
+
+        Raises
+        ------
+        OutputError
+            When its seconds are too many.
+        """
+        low, high = (0, 2**32) if self._is_ros1 else (-(2**31), 2**31)
+        if not low <= stamp < high:
+            raise OutputError(
+                f"cannot write the stamp {stamp} s to a {self._where}: its seconds must lie in {low} to {high - 1}"
+            )
+        # by the decimal digits of the stamp: those of 1700000000.123456 are meant, not the float64's further ones
+        return round(Decimal(repr(stamp)) * _SECOND)
+
+    def encoded(self, message: Any, msgtype: str) -> bytes | memoryview:
+        """Return a message's bytes."""
+        serialize = self.store.serialize_ros1 if self._is_ros1 else self.store.serialize_cdr
+        return serialize(message, msgtype)
+
+    def definition(self, msgtype: str) -> str:
+        """Return the text that defines a type, those inside it included."""
+        text, _ = self.store.generate_msgdef(msgtype, ros_version=1 if self._is_ros1 else 2)
+        return text
+
+    def laser_scan(self, scan: LaserScan) -> tuple[Any, bool]:
+        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are.
+
+        Raises
+        ------
+        OutputError
+            When its beams are not evenly spaced, or nothing is left of an angle or a limit in float32.
+        """
+        if not scan.has_uniform_angles:
+            raise OutputError(
+                f"cannot write the scan at {scan.stamp} s to a ROS bag: a LaserScan message has evenly spaced beams, these "
+                "are not; CSV and NPZ keep them"
+            )
+        last = scan.angle_min + max(len(scan) - 1, 0) * scan.angle_increment
+        fields = {
+            "angle_min": scan.angle_min,
+            "angle_max": last,
+            "angle_increment": scan.angle_increment,
+            "time_increment": scan.time_increment,
+            "scan_time": scan.scan_time,
+            "range_min": scan.range_min,
+            "range_max": scan.range_max,
+        }
+        with np.errstate(over="ignore", under="ignore"):
+            short = {name: float(np.float32(value)) for name, value in fields.items()}
+            ranges = scan.ranges.astype(np.float32)
+            strengths = () if scan.intensities is None else scan.intensities
+            intensities = np.asarray(strengths, dtype=np.float64).astype(np.float32)
+        if not (short["angle_increment"] != 0.0 and short["range_min"] < short["range_max"]):
+            raise OutputError(
+                f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or range_min and "
+                "range_max equal"
+            )
+        message = self._new(
+            LASER_SCAN,
+            header=self._header(self.nanoseconds(scan.stamp), LASER_FRAME),
+            ranges=ranges,
+            intensities=intensities,
+            **short,
+        )
+        # inf, a missing limit, and all that came from a message stay the same; angle_max is not ours
+        is_same = np.array_equal(ranges.astype(np.float64), scan.ranges, equal_nan=True)
+        return message, is_same and all(
+            short[k] == v for k, v in fields.items() if k != "angle_max"
+        )
+
+    def odometry(
+        self,
+        stamp: float,
+        pose: Pose,
+        covariance: Cov | None = None,
+        twist: Floats | None = None,
+        twist_covariance: Cov | None = None,
+    ) -> Any:
+        """Return a pose of the laser in the odometry's frame as nav_msgs/Odometry, and its velocity in its own frame.
+
+        Parameters
+        ----------
+        stamp : float
+            Seconds.
+        pose : (3,) float64
+            x, y, theta: metres, metres, radians.
+        covariance : (3, 3) float64 or None
+            Of the pose; None for zero.
+        twist : (3,) float64 or None
+            m/s, m/s, rad/s; None where it is unknown.
+        twist_covariance : (3, 3) float64 or None
+            Of the twist.
+        """
+        position, orientation = self._point_and_quaternion(pose)
+        vx, vy, omega = (0.0, 0.0, 0.0) if twist is None else twist.tolist()
+        pose_covariance, speed_covariance = np.zeros((6, 6)), np.diag(np.full(6, _UNKNOWN))
+        if covariance is not None:
+            pose_covariance[np.ix_(_PLANAR, _PLANAR)] = covariance
+        if twist_covariance is not None:
+            speed_covariance[np.ix_(_PLANAR, _PLANAR)] = twist_covariance
+        return self._new(
+            ODOMETRY,
+            header=self._header(self.nanoseconds(stamp), ODOM_FRAME),
+            child_frame_id=LASER_FRAME,
+            pose=self._new(
+                "geometry_msgs/msg/PoseWithCovariance",
+                pose=self._new(
+                    "geometry_msgs/msg/Pose", position=position, orientation=orientation
+                ),
+                covariance=pose_covariance.ravel(),
+            ),
+            twist=self._new(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=self._new(
+                    "geometry_msgs/msg/Twist",
+                    linear=self._vector(vx, vy, 0.0),
+                    angular=self._vector(0.0, 0.0, omega),
+                ),
+                covariance=speed_covariance.ravel(),
+            ),
+        )
+
+    def transforms(self, stamp: float, edges: Sequence[tuple[str, str, Pose]]) -> Any:
+        """Return poses of frames in their parents as tf2_msgs/TFMessage.
+
+        Parameters
+        ----------
+        stamp : float
+            Seconds.
+        edges : sequence of (str, str, (3,) float64)
+            Parent, child, and the child's pose in the parent.
+        """
+        when = self.nanoseconds(stamp)
+        return self._new(TRANSFORMS[0], transforms=[self._transform(when, *edge) for edge in edges])
+
+    def occupancy_grid(
+        self, stamp: float, percent: NDArray[np.int8], origin: Floats, resolution: float, frame: str
+    ) -> Any:
+        """Return a map as nav_msgs/OccupancyGrid.
+
+        Parameters
+        ----------
+        stamp : float
+            Seconds.
+        percent : (n_rows, n_columns) int8
+            Probability of occupancy, 0 to 100; -1 where nothing is known. The first row has the smallest y.
+        origin : (2,) float64
+            Lower left corner in `frame`, metres.
+        resolution : float
+            Side of a cell, metres.
+        frame : str
+            The frame that the map lies in.
+        """
+        header = self._header(self.nanoseconds(stamp), frame)
+        position, orientation = self._point_and_quaternion(np.array([*origin, 0.0]))
+        info = self._new(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=header.stamp,
+            resolution=float(np.float32(resolution)),
+            width=percent.shape[1],
+            height=percent.shape[0],
+            origin=self._new("geometry_msgs/msg/Pose", position=position, orientation=orientation),
+        )
+        return self._new(OCCUPANCY_GRID, header=header, info=info, data=percent.ravel())
+
+    def _transform(self, when: int, parent: str, child: str, pose: Pose) -> Any:
+        point, rotation = self._point_and_quaternion(pose)
+        return self._new(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._header(when, parent),
+            child_frame_id=child,
+            transform=self._new(
+                "geometry_msgs/msg/Transform",
+                translation=self._vector(point.x, point.y, 0.0),
+                rotation=rotation,
+            ),
+        )
+
+    def _point_and_quaternion(self, pose: Pose) -> tuple[Any, Any]:
+        x, y, theta = pose.tolist()
+        return (
+            self._new("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
+            self._new(
+                "geometry_msgs/msg/Quaternion",
+                x=0.0,
+                y=0.0,
+                z=math.sin(0.5 * theta),
+                w=math.cos(0.5 * theta),
+            ),
+        )
+
+    def _vector(self, x: float, y: float, z: float) -> Any:
+        return self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+    def _header(self, when: int, frame: str) -> Any:
+        stamp = self._new(
+            "builtin_interfaces/msg/Time", sec=when // _SECOND, nanosec=when % _SECOND
+        )
+        seq = {"seq": 0} if self._is_ros1 else {}
+        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **seq)
+
+    def _new(self, msgtype: str, **fields: Any) -> Any:
+        return self.store.types[msgtype](**fields)

@@ -1,0 +1,98 @@
+"""What a laser's poses mean for the robot's base: pose in odom, twist, map -> odom. No ROS in here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.se2 import uncertain
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import Cov, Floats, Pose
+
+UNKNOWN = 1e6
+"""Variance of what is not known, in the square of its unit."""
+
+_NOWHERE = np.zeros((3, 3))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BaseState:
+    """The base at one scan.
+
+    Attributes
+    ----------
+    odom_base : UncertainPose
+        Pose of the base in odom: continuous, the chain of its motions.
+    twist : (3,) float64
+        Velocity in the base frame, m/s, m/s, rad/s.
+    twist_covariance : (3, 3) float64
+        Of the twist.
+    map_odom : (3,) float64 or None
+        Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None until it
+        has been found there.
+    """
+
+    odom_base: UncertainPose
+    twist: Floats
+    twist_covariance: Cov
+    map_odom: Pose | None
+
+
+class BaseMotion:
+    """Turns the steps of an odometry of the laser into states of the base.
+
+    Parameters
+    ----------
+    mount : (3,) float64
+        Pose of the laser in the base frame: metres, metres, radians.
+    """
+
+    def __init__(self, mount: Pose) -> None:
+        self._mount = UncertainPose(np.asarray(mount, dtype=np.float64), _NOWHERE)
+        self._unmount = uncertain.inverse(self._mount)
+        self._stamp: float | None = None
+        self._map_odom: Pose | None = None
+        self._odom_base = uncertain.identity()
+
+    @property
+    def mount(self) -> Pose:
+        """Pose of the laser in the base frame."""
+        return self._mount.pose
+
+    def on_base(self, laser: UncertainPose) -> UncertainPose:
+        """Return a pose, or a motion, of the laser as one of the base."""
+        return uncertain.compose(uncertain.compose(self._mount, laser), self._unmount)
+
+    def add(self, step: Any, stamp: float) -> BaseState:
+        """Return the base's state at the next step of an odometry, a SLAM or a localizer of curvescan."""
+        moved = self.on_base(UncertainPose(step.motion, step.motion_covariance))
+        self._odom_base = uncertain.compose(self._odom_base, moved)
+        twist, covariance = np.zeros(3), np.diag([UNKNOWN] * 3)
+        if self._stamp is not None and stamp > self._stamp:
+            seconds = stamp - self._stamp
+            twist, covariance = se2.log(moved.pose) / seconds, moved.cov / seconds**2
+        self._stamp = stamp
+        # the chain leaves out where odometry leapt back from its drift: that much it is known to be wrong
+        known = self.on_base(_by_odometry(step))
+        leap = self._odom_base.pose - known.pose
+        leap[2] = se2.wrap(leap[2])
+        odom_base = UncertainPose(self._odom_base.pose, known.cov + np.outer(leap, leap))
+        base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
+        if np.isfinite(base_in_map).all():
+            self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))
+        return BaseState(
+            odom_base=odom_base,
+            twist=twist,
+            twist_covariance=covariance,
+            map_odom=self._map_odom,
+        )
+
+
+def _by_odometry(step: Any) -> UncertainPose:
+    """Return the pose of the laser by its odometry alone."""
+    if hasattr(step, "pose_odom"):
+        return UncertainPose(step.pose_odom, step.covariance_odom)
+    return UncertainPose(step.pose, step.covariance)

@@ -1,0 +1,179 @@
+"""FoxgloveSink: a live run for Foxglove: the ROS 2 messages of the node, in CDR, on a websocket (extra ``curvescan[foxglove]``)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from curvescan.errors import CurvescanError, MissingPackageError, OutputError
+from curvescan.io.ros.message_building import MessageBuilder
+from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
+from curvescan.live.sinks import MapSink
+from curvescan.live.tracker import TrackedScan
+from curvescan.mapping.config import OccupancyConfig
+
+DEFAULT_PORT = 8766
+"""Default port; Foxglove's own, 8765, is the page's."""
+
+_MAP_PERIOD, _MAP_SHARE = 2.0, 0.1
+"""The map is sent at most every so many seconds, and in at most this share of the time."""
+
+
+class FoxgloveSink(MapSink):
+    """Serves /scan, /odom, /tf and /map to Foxglove, in a thread of its own.
+
+    A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the map at once.
+
+    Parameters
+    ----------
+    name : str
+        Name of the source.
+    host : str
+        Address to bind to; 127.0.0.1 is reached from this machine alone.
+    port : int
+        0: one that is free.
+    mode : str
+        "odometry", "SLAM" or "localization".
+    occupancy : OccupancyConfig or None
+        How to make the occupancy map.
+    is_lossless : bool
+        Whether the tracker waits for this sink.
+
+    Raises
+    ------
+    MissingPackageError
+        When foxglove-sdk is not installed.
+    OutputError
+        When the address is in use or not this machine's.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        mode: str = "odometry",
+        occupancy: OccupancyConfig | None = None,
+        is_lossless: bool = False,
+    ) -> None:
+        try:
+            import foxglove
+        except ImportError as error:
+            raise MissingPackageError(
+                "--foxglove needs the package foxglove-sdk: pip install 'curvescan[foxglove]'"
+            ) from error
+        self._host = host
+        self._builder = MessageBuilder(where="websocket")
+        self._messages = LiveMessages(self._builder, is_mapped=mode != "odometry")
+        # held: what goes on in a context ends with it
+        self._context = context = foxglove.Context()
+        self._channels = {
+            topic: foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(
+                    name=msgtype,
+                    encoding="ros2msg",
+                    data=self._builder.definition(msgtype).encode(),
+                ),
+                message_encoding="cdr",
+                context=context,
+            )
+            for topic, msgtype in TOPICS.items()
+        }
+        self._sent_map, self._next_map, self._stamp = 0, 0.0, 0.0
+        self._is_map_wanted, self._is_finished = threading.Event(), False
+        listener: Any = _Listener(self._want_map)
+        try:
+            self._server: Any = foxglove.start_server(
+                name=f"curvescan: {name}",
+                host=host,
+                port=port,
+                server_listener=listener,
+                context=context,
+            )
+        except (RuntimeError, OSError, OverflowError) as error:
+            raise OutputError(
+                f"cannot serve Foxglove at {host}:{port}: {error}; choose another --foxglove-port or --host"
+            ) from error
+        super().__init__(
+            "foxglove",
+            occupancy=occupancy,
+            is_revisable=mode == "SLAM",
+            is_lossless=is_lossless,
+        )
+
+    @property
+    def url(self) -> str:
+        """Where a Foxglove on this machine finds it."""
+        shown = "127.0.0.1" if self._host == "0.0.0.0" else self._host
+        return f"ws://{f'[{shown}]' if ':' in shown else shown}:{self._server.port}"
+
+    def stop(self) -> None:
+        """Close the connections of all clients."""
+        self._server.stop()
+
+    def _take(self, tracked: TrackedScan) -> None:
+        self._stamp = tracked.scan.stamp
+        for topic, message in self._messages.of_scan(tracked):
+            self._send(topic, message)
+        self._map.add(tracked)
+        if time.monotonic() >= self._next_map or self._is_map_wanted.is_set():
+            self._send_map()
+
+    def _finish(self) -> None:
+        super()._finish()
+        self._is_finished = True
+        self._want_map()
+
+    def _want_map(self) -> None:
+        """Send the map with the next scan; at once when there will be none."""
+        self._is_map_wanted.set()
+        if self._is_finished and self.error is None:
+            try:
+                self._send_map()
+            except CurvescanError as error:
+                self.error = error
+
+    def _send_map(self) -> None:
+        started = time.monotonic()
+        if self._sent_map != self._map.version or self._is_map_wanted.is_set():
+            self._is_map_wanted.clear()
+            self._sent_map = self._map.version
+            grid = self._map.grid()
+            if grid.log_odds.size:
+                self._send(*self._messages.of_map(grid, self._stamp))
+        took = time.monotonic() - started
+        self._next_map = started + max(_MAP_PERIOD, took / _MAP_SHARE)
+
+    def _send(self, topic: str, message: Any) -> None:
+        channel = self._channels[topic]
+        if channel.has_sinks():
+            data = bytes(self._builder.encoded(message, TOPICS[topic]))
+            channel.log(data, log_time=max(self._builder.nanoseconds(self._stamp), 0))
+
+
+class _Listener:
+    """Notices clients that want the map."""
+
+    def __init__(self, want_map: Callable[[], None]) -> None:
+        self._want_map = want_map
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Note that the map is wanted."""
+        if channel.topic == MAP_TOPIC:
+            self._want_map()
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Do nothing."""
+
+    def on_client_advertise(self, client: Any, channel: Any) -> None:
+        """Do nothing."""
+
+    def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
+        """Do nothing."""
+
+    def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
+        """Do nothing: what visitors send is not read."""

@@ -1,0 +1,121 @@
+"""Association: which reading of the other scan a reading falls on, and how far from the line there (projective association).
+
+The one place where a reading of one scan meets the other scan; every stage sets its own tolerance on the distances.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.features.range_image import RangeImage, place_of, reading_in
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
+from curvescan.types import Floats
+
+FORWARD, BACKWARD = 1.0, -1.0
+"""Readings of the current scan taken into the reference; of the reference into the current scan."""
+
+
+class Motion(NamedTuple):
+    """A pose of the current scan in the reference, as the readings of one of them are moved by it.
+
+    Attributes
+    ----------
+    c, s : float
+        Cosine and sine of its rotation.
+    x, y : float
+        Metres.
+    way : float
+        FORWARD or BACKWARD (no bool: for each constant one Numba would compile anew).
+    """
+
+    c: float
+    s: float
+    x: float
+    y: float
+    way: float
+
+
+class Association(NamedTuple):
+    """A reading in the other scan.
+
+    Attributes
+    ----------
+    j : int
+        Reading of the other scan in its direction, or a negative number as in the azimuth table.
+    place : float
+        Where it stands in the azimuth table, slots.
+    x, y : float
+        The reading in the frame of the other scan, metres.
+    across, along : float
+        From the centre of the line of reading `j` to it, across the line and along it, metres; 0 where there is none.
+    """
+
+    j: int
+    place: float
+    x: float
+    y: float
+    across: float
+    along: float
+
+
+@kernel
+def motion_of(pose: Floats, way: float) -> Motion:
+    """Return the motion by a (3,) pose, FORWARD or BACKWARD."""
+    return Motion(math.cos(pose[2]), math.sin(pose[2]), pose[0], pose[1], way)
+
+
+@kernel
+def lever(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
+    """Return where reading i lies from the current sensor, along the axes of the reference, metres."""
+    if motion.way < 0.0:
+        return surfels[i, X] - motion.x, surfels[i, Y] - motion.y
+    return turned(surfels[i, X], surfels[i, Y], motion)
+
+
+@kernel
+def turned(x: float, y: float, motion: Motion) -> tuple[float, float]:
+    """Return a vector of the current scan along the axes of the reference."""
+    return motion.c * x - motion.s * y, motion.s * x + motion.c * y
+
+
+@kernel
+def turned_back(x: float, y: float, motion: Motion) -> tuple[float, float]:
+    """Return a vector of the reference along the axes of the current scan."""
+    return motion.c * x + motion.s * y, motion.c * y - motion.s * x
+
+
+@kernel
+def projected(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
+    """Return reading i in the frame of the other scan, metres."""
+    dx, dy = lever(surfels, i, motion)
+    if motion.way < 0.0:
+        return turned_back(dx, dy, motion)
+    return dx + motion.x, dy + motion.y
+
+
+@kernel
+def distances(x: float, y: float, surfels: Floats, j: int) -> tuple[float, float]:
+    """Return how far (x, y) lies across the line of reading j, and along it from its centre, metres."""
+    ux, uy = x - surfels[j, CX], y - surfels[j, CY]
+    nx, ny = surfels[j, NX], surfels[j, NY]
+    return nx * ux + ny * uy, ny * ux - nx * uy
+
+
+@kernel
+def associate(surfels: Floats, i: int, motion: Motion, image: RangeImage) -> Association:
+    """Return what reading i, moved, falls on in the other scan."""
+    x, y = projected(surfels, i, motion)
+    place = place_of(x, y, image)
+    j = reading_in(place, image)
+    if j < 0:
+        return Association(j, place, x, y, 0.0, 0.0)
+    across, along = distances(x, y, image.surfels, j)
+    return Association(j, place, x, y, across, along)
+
+
+@kernel
+def is_seen_through(x: float, y: float, front: float) -> bool:
+    """Return whether (x, y) stands nearer than `front` metres: in a free space, if the beam ends beyond."""
+    return front > 0.0 and x * x + y * y < front * front

@@ -1,0 +1,214 @@
+"""run_batch: one job over many logs, on all cores or a Ray cluster; what ``curvescan batch`` calls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+from curvescan import __version__
+from curvescan.errors import InvalidArgumentError
+from curvescan.runs.batch.job import Job, digest_of
+from curvescan.runs.batch.jobs import OdometryJob
+from curvescan.runs.batch.logs import LogState, find_logs
+from curvescan.runs.batch.manifest import BatchRecord
+from curvescan.runs.batch.processes import ProcessPool
+from curvescan.runs.batch.results import Results, open_results
+from curvescan.runs.batch.worker import Task
+from curvescan.runs.batch.workers import Done, WorkerPool, run_tasks
+
+Engine: TypeAlias = Literal["local", "ray"]
+"""Where the workers of a batch run."""
+TIMEOUT_S = 3600.0
+"""Time that a log may take unless the caller says otherwise, seconds."""
+
+
+class BatchDisplay(Protocol):
+    """What shows how far a batch has come."""
+
+    def begin(self, stage: str, n_logs: int) -> None:
+        """Begin a stage over so many logs; 0: its length is not known."""
+        ...
+
+    def add(self, record: BatchRecord) -> None:
+        """Show that a log is done."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BatchResult:
+    """What came of a batch.
+
+    Attributes
+    ----------
+    records : tuple of BatchRecord
+        One a log, in the order of their paths.
+    n_skipped : int
+        How many of them stood from an earlier batch.
+    """
+
+    records: tuple[BatchRecord, ...]
+    n_skipped: int = 0
+
+    @property
+    def n_failed(self) -> int:
+        """How many logs failed."""
+        return sum(record.is_failed for record in self.records)
+
+    def __repr__(self) -> str:
+        n_trusted = sum(record.exit == 0 for record in self.records)
+        return f"BatchResult({len(self.records):,} logs: {n_trusted:,} trusted, {self.n_failed:,} failed)"
+
+
+def run_batch(
+    patterns: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    *,
+    out: str | os.PathLike[str],
+    job: Job | None = None,
+    engine: Engine = "local",
+    workers: int | None = None,
+    timeout: float = TIMEOUT_S,
+    resume: bool = False,
+    display: BatchDisplay | None = None,
+) -> BatchResult:
+    """Run a job over many logs, a worker on each core; one bad log stops no other.
+
+    The folder gets a folder of results for each log; manifest.jsonl, a line for each log as soon as it is done;
+    fleet.csv, the same as a table, when all are; and workers.log, what the workers say. A log that breaks its worker, or
+    takes too long, has failed; the worker is started anew. Ctrl-C ends the workers; what is in the manifest stands.
+
+    Logs and results may be in buckets: ``s3://BUCKET/KEY``, ``gs://`` and ``az://``. A log is then fetched to a temporary
+    file before it is run, and its results are sent when all are there. Several batches may fill one folder of a bucket:
+    each log is run by one of them, and all of them end when all logs are done.
+
+    Parameters
+    ----------
+    patterns : str, path-like or iterable of them
+        Paths or URLs of logs, or patterns of them: ``*`` within a folder, ``**`` through folders.
+    out : str or path-like
+        Folder for the results, made if it is missing; a path or a URL.
+    job : Job or None
+        What to do with each log: an :class:`OdometryJob`, a :class:`SlamJob` or an own one; None for odometry.
+    engine : {"local", "ray"}
+        Processes of this machine, or actors of a Ray cluster: the one that RAY_ADDRESS names, or a new one here. Its
+        machines need the same version of curvescan, and the paths of logs and results, or URLs.
+    workers : int or None
+        How many; None for as many as there are cores.
+    timeout : float
+        Time that one log may take, seconds; inf for any.
+    resume : bool
+        Whether to leave out logs whose results stand: same size and time of the log, same options, same version. What
+        failed is run again.
+    display : BatchDisplay or None
+        Shows how far the batch has come.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When a pattern matches no log, or an argument is out of range.
+    OutputError
+        When `out` cannot be written, another batch runs in that folder, or one with other options in that bucket.
+    StorageError
+        When a bucket cannot be reached.
+    MissingPackageError
+        When an extra is missing: ``cloud`` for buckets, ``ray`` for clusters.
+    WorkerError
+        When the workers cannot be started.
+    """
+    if workers is not None and workers < 1:
+        raise InvalidArgumentError(f"workers must be at least 1, got {workers}")
+    if not timeout > 0.0:  # also refuses NaN
+        raise InvalidArgumentError(f"timeout must be a positive number of seconds, got {timeout}")
+    if engine not in ("local", "ray"):
+        raise InvalidArgumentError(f"engine must be 'local' or 'ray', got {engine!r}")
+    job, shown = job or OdometryJob(), display or _Silent()
+    options = digest_of(job)
+    logs = find_logs([patterns] if isinstance(patterns, str | os.PathLike) else patterns)
+    with open_results(out) as results:
+        folders = results.name_folders([log.input for log in logs])
+        standing = {log.input for log in logs if resume and _stands(results, log, options)}
+        tasks = [
+            Task(log=log.input, folder=results.place(folders[log.input]))
+            for log in logs
+            if log.input not in standing
+        ]
+        if tasks:
+            with _pool(engine, workers, results.workers_log) as pool:
+                shown.begin("loading kernels (compiled in the first run only)", 0)
+                pool.warm_up(job)
+                shown.begin("batch", len(tasks))
+                states = {log.input: log for log in logs}
+                _run_all(job, tasks, states, results, pool, timeout, shown)
+        records = tuple(results.records[log.input] for log in logs)
+        results.finish(records)
+    return BatchResult(records=records, n_skipped=len(standing))
+
+
+def _run_all(
+    job: Job,
+    tasks: list[Task],
+    states: dict[str, LogState],
+    results: Results,
+    pool: WorkerPool,
+    timeout: float,
+    shown: BatchDisplay,
+) -> None:
+    options = digest_of(job)
+    with results.queue(tasks, options, shown.add) as queue:
+        work = run_tasks(job, queue, pool=pool, timeout=timeout, log=results.workers_log)
+        with closing(work):
+            for done in work:
+                record = _record(done, states[done.task.log], options)
+                if results.append(record):
+                    shown.add(record)
+
+
+@contextmanager
+def _pool(engine: Engine, workers: int | None, log: Path) -> Iterator[WorkerPool]:
+    pool: WorkerPool
+    if engine == "ray":
+        from curvescan.runs.batch.ray_cluster import RayPool
+
+        pool = RayPool(workers)
+    else:
+        pool = ProcessPool(workers, log)
+    with closing(pool):
+        yield pool
+
+
+def _stands(results: Results, log: LogState, options: str) -> bool:
+    record = results.records.get(log.input)
+    return (
+        record is not None
+        and record.stands_for(log, options, __version__)
+        and results.holds(record)
+    )
+
+
+def _record(done: Done, state: LogState, options: str) -> BatchRecord:
+    result = done.result
+    is_failed = isinstance(result, str)
+    is_trusted = not isinstance(result, str) and result.is_trusted
+    return BatchRecord(
+        **asdict(state),
+        options=options,
+        version=__version__,
+        folder=done.task.name,
+        exit=1 if is_failed else 0 if is_trusted else 3,
+        verdict="failed" if is_failed else "trusted" if is_trusted else "not trusted",
+        sentence=result if isinstance(result, str) else result.sentence,
+        seconds=round(done.seconds, 3),
+        scans=0 if isinstance(result, str) else result.n_scans,
+        metres=0.0 if isinstance(result, str) else round(result.length, 3),
+    )
+
+
+class _Silent:
+    """Shows nothing."""
+
+    def begin(self, stage: str, n_logs: int) -> None: ...
+
+    def add(self, record: BatchRecord) -> None: ...

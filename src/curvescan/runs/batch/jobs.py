@@ -1,0 +1,143 @@
+"""The jobs of ``curvescan batch``: odometry or SLAM of a log.
+
+Kernels and figures are loaded when a job runs: a batch that has nothing left to do is over at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from curvescan.io.reading import read_log
+from curvescan.io.sensor_setup import SensorSetup
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig
+from curvescan.odometry.config import OdometryConfig
+from curvescan.runs.batch.job import JobResult
+from curvescan.slam.config import SlamConfig
+
+if TYPE_CHECKING:
+    from curvescan.diagnostics.verdict import Verdict
+    from curvescan.io.log import Log
+    from curvescan.types import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """How each log is opened; as the arguments of :func:`curvescan.read_log`."""
+
+    range_max: float | None = None
+    """Upper limit of a valid reading, metres, in place of what the log says."""
+    topic: str | None = None
+    """Which topic of a ROS bag to read."""
+    setup: SensorSetup = field(default_factory=SensorSetup)
+    """How the laser is set up."""
+
+    def open(self, path: Path) -> Log:
+        """Return the log in a file."""
+        # asdict copies no arrays here: a set-up is numbers and flags
+        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryJob:
+    """Odometry and maps of each log, as :func:`curvescan.run`."""
+
+    method: str = DEFAULT_METHOD
+    """Name of the matcher."""
+    config: OdometryConfig | None = None
+    """Configuration of the odometry; None for what suits the method."""
+    matcher: MatcherConfig | None = None
+    """Configuration of the matcher."""
+    odometry_prior: bool = False
+    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
+    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
+    """How to make the occupancy maps."""
+    logs: LogOptions = field(default_factory=LogOptions)
+    """How each log is opened."""
+    command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
+    """The command line behind the batch, for run.json."""
+
+    def __call__(self, log: Path, folder: Path) -> JobResult:
+        """Run the odometry of a log and write trajectory, maps and run.json."""
+        from curvescan.runs.run import run
+
+        result = run(
+            self.logs.open(log),
+            out=folder,
+            method=self.method,
+            config=self.config,
+            matcher=self.matcher,
+            odometry_prior=self.odometry_prior,
+            occupancy=self.occupancy,
+            command=self.command,
+            source=log,
+        )
+        return _result(result.verdict, result.trajectory)
+
+    def warm_up(self) -> None:
+        """Compile the kernels of matcher, odometry and maps."""
+        from curvescan.warmup import warm_up
+
+        warm_up(self.method)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlamJob:
+    """SLAM of each log, as ``curvescan slam``."""
+
+    method: str = DEFAULT_METHOD
+    """Name of the matcher."""
+    config: SlamConfig = field(default_factory=SlamConfig)
+    """Configuration of SLAM."""
+    matcher: MatcherConfig | None = None
+    """Configuration of the matcher."""
+    odometry_prior: bool = False
+    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
+    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
+    """How to make the occupancy maps."""
+    logs: LogOptions = field(default_factory=LogOptions)
+    """How each log is opened."""
+    command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
+    """The command line behind the batch, for run.json."""
+
+    def __call__(self, log: Path, folder: Path) -> JobResult:
+        """Run SLAM of a log and write trajectories, graph, maps and run.json."""
+        from curvescan.runs.slam_log import slam_log
+
+        result = slam_log(
+            self.logs.open(log),
+            out=folder,
+            method=self.method,
+            config=self.config,
+            matcher=self.matcher,
+            odometry_prior=self.odometry_prior,
+            occupancy=self.occupancy,
+            command=self.command,
+            source=log,
+        )
+        return _result(result.verdict, result.run.revised.trajectory)
+
+    def warm_up(self) -> None:
+        """Compile the kernels of matcher, odometry and maps, and those of SLAM by a drive to and fro."""
+        from curvescan.simulation import simulate
+        from curvescan.slam import Slam, run_slam
+        from curvescan.warmup import warm_up
+
+        warm_up(self.method)
+        scans = list(simulate("office", n_scans=8, seed=0))
+        run_slam([*scans, *reversed(scans)], Slam(self.method))
+
+
+def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
+    import numpy as np
+
+    steps = np.diff(trajectory.poses[:, :2], axis=0)
+    length = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
+    return JobResult(
+        is_trusted=verdict.is_trusted,
+        sentence=verdict.sentence,
+        n_scans=len(trajectory.stamps),
+        length=length,
+    )

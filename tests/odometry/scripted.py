@@ -1,0 +1,64 @@
+"""A matcher that finds what a script says, so that the odometry is tested alone: which scans see each other, and where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.matchers.registry import MATCHERS
+
+METHOD = "scripted"
+_N_BEAMS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Script:
+    """The true pose of each scan, by its number, and the scans that nothing is matched with."""
+
+    poses: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
+    hidden: frozenset[int] = frozenset()
+
+
+class ScriptedMatcher:
+    """Finds the true pose of any two scans that are not hidden."""
+
+    def __init__(self, config: Script) -> None:
+        self.config = config
+
+    def prepare(self, scan):
+        return round(scan.stamp)
+
+    def can_be_reference(self, features):
+        return True
+
+    def match(self, reference, current, guess):
+        is_seen = not {reference, current} & self.config.hidden
+        pose = se2.between(self.config.poses[reference], self.config.poses[current])
+        return cs.MatchResult(
+            method=METHOD,
+            outcome=cs.Outcome.MATCHED if is_seen else cs.Outcome.UNSUPPORTED,
+            pose=pose if is_seen else np.full(3, np.nan),
+            covariance=np.diag([1e-6, 1e-6, 1e-8]) if is_seen else np.full((3, 3), np.nan),
+            n_matched=200 * is_seen,
+            trace=None,
+            labels_reference=np.zeros(_N_BEAMS, dtype=np.uint8),
+            labels_current=np.zeros(_N_BEAMS, dtype=np.uint8),
+            score=0.8 if is_seen else np.nan,
+            confidence=0.95 if is_seen else 0.0,
+        )
+
+
+def run(monkeypatch, poses, hidden, config=None):
+    """Return the odometry after all scans of a script, and its steps."""
+    row = f"{__name__}:ScriptedMatcher", f"{__name__}:Script"
+    monkeypatch.setitem(MATCHERS, METHOD, row)
+    script = Script(poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden))
+    odometry = cs.Odometry(METHOD, config=config or cs.OdometryConfig(), matcher=script)
+    scans = [
+        cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k))
+        for k in range(len(poses))
+    ]
+    return odometry, [odometry.add(scan) for scan in scans]

@@ -1,0 +1,48 @@
+"""Recovery: what the odometry keeps, and what it forgets, when scans find no match and when one does again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from curvescan.odometry import KeyframesConfig, OdometryConfig, StepOutcome
+from tests.odometry.scripted import run
+
+
+def straight(n, step=0.3):
+    return np.array([(step * k, 0.0, 0.0) for k in range(n)])
+
+
+def test_the_script_is_followed(monkeypatch):
+    poses = straight(8)
+    _, steps = run(monkeypatch, poses, hidden=())
+    np.testing.assert_allclose([step.pose for step in steps], poses, atol=1e-3)
+    assert {step.outcome for step in steps[1:]} == {StepOutcome.MATCHED}
+
+
+def test_after_a_recovery_the_old_velocity_does_not_go_on(monkeypatch):
+    poses = straight(10)
+    poses[7:] = poses[5] - np.array([0.1, 0.0, 0.0])  # it was stopped and pushed back meanwhile
+    _, steps = run(monkeypatch, poses, hidden={6, 8, 9})
+    outcomes = [step.outcome for step in steps[5:9]]
+    assert outcomes == [
+        StepOutcome.MATCHED,
+        StepOutcome.PREDICTED,
+        StepOutcome.RELOCALIZED,
+        StepOutcome.PREDICTED,
+    ]
+    assert steps[6].pose[0] == pytest.approx(1.8, abs=0.01)  # the velocity goes on, once
+    np.testing.assert_allclose(steps[7].pose, poses[7], atol=0.01)
+    np.testing.assert_allclose(steps[8].pose, steps[7].pose, atol=1e-9)
+    np.testing.assert_allclose(steps[9].pose, steps[7].pose, atol=1e-9)
+
+
+def test_keyframes_placed_by_guess_push_no_measured_one_out(monkeypatch):
+    config = OdometryConfig(keyframes=KeyframesConfig(max_keyframes=6, max_gap=0))
+    n = 12
+    before, _ = run(monkeypatch, straight(n), hidden=(), config=config)
+    measured = {keyframe.index for keyframe in before.keyframes}
+    assert 3 <= len(measured) <= 4
+    after, steps = run(monkeypatch, straight(n + 20), hidden=range(n, n + 20), config=config)
+    assert {step.outcome for step in steps[n:]} <= {StepOutcome.PREDICTED, StepOutcome.HELD}
+    assert measured <= {keyframe.index for keyframe in after.keyframes}
