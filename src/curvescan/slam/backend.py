@@ -21,7 +21,7 @@ from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import Waiting
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.bending import bending, suspects
+from curvescan.slam.loops.bending import bending, greatest_turn, suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import (
     UNKNOWN_M,
@@ -429,10 +429,13 @@ class Backend:
 
     def _is_bent(self) -> bool:
         """Return whether the closures bend the odometry more than it can err."""
-        graph = self.graph
-        steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
-        edges = Edges.of(graph.ends[steps], graph.measured[steps], graph.covariances[steps])
-        return bending(graph.poses, edges, graph.kinds[steps]) > self.config.closures.max_bend
+        graph, rules = self.graph, self.config.closures
+        rows = np.flatnonzero((graph.kinds == EdgeKind.MOTION) | (graph.kinds == EdgeKind.MATCH))
+        edges = Edges.of(graph.ends[rows], graph.measured[rows], graph.covariances[rows])
+        kinds = graph.kinds[rows]
+        if bending(graph.poses, edges, kinds) > rules.max_bend:
+            return True
+        return greatest_turn(graph.poses, edges, kinds) > rules.max_turn
 
     def _withdraw(self) -> None:
         """Take back the closures that bend the odometry: the map falls back to it, and is never worse than it."""

@@ -155,6 +155,9 @@ class ClosuresConfig:
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
+    max_turn: float = 0.5
+    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
+    the mean does not show."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -168,6 +171,7 @@ class ClosuresConfig:
             "margin",
             "distinctive",
             "max_bend",
+            "max_turn",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
