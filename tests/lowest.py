@@ -15,4 +15,4 @@ def lowest(requirements: list[str]) -> list[str]:
 
 if __name__ == "__main__":
     project = tomllib.loads(Path("pyproject.toml").read_text())["project"]
-    print("\n".join(lowest(project["dependencies"] + project["optional-dependencies"]["icp"])))
+    print("\n".join(lowest(project["dependencies"])))

@@ -380,3 +380,23 @@ def test_a_turtlebot_turns_more_as_its_wheels_say(real_data):
 
     # measured: 4.6 mrad a step as they are, 3.1 deskewed
     assert misfit(chain(scans)) < 0.75 * misfit(chain(scans, is_deskewed=False))
+
+
+@pytest.mark.parametrize(
+    ("way", "seconds"), [(1.0, 5e-324), (1.0, 1e-9), (1e9, 0.1), (1e308, 1e-3)]
+)
+def test_a_velocity_that_nothing_has_is_not_expected(way, seconds):
+    np.testing.assert_array_equal(predicted_velocity([way, 0.0, 0.1], seconds), np.zeros(3))
+
+
+@pytest.mark.parametrize("leap", [10.0, 1e6, 1e200, 1e308])
+@pytest.mark.parametrize("period", [0.1, 1e-9])
+def test_a_leap_of_the_wheels_with_a_spinning_laser(leap, period):
+    simulation = simulate("office", n_scans=12, seed=1)
+    wheels = simulation.odometry.poses.copy()
+    wheels[6:, 0] += leap
+    odometry = Odometry()
+    for k, (scan, pose) in enumerate(zip(simulation, wheels, strict=True)):
+        spinning = replace(scan, time_increment=period / len(scan), stamp=k * period)
+        step = odometry.add(spinning, pose)
+        assert np.isfinite(step.pose).all()

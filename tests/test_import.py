@@ -13,7 +13,7 @@ import curvescan
 def loaded_after(statement):
     code = f"import sys; {statement}; print(' '.join(m.partition('.')[0] for m in sys.modules))"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=600
     )
     return set(done.stdout.split())
 

@@ -204,7 +204,7 @@ def test_angles_in_degrees_are_refused_with_the_remedy(angle_min, increment):
         LaserScan(np.ones(361), angles=np.arange(-90.0, 90.5, 0.5))
 
 
-@pytest.mark.parametrize("range_max", [8.0, np.inf])
+@pytest.mark.parametrize("range_max", [8.0, 8000.0, np.inf])
 def test_ranges_in_millimetres_are_named(range_max):
     ranges = np.random.default_rng(1).uniform(400.0, 7500.0, 361)
     with pytest.warns(UnitWarning, match="divide them by 1000"):

@@ -32,6 +32,9 @@ WORTH_AGAIN = 0.005
 with the velocity that the first match found: a third of a common laser's noise, and three times what the noise of the
 velocity itself makes when it does not change."""
 
+_FASTEST_SENSOR = 1_000.0
+"""No sensor moves so fast, metres a second."""
+
 _SHORTEST, _LONGEST = 0.5, 3.0
 """Steps of the clock that count as regular, in usual steps: jitter, and one or two scans lost on the way."""
 
@@ -120,9 +123,15 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
     Returns
     -------
     (3,) float64
-        [vx, vy, omega] in the sensor's frame, m/s, m/s, rad/s; zeros where the time is not known.
+        [vx, vy, omega] in the sensor's frame, m/s, m/s, rad/s; zeros where the time is not known, or is so short, or the
+        motion so long, that nothing moves so fast.
     """
-    return se2.log(motion) / seconds if seconds > 0.0 else np.zeros(3)
+    if not seconds > 0.0:
+        return np.zeros(3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        velocity: Floats = se2.log(motion) / seconds
+    is_possible = math.hypot(velocity[0], velocity[1]) <= _FASTEST_SENSOR
+    return velocity if is_possible else np.zeros(3)
 
 
 def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:

@@ -110,7 +110,7 @@ class LaserScan:
 
     def _warn_of_millimetres(self) -> None:
         """Warn where ranges look like millimetres: a scan without a valid reading says only that nothing was seen."""
-        limit = _FAR if math.isinf(self.range_max) else 10.0 * self.range_max
+        limit = _FAR if self.range_max > _FAR else 10.0 * self.range_max
         if ((self.ranges > 0.0) & (self.ranges <= limit)).any():
             return
         far = self.ranges[(self.ranges > limit) & (self.ranges < 1000.0 * limit)]

@@ -311,7 +311,10 @@ def test_help_explains_itself_and_loads_nothing_heavy(command):
         "sys.exit(status)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, *command, "--help"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code, *command, "--help"],
+        capture_output=True,
+        text=True,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     assert "usage: curvescan" in done.stdout
@@ -363,7 +366,10 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 
 def test_the_module_runs_as_the_command_does():
     done = subprocess.run(
-        [sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", "curvescan", "--version"],
+        capture_output=True,
+        text=True,
+        timeout=600,
     )
     assert done.stdout == f"curvescan {__version__}\n"
 
@@ -385,9 +391,33 @@ def test_a_real_log_runs_through(real_data: Path, tmp_path, name, n_scans):
 def test_a_progress_bar_tells_all_steps_and_runs_no_thread_beside_the_work(monkeypatch):
     shown = Console(file=io.StringIO(), force_terminal=True, width=120)
     monkeypatch.setattr(console, "ERR", shown)
-    n_threads = threading.active_count()
+    before = set(threading.enumerate())  # threads of earlier tests may end meanwhile
     with console.progress_bar("work", 40) as advance:
         for _ in range(40):
             advance()
-        assert threading.active_count() == n_threads
+        assert set(threading.enumerate()) <= before
     assert "40/40" in shown.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "name", ["esc\x1b[31mred.log", "bad\udcff.log", "a$b$x_{.log", "n" * 200 + ".log"]
+)
+def test_names_of_files_are_printed_plainly(log, tmp_path, capsys, name):
+    strange = tmp_path / name
+    log.rename(strange)
+    for words in (["info"], ["odometry", "--out", f"{tmp_path}/{name[:-4]}"]):
+        assert run([words[0], str(strange), *words[1:]]) == 0
+    missing = tmp_path / f"no-{name}"
+    assert run(["info", str(missing)]) == 1
+    captured = capsys.readouterr()
+    printed = captured.out + captured.err
+    assert "\x1b" not in printed
+    assert printed.isascii() or "\udcff" not in printed
+    assert name[:3] in printed
+    assert (tmp_path / name[:-4] / "map.png").stat().st_size > 1000
+
+
+def test_what_could_not_be_read_is_told_by_the_run(log, tmp_path, capsys):
+    log.write_text(log.read_text() + "FLASER 361 1.0 1.0")
+    assert run(["odometry", str(log), "--out", str(tmp_path / "o")]) == 0
+    assert "cut short" in " ".join(capsys.readouterr().err.split())

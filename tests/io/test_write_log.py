@@ -8,6 +8,7 @@ import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, get_args
 
 import numpy as np
@@ -374,3 +375,63 @@ def test_memory_does_not_grow_with_the_log(tmp_path: Path, name: str) -> None:
     read = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert max(written, read) < limit
+
+
+class ChangingLog:
+    """A log whose length changes from one reading to the next, as that of a file that is still written."""
+
+    name, format, odometry, notes, read_errors, tag_counts = (
+        "a.log",
+        "test",
+        None,
+        (),
+        (),
+        MappingProxyType({}),
+    )
+
+    def __init__(self, *lengths: int) -> None:
+        self._lengths, self._n_readings = lengths, 0
+
+    def __len__(self) -> int:
+        return self._lengths[0]
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        n = self._lengths[min(self._n_readings, len(self._lengths) - 1)]
+        self._n_readings += 1
+        # intensities make a further reading
+        return iter(
+            LaserScan(
+                np.full(5, 1.0 + k),
+                angle_min=0.0,
+                angle_increment=0.1,
+                stamp=float(k),
+                intensities=np.full(5, float(k)),
+            )
+            for k in range(n)
+        )
+
+
+@pytest.mark.parametrize(
+    ("lengths", "n_written", "sentence"),
+    [
+        ((4, 6, 9), 4, "grew while it was read: its first 4 scans are written"),
+        ((6, 4, 4), 4, None),
+        ((6, 6, 3, 3), 3, None),
+        ((6, 4, 7, 7), 7, None),
+    ],
+)
+def test_a_log_that_changes_while_it_is_read(
+    tmp_path: Path, lengths: tuple[int, ...], n_written: int, sentence: str | None
+) -> None:
+    lost = write_log(tmp_path / "a.npz", ChangingLog(*lengths))
+    assert len(lost) == (sentence is not None)
+    assert all(sentence in one for one in lost)
+    written = list(read_log(tmp_path / "a.npz"))
+    assert [scan.ranges[0] for scan in written] == [1.0 + k for k in range(n_written)]
+    assert [scan.intensities[0] for scan in written] == list(range(n_written))
+
+
+def test_a_log_that_never_stops_shrinking(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="changes while it is read; try again when it is whole"):
+        write_log(tmp_path / "a.npz", ChangingLog(*range(9, 0, -1)))
+    assert list(tmp_path.iterdir()) == []

@@ -17,6 +17,7 @@ from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
 from curvescan.odometry import Odometry, run_odometry
+from curvescan.plots.canvas import as_place, drawing
 from curvescan.plots.match import save_match
 from curvescan.runs.odometry import save_run
 from curvescan.runs.plain import as_plain
@@ -163,3 +164,12 @@ def test_configurations_become_plain_values():
     plain = as_plain(CfSmaConfig())
     assert json.loads(json.dumps(plain)) == plain
     assert as_plain((cs.Outcome.MATCHED, {"a": 1})) == ["matched", {"a": 1}]
+
+
+@pytest.mark.parametrize(
+    "name", ["a$b$x_{", "bad\udcff", "esc\x1b[31m", "\u30b9\u30ad\u30e3\u30f3"]
+)
+def test_the_name_of_a_log_is_no_formula_and_no_warning(tmp_path, name):
+    with drawing(tmp_path / "a.png", 2.0, 2.0) as figure:
+        as_place(figure.subplots(), f"{name}: 3 scans")
+    assert (tmp_path / "a.png").stat().st_size > 1000

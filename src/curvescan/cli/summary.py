@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from curvescan.cli.console import table
+from curvescan.diagnostics.issues import Issue
 from curvescan.odometry import OdometryRun, StepOutcome
 
 _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
@@ -56,3 +57,8 @@ def wrote(folder: Path, left_out: Sequence[str]) -> str:
     """Return the sentence on the files of a run."""
     maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
     return f"wrote {folder}/trajectory.tum, trajectory.csv, map.png{maps}, run.json"
+
+
+def on_the_file(issues: Sequence[Issue]) -> tuple[str, ...]:
+    """Return what of a log could not be read, a sentence each: the results are made from the rest."""
+    return tuple(issue.what for issue in issues if issue.kind == "read_error")

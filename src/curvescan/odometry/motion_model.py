@@ -17,6 +17,9 @@ from curvescan.se2.angles import wrap_angle
 from curvescan.se2.uncertain import UncertainPose, identity
 from curvescan.types import Pose
 
+_LONGEST_STEP = 1_000.0
+"""Metres from a scan to the next that an odometry can tell; beyond, it tells nothing of the way."""
+
 _MAX_STRETCH = 20.0
 """A pause longer than this many scans counts as this many."""
 
@@ -203,7 +206,7 @@ class MotionModel:
         by_wheels = se2.between(before, odometry_pose)
         turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
-        is_measured = math.isfinite(path)
+        is_measured = path < _LONGEST_STEP  # not where it is NaN
         if is_measured:
             pose[:2] = by_wheels[:2]
             cov[:2, :] = cov[:, :2] = 0.0

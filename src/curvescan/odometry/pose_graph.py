@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry import OdometryStep
-from curvescan.types import Pose, PoseEdge
+from curvescan.odometry import OdometryStep, StepOutcome
+from curvescan.types import Cov, Pose, PoseEdge
 
 GUESS_SIGMAS = (0.1, 0.1, 0.1)
 """Standard deviations of a motion that no match measured: metres, metres, radians a step."""
@@ -21,7 +21,8 @@ class PoseGraph:
     Attributes
     ----------
     edges : list of PoseEdge
-        One a step but the first.
+        One a step but the first; two where a step returns to an earlier keyframe: that match, and the motion since the
+        scan before.
     """
 
     def __init__(self) -> None:
@@ -31,17 +32,17 @@ class PoseGraph:
     def add(self, step: OdometryStep) -> None:
         """Take up a step."""
         if step.match is not None and step.match.ok and step.reference is not None:
-            edge = PoseEdge(
-                i=step.reference,
-                j=step.index,
-                pose=step.match.pose,
-                covariance=step.match.covariance,
-            )
-            self.edges.append(edge)
+            self._join(step.reference, step, step.match.pose, step.match.covariance)
+            if (
+                step.outcome is StepOutcome.LOOP_CLOSED
+            ):  # the match that led here is a measurement too
+                self._join(step.index - 1, step, step.motion, step.motion_covariance)
+        elif step.outcome is StepOutcome.LOST:
+            self._join(step.index - 1, step, step.motion, step.motion_covariance)
         elif self._last is not None:
             moved = se2.between(self._last, step.pose)
-            guess = np.diag(np.square(GUESS_SIGMAS))
-            self.edges.append(
-                PoseEdge(i=step.index - 1, j=step.index, pose=moved, covariance=guess)
-            )
+            self._join(step.index - 1, step, moved, np.diag(np.square(GUESS_SIGMAS)))
         self._last = step.pose
+
+    def _join(self, i: int, step: OdometryStep, pose: Pose, covariance: Cov) -> None:
+        self.edges.append(PoseEdge(i=i, j=step.index, pose=pose, covariance=covariance))

@@ -139,9 +139,7 @@ def _agreeing(hit: Closure, others: list[Closure], config: KeyframesConfig) -> C
     """Return of two closures that agree the one by the older keyframe; None where none of the others agrees."""
     for other in others:
         if _agree(hit.localization, other.localization, config):
-            return min(
-                hit, other, key=lambda c: (not c.result.ok, c.localization.keyframe.number)
-            )
+            return min(hit, other, key=lambda c: (not c.result.ok, c.localization.keyframe.number))
     return None
 
 

@@ -133,7 +133,7 @@ def run_odometry(
     with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
-            step = odometry.add(scan, None if odometry_poses is None else odometry_poses[k])
+            step = odometry.add(scan, pose_at(odometry_poses, k))
             seconds.append(time.perf_counter() - started)
             stamps.append(step.stamp)
             poses.extend(step.pose)
@@ -171,3 +171,10 @@ def run_odometry(
         has_prior=odometry_poses is not None,
         n_prior_rejected=n_prior_rejected,
     )
+
+
+def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:
+    """Return the pose of the sensor at scan k by its wheels; NaN beyond the last, as of a log that grows while it is read."""
+    if odometry_poses is None:
+        return None
+    return odometry_poses[k] if k < len(odometry_poses) else np.full(3, np.nan)

@@ -13,6 +13,7 @@ import numpy as np
 from curvescan import __version__
 from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.odometry.run import pose_at
 from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
 from curvescan.runs.plain import as_plain
 from curvescan.runs.results import write_record
@@ -65,7 +66,7 @@ def run_localizer(
     with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
-            step = localizer.add(scan, None if odometry_poses is None else odometry_poses[k])
+            step = localizer.add(scan, pose_at(odometry_poses, k))
             seconds.append(time.perf_counter() - started)
             steps.append(step)
             if on_step:

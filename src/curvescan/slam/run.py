@@ -13,6 +13,7 @@ import numpy as np
 from curvescan._interrupts import stoppable
 from curvescan.matchers import Outcome
 from curvescan.odometry import OdometryRun, StepOutcome
+from curvescan.odometry.run import pose_at
 from curvescan.odometry.step import MATCHES
 from curvescan.scan import LaserScan
 from curvescan.slam.slam import Slam
@@ -77,7 +78,7 @@ def run_slam(
     with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
-            step = slam.add(scan, None if odometry_poses is None else odometry_poses[k])
+            step = slam.add(scan, pose_at(odometry_poses, k))
             seconds.append(time.perf_counter() - started)
             stamps.append(step.stamp)
             poses.extend(step.pose)

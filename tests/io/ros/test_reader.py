@@ -29,7 +29,7 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
 from curvescan.io.ros.laser_scan import BAD_ANGLES, BAD_LIMITS
-from curvescan.io.ros.reader import BROKEN_BAG
+from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
 from tests.bags import (
     KINDS,
     RANGES,
@@ -514,22 +514,68 @@ def assert_log_or_sentence(path: Path) -> None:
     assert str(path) in sentence
 
 
-@pytest.mark.parametrize(("kind_name", "n_bytes"), [("ros1", 6000), ("mcap", 900)])
-def test_recording_that_was_not_closed(tmp_path: Path, kind_name: str, n_bytes: int) -> None:
+@pytest.mark.parametrize("kind_name", ["ros1", "sqlite3", "mcap"])
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_bag_cut_short_is_read_up_to_the_break(
+    tmp_path: Path, kind_name: str, share: float
+) -> None:
+    messages = [scan(i, ranges=[1.0 + 0.001 * i] * 361) for i in range(1, 200)]
+    whole = write_bag(tmp_path / "whole", kind_name, messages)
+    scans = list(read_log(whole))
+    path = storage(whole)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    log = read_log(whole)
+    left = list(log)
+    assert (share - 0.1) * len(scans) < len(left) <= len(scans)
+    for k, one in enumerate(left):
+        np.testing.assert_array_equal(one.ranges, scans[k].ranges)
+        assert one.stamp == scans[k].stamp
+    assert [(e.rule, e.count) for e in log.read_errors] == [(CUT_BAG, 1)]
+    np.testing.assert_array_equal(log[len(left) - 1].ranges, left[-1].ranges)
+
+
+@pytest.mark.parametrize(("kind_name", "n_bytes"), [("ros1", 4500), ("mcap", 60)])
+def test_a_bag_cut_before_its_first_message(tmp_path: Path, kind_name: str, n_bytes: int) -> None:
     path = storage(write_bag(tmp_path / "bag", kind_name, [scan(i) for i in range(1, 50)]))
     path.write_bytes(path.read_bytes()[:n_bytes])
     with pytest.raises(LogFormatError, match=r"bag.* that cannot be read: "):
         read_log(path)
 
 
-def test_ros1_bag_without_index_says_so(tmp_path: Path) -> None:
-    path = write_bag(tmp_path / "a.bag", "ros1", [scan()])
+def test_ros1_bag_whose_recorder_was_killed_has_no_index(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag.active", "ros1", [scan(i) for i in range(1, 20)])
     content = bytearray(path.read_bytes())
     at = content.index(b"index_pos=") + len(b"index_pos=")
     content[at : at + 8] = bytes(8)
     path.write_bytes(content)
-    with pytest.raises(LogFormatError, match="not indexed, reindex before reading"):
-        read_log(path)
+    assert len(list(read_log(path))) == 19
+
+
+def test_a_database_that_was_not_closed_is_read_with_its_wal(tmp_path: Path) -> None:
+    messages = [scan(i) for i in range(1, 40)]
+    bag = write_bag(tmp_path / "bag", "sqlite3", messages)
+    scans, path = list(read_log(bag)), storage(bag)
+    database = sqlite3.connect(path)
+    rows = database.execute("select * from messages order by id").fetchall()
+    database.execute("pragma journal_mode=wal")
+    database.execute("pragma wal_autocheckpoint=0")
+    database.execute("delete from messages where id > 20")
+    database.commit()
+    database.execute("pragma wal_checkpoint(truncate)")
+    database.executemany("insert into messages values (?, ?, ?, ?)", rows[20:])
+    database.commit()
+    wal = path.with_name(path.name + "-wal")
+    left = {file: file.read_bytes() for file in (path, wal)}
+    database.close()  # which would take it in
+    for file, content in left.items():
+        file.write_bytes(content)
+    log = read_log(bag)
+    assert len(list(log)) == len(scans)
+    assert any("-wal or -journal file is read as well" in note for note in log.notes)
+    assert {file: file.read_bytes() for file in left} == left
+    wal.write_bytes(b"\xff" * 200)  # of which nothing is of use
+    assert len(list(read_log(bag))) == 20
 
 
 def test_damaged_schema_is_one_line(tmp_path: Path) -> None:

@@ -22,10 +22,11 @@ from curvescan.io.trajectories.exports import (
     takes_edges,
     write_exports,
 )
-from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
-from curvescan.odometry import Odometry, run_odometry
+from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
 from curvescan.odometry.pose_graph import PoseGraph
+from curvescan.simulation import simulate
 from curvescan.types import PoseEdge, Trajectory
 from tests.logs import assert_same_scan, rich_log
 from tests.scenes import room_scan
@@ -120,12 +121,62 @@ def test_a_pose_graph(tmp_path: Path) -> None:
     write_g2o(tmp_path / "a.g2o", path, edges)
     vertices, read, fixed = read_g2o(tmp_path / "a.g2o")
     assert fixed == [0]
+    assert (tmp_path / "a.g2o").read_text().splitlines()[-1] == "FIX 0"
     np.testing.assert_array_equal([vertices[k] for k in range(8)], path.poses)
     for edge, (i, j, pose, information) in zip(edges, read, strict=True):
         assert (i, j) == (edge.i, edge.j)
         np.testing.assert_array_equal(pose, edge.pose)
         np.testing.assert_allclose(information, information.T)
         assert (np.linalg.eigvalsh(information) > 0).all()
+
+
+def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
+    gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed: pip install gtsam")
+    path = trajectory()
+    closure = PoseEdge(
+        i=0, j=7, pose=path.poses[7] - path.poses[0], covariance=np.diag([1e-4, 4e-4, 1e-6])
+    )
+    edges = [*edges_along(path.poses), closure]
+    write_g2o(tmp_path / "a.g2o", path, edges)
+    graph, values = gtsam.readG2o(str(tmp_path / "a.g2o"), False)
+    assert (graph.size(), values.size()) == (len(edges), len(path.poses))
+    for k, pose in enumerate(path.poses):
+        found = values.atPose2(k)
+        np.testing.assert_allclose([found.x(), found.y(), found.theta()], pose, atol=1e-12)
+    for k, edge in enumerate(edges):
+        factor = graph.at(k)
+        assert tuple(factor.keys()) == (edge.i, edge.j)
+        measured = factor.measured()
+        np.testing.assert_allclose(
+            [measured.x(), measured.y(), measured.theta()], edge.pose, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            factor.noiseModel().information(), information_of(edge), rtol=1e-9, atol=1e-6
+        )
+
+
+def test_a_return_has_both_its_edges() -> None:
+    steps = run_odometry_steps()
+    graph = PoseGraph()
+    for step in steps:
+        graph.add(step)
+    returns = [step for step in steps if step.outcome is StepOutcome.LOOP_CLOSED]
+    assert returns
+    for step in returns:
+        by_match, by_motion = [edge for edge in graph.edges if edge.j == step.index]
+        assert (by_match.i, by_motion.i) == (step.reference, step.index - 1)
+        assert by_match.i < step.index - 1
+        np.testing.assert_array_equal(by_motion.pose, step.motion)
+    assert len(graph.edges) == len(steps) - 1 + len(returns)
+    for edge in graph.edges:  # which refuses a covariance that is not positive definite
+        assert np.isfinite(information_of(edge)).all()
+
+
+def run_odometry_steps() -> list[OdometryStep]:
+    """Return the steps of a drive that comes back to where it began."""
+    scans = list(simulate("office", n_scans=60, seed=4))
+    odometry = Odometry()
+    return [odometry.add(scan) for scan in (*scans, *reversed(scans))]
 
 
 def test_the_information_is_of_g2os_error(tmp_path: Path) -> None:
@@ -168,7 +219,9 @@ def test_a_graph_of_a_run_joins_all_scans(tmp_path: Path) -> None:
     result = run_odometry(scans, Odometry(), on_step=graph.add)
     write_g2o(tmp_path / "a", result.trajectory, graph.edges)
     vertices, edges, _ = read_g2o(tmp_path / "a")
-    assert [j for _, j, _, _ in edges] == [1, 2, 3, 4, 5]
+    # after the blind scan the scan before it matches, beside the motion since: both are edges
+    assert [(i, j) for i, j, _, _ in edges if j == 4] == [(2, 4), (3, 4)]
+    assert [j for _, j, _, _ in edges] == [1, 2, 3, 4, 4, 5]
     for i, j, pose, _ in edges:
         # poses follow these very matches, and a little the motion that was expected
         found = se2.between(np.array(vertices[i]), np.array(vertices[j]))

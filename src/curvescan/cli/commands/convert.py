@@ -51,7 +51,7 @@ def convert(
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
     for read_error in source.read_errors:
         ERR.print(
-            f"skipped: {read_error.rule} ({read_error.count} times, first in {read_error.first})",
+            f"not read: {read_error.rule} ({read_error.count} times, first in {read_error.first})",
             markup=False,
         )
     for loss in losses:

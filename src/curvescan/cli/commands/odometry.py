@@ -84,7 +84,7 @@ def odometry(
         Parameters of the odometry, where keyframes are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
-    from curvescan.cli.summary import summarise, wrote
+    from curvescan.cli.summary import on_the_file, summarise, wrote
     from curvescan.cli.tracker import make_config
     from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.run import run
@@ -107,7 +107,7 @@ def odometry(
     if not result.sensor.can_deskew:
         ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
     OUT.print(summarise(result.run, len(source)))
-    for remark in result.left_out:
+    for remark in (*on_the_file(result.issues), *result.left_out):
         ERR.print(remark, markup=False)
     OUT.print(wrote(out, result.left_out), markup=False)
     if export:

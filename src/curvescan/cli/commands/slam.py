@@ -76,7 +76,7 @@ def slam(
         Parameters of SLAM.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
-    from curvescan.cli.summary import summarise
+    from curvescan.cli.summary import on_the_file, summarise
     from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.slam_log import slam_log
     from curvescan.slam import load_map
@@ -107,7 +107,7 @@ def slam(
             "odometry's",
             markup=False,
         )
-    for remark in result.left_out:
+    for remark in (*on_the_file(result.issues), *result.left_out):
         ERR.print(remark, markup=False)
     maps = "" if result.left_out else ", occupancy.png, map.pgm with map.yaml"
     OUT.print(

@@ -15,41 +15,87 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from curvescan.errors import OutputError
 from curvescan.io.arrays.csv_writer import is_on_grid
 from curvescan.io.arrays.npz_reader import SCALARS
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
+_MAX_ATTEMPTS = 3
+
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)
 """Date of all members: the same log gives the same bytes."""
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write a log as .npz, uncompressed; a LogWriter that loses nothing."""
+    """Write a log as .npz, uncompressed; a LogWriter that loses nothing.
+
+    Of a log that grows meanwhile it holds what was there at first; one that shrinks is begun anew.
+    """
+    for _ in range(_MAX_ATTEMPTS):
+        try:
+            return _write(path, log, on_scan)
+        except _ShrunkError:
+            path.unlink()
+    raise OutputError(
+        f"cannot write {path.name}: {log.name} changes while it is read; try again when it is whole"
+    )
+
+
+class _ShrunkError(Exception):
+    """A scan that was there at first is gone, or another."""
+
+
+def _write(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
     survey = _Survey()
     for scan in log:
         survey.add(scan)
     n, m = len(survey.stamps), max(survey.counts, default=0)
+    n_seen = 0
+
+    def rows(values: Callable[[LaserScan], Floats]) -> Iterator[Floats]:
+        nonlocal n_seen
+        k = 0
+        for k, scan in enumerate(log, 1):
+            if k > n:
+                break
+            if len(scan) != survey.counts[k - 1]:
+                raise _ShrunkError
+            yield values(scan)
+        n_seen = max(n_seen, k)
+        if k < n:
+            raise _ShrunkError
+
     with zipfile.ZipFile(path, "x", allowZip64=True) as archive:
         arrays: dict[str, NDArray[np.generic]] = {"stamps": np.array(survey.stamps)}
         arrays["counts"] = np.array(survey.counts, dtype=np.int64)
         table = np.array(survey.scalars).reshape(n, len(SCALARS))
         arrays |= dict(zip(SCALARS, table.T, strict=True))
         if log.odometry is not None:
-            arrays["odometry"] = log.odometry.poses
-        for name, values in arrays.items():
-            _write_rows(archive, name, values.shape, values.dtype.str, iter([values]))
+            poses = np.full((n, 3), np.nan)
+            known = log.odometry.poses[:n]
+            poses[: len(known)] = known
+            arrays["odometry"] = poses
+        for name, array_of in arrays.items():
+            _write_rows(archive, name, array_of.shape, array_of.dtype.str, iter([array_of]))
         kind = "<f4" if survey.is_short else "<f8"
-        padded = (_padded(scan.ranges, m) for scan in _watched(log, on_scan))
-        _write_rows(archive, "ranges", (n, m), kind, padded)
+
+        def ranges(scan: LaserScan) -> Floats:
+            on_scan()
+            return _padded(scan.ranges, m)
+
+        def angles(scan: LaserScan) -> Floats:
+            return np.full(m, np.nan) if is_on_grid(scan) else _padded(scan.angles, m)
+
+        _write_rows(archive, "ranges", (n, m), kind, rows(ranges))
         if not survey.is_even:
-            rows = (np.full(m, np.nan) if is_on_grid(s) else _padded(s.angles, m) for s in log)
-            _write_rows(archive, "angles", (n, m), "<f8", rows)
+            _write_rows(archive, "angles", (n, m), "<f8", rows(angles))
         if survey.has_intensities:
-            rows = (_padded(s.intensities, m) for s in log)
-            _write_rows(archive, "intensities", (n, m), "<f8", rows)
-    return ()
+            intensities = rows(lambda scan: _padded(scan.intensities, m))
+            _write_rows(archive, "intensities", (n, m), "<f8", intensities)
+    grew = f"{log.name} grew while it was read: its first {n:,} scans are written"
+    return (grew,) if n_seen > n else ()
 
 
 @dataclass
@@ -73,12 +119,6 @@ class _Survey:
             with np.errstate(over="ignore", under="ignore"):
                 short = scan.ranges.astype(np.float32).astype(np.float64)
             self.is_short = np.array_equal(short, scan.ranges, equal_nan=True)
-
-
-def _watched(log: Log, on_scan: Callable[[], object]) -> Iterator[LaserScan]:
-    for scan in log:
-        yield scan
-        on_scan()
 
 
 def _padded(values: Floats | None, m: int) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import shutil
+import sqlite3
 import tempfile
 import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -19,6 +20,7 @@ from typing import Any, Protocol
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError as Ros1Error
+from rosbags.rosbag1 import WriterError as RosbagsWriterError
 from rosbags.rosbag2 import ReaderError as Ros2Error
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
@@ -28,6 +30,7 @@ from curvescan.io.files.printable import printable
 from curvescan.io.ros.bag_files import BagKind, bag_kind, storage_files
 from curvescan.io.ros.limits import CheckedMcapReader, CheckedRos1Reader
 from curvescan.io.ros.messages import Decoder
+from curvescan.io.ros.salvage import salvage, with_its_journal
 from curvescan.io.ros.sqlite import sqlite_reader, unfinished
 
 
@@ -93,14 +96,18 @@ class Bag:
             raise LogFormatError(f"{path} is no ROS bag")
         self.kind = kind
         self._files = [self._unpacked(file) for file in stored]
-        self._n_given = {
-            file: given.stat().st_size for file, given in zip(self._files, stored, strict=True)
-        }
-        self._is_unfinished = kind is BagKind.SQLITE and any(map(unfinished, stored))
+        self._n_given = {}
+        for file, given in zip(self._files, stored, strict=True):
+            self._n_given[file] = given.stat().st_size
+        self._journal_notes: list[str] = []
+        if kind is BagKind.SQLITE:
+            self._files = [
+                self._with_its_journal(file) if unfinished(file) else file for file in self._files
+            ]
+        self.is_cut = False
         connections: list[Connection] = []
-        for file in self._files:
-            with self._opened(file) as reader:
-                connections += reader.connections
+        for k, file in enumerate(self._files):
+            connections += self._connections_of(k, file)
         self.topics = _topics(connections)
         self._decoder = Decoder(connections, is_ros1=kind is BagKind.ROS1)
 
@@ -110,15 +117,7 @@ class Bag:
         cut = (
             "its compressed data break off or are damaged: what could be unpacked of them is read",
         )
-        left = (
-            "the database was not closed: what stands in its -wal or -journal file is not read; "
-            "`sqlite3 FILE 'pragma wal_checkpoint'` writes it back",
-        )
-        return (
-            *(() if self.is_whole else cut),
-            *(left if self._is_unfinished else ()),
-            *self._decoder.notes,
-        )
+        return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
 
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
@@ -181,10 +180,46 @@ class Bag:
     def _unpacked(self, file: Path) -> Path:
         if not is_packed(file):
             return file
-        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        folder = self._temporary_folder()
         self.is_whole &= unpack(file, folder / "bag")
         return folder / "bag"
+
+    def _connections_of(self, k: int, file: Path) -> list[Connection]:
+        """Return the connections of file k; of one that is cut short, what is left of it takes its place."""
+        try:
+            with self._opened(file) as reader:
+                return list(reader.connections)
+        except LogFormatError as error:
+            rest = self._temporary_folder() / "rest"
+            try:
+                salvage(file, self.kind, rest)
+                self._n_given[rest] = self._n_given[file]
+                with self._opened(rest) as reader:
+                    connections = list(reader.connections)
+            except (OSError, ValueError, LogFormatError, sqlite3.Error, RosbagsWriterError):
+                raise error from None
+            if not any(c.msgcount for c in connections):
+                raise
+            self._files[k] = rest
+            self.is_cut = True
+            return connections
+
+    def _with_its_journal(self, file: Path) -> Path:
+        what = "the database was not closed: what stands in its -wal or -journal file"
+        try:
+            copy = with_its_journal(file, self._temporary_folder())
+        except (OSError, sqlite3.Error) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            self._journal_notes = [f"{what} is not read ({printable(reason, 100)})"]
+            return file
+        self._journal_notes = [f"{what} is read as well, from a copy"]
+        self._n_given[copy] = max(copy.stat().st_size, self._n_given[file])
+        return copy
+
+    def _temporary_folder(self) -> Path:
+        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
 
     @contextmanager
     def _opened(self, file: Path) -> Iterator[_Reader]:

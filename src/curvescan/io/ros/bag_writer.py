@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Literal, Protocol, Self
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -23,6 +23,10 @@ from curvescan.scan import LaserScan
 from curvescan.types import Cov, Pose
 
 SCAN_TOPIC, ODOM_TOPIC, TF_TOPIC = "/scan", "/odom", "/tf"
+
+_METADATA_VERSION: Literal[8, 9] = 8
+"""Of metadata.yaml: the last whose quality of service is a text, as all releases since Foxy read it; 9 gives a list, over which
+Humble and Iron stumble."""
 
 _PLUGINS = {BagKind.SQLITE: StoragePlugin.SQLITE3, BagKind.MCAP: StoragePlugin.MCAP}
 
@@ -98,7 +102,7 @@ class BagWriter:
         self._writer: _Writer = (
             Ros1Writer(self._path)
             if is_ros1
-            else Ros2Writer(self._path, version=9, storage_plugin=_PLUGINS[kind])
+            else Ros2Writer(self._path, version=_METADATA_VERSION, storage_plugin=_PLUGINS[kind])
         )
 
     def __enter__(self) -> Self:

@@ -40,6 +40,8 @@ from curvescan.types import Floats, Trajectory
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
+CUT_BAG = "bag cut short: its end is missing, what stands before is read"
+
 _LATEST = (1 << 63) - 1
 """Nanoseconds; an MCAP file can claim twice as many."""
 
@@ -182,6 +184,8 @@ class RosbagLog(ScanAccess):
                 received.append(min(message.received, _LATEST))
                 n_bad_times += has_bad_times(decoded)
                 yield scan
+            if self._bag.is_cut:
+                read_errors.add(CUT_BAG, number + 1)
         except LogFormatError:
             read_errors.add(BROKEN_BAG, number + 1)
         self._survey = self._survey or _Survey(

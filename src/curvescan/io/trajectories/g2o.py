@@ -44,8 +44,6 @@ def write_g2o(
     with writing_text(path) as file:
         for i in np.flatnonzero(known).tolist():
             file.write(f"VERTEX_SE2 {i} {_row(trajectory.poses[i].tolist())}\n")
-        if known.any():
-            file.write(f"FIX {int(np.argmax(known))}\n")
         for edge in edges:
             for k in (edge.i, edge.j):
                 if not (0 <= k < len(known) and known[k]):
@@ -56,6 +54,9 @@ def write_g2o(
             file.write(
                 f"EDGE_SE2 {edge.i} {edge.j} {_row(edge.pose.tolist())} {_row(information)}\n"
             )
+        # last: some readers of the format stop at a word that they do not know
+        if known.any():
+            file.write(f"FIX {int(np.argmax(known))}\n")
 
 
 def information_of(edge: PoseEdge) -> Cov:

@@ -66,11 +66,12 @@ def compare_readings(
         Reading of the other scan where it is an INLIER, else -1.
     """
     m = surfels.shape[0]
-    codes = np.zeros(m, dtype=np.uint8)
-    partner = np.full(m, -1, dtype=np.int64)
+    codes = np.empty(m, dtype=np.uint8)
+    partner = np.empty(m, dtype=np.int64)
     surfels_other = other.surfels
     motion = motion_of(pose, FORWARD)
     for i in range(m):
+        codes[i], partner[i] = OCCLUDED, -1
         j, _, x, y, across, along = associate(surfels, i, motion, other)
         if j < 0:
             continue
@@ -127,7 +128,7 @@ def static_segments(
     n_dynamic : int
         Surfaces that moved.
     """
-    is_static = np.ones(surfels.shape[0], dtype=np.bool_)
+    is_static = np.empty(surfels.shape[0], dtype=np.bool_)
     n_dynamic = 0
     motion = motion_of(pose, FORWARD)
     for k in range(bounds.size - 1):
@@ -140,8 +141,10 @@ def static_segments(
             total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        if n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2):
-            n_dynamic += 1
-            for i in range(bounds[k], bounds[k + 1]):
-                is_static[i] = False
+        has_moved = n >= _MIN_PARTNERS and total * total > max(
+            limit * limit * variance, (least * n) ** 2
+        )
+        n_dynamic += has_moved
+        for i in range(bounds[k], bounds[k + 1]):
+            is_static[i] = not has_moved
     return is_static, n_dynamic
