@@ -141,7 +141,7 @@ class ClosuresConfig:
     """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom, 99.9 %."""
     min_score: float = 0.25
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
-    min_confidence: float = 0.4
+    min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
     n_agreeing: int = 3
     """Matches that must agree where the graph does not know the relative pose well."""
