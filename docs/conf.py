@@ -5,6 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert
 
 import curvescan
 from curvescan.cli.command_line import COMMANDS
@@ -19,7 +23,6 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_gallery.gen_gallery",
 ]
@@ -38,9 +41,13 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True  # fields are described once, in their class
 
+html_math_renderer = (
+    "mathml"  # browsers draw it themselves: no script from elsewhere, formulas offline too
+)
 html_theme = "pydata_sphinx_theme"
 html_title = "curvescan"
 html_static_path = ["_static"]
+html_css_files = ["curvescan.css"]
 html_show_sourcelink = False
 html_theme_options = {
     "navigation_with_keys": False,
@@ -92,6 +99,15 @@ def write_commands(_app: object) -> None:
     (DOCS / "reference" / "commands.md").write_text("\n".join(parts), encoding="utf-8")
 
 
-def setup(app: object) -> None:
-    """Have the commands' help written when the build begins."""
-    app.connect("builder-inited", write_commands)  # type: ignore[attr-defined]
+def write_formula(translator: Any, node: Any) -> None:
+    """Write a formula as MathML."""
+    is_alone = node.tagname == "math_block"
+    formula = convert(node.astext(), display="block" if is_alone else "inline")
+    translator.body.append(f"<div class='formula'>{formula}</div>" if is_alone else formula)
+    raise SkipNode
+
+
+def setup(app: Any) -> None:
+    """Have the commands' help written when the build begins, and formulas drawn by browsers."""
+    app.connect("builder-inited", write_commands)
+    app.add_html_math_renderer("mathml", (write_formula, None), (write_formula, None))

@@ -166,7 +166,7 @@ NAMED = (
     _named(
         "two keyframes need not agree",
         "odometry/relocalization.py",
-        "if _agree(hit[0], other[0], config):",
+        "if _agree(hit.localization, other.localization, config):",
         "if True:",
     ),
     _named(

@@ -181,8 +181,14 @@ def test_helpers_compile_what_the_first_match_needs(tmp_path):
 
 def test_helpers_are_started_once_and_only_where_there_are_cores(tmp_path, monkeypatch):
     started = []
-    monkeypatch.setattr(_compilation.subprocess, "Popen", lambda *a, **k: started.append(a[0]))
+
+    def start(command, **_):
+        started.append(command)
+        return SimpleNamespace(kill=None)
+
+    monkeypatch.setattr(_compilation.subprocess, "Popen", start)
     monkeypatch.setattr(_compilation.atexit, "register", lambda *a: None)
+    monkeypatch.setattr(_compilation, "clean_up_at_end", lambda clean_up: None)
     monkeypatch.setattr(_compilation, "_n_helpers", lambda: 0)
     _compilation.start_helpers(tmp_path)
     assert not started

@@ -38,10 +38,16 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
         Takes contiguous arrays and scalars, returns a scalar, an array or a tuple of them. It neither
         validates nor raises.
     """
-    compiled = function if _numba_config.DISABLE_JIT else _dispatcher(function)
-    _kernels.append(compiled)
-    typed: Callable[_P, _R] = compiled
-    return typed
+    return _compiled(function)
+
+
+def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Return a `kernel` of a few operations that is compiled as part of each kernel that calls it.
+
+    Alone it would take a tenth of a second to compile, whatever it does; so it is compiled alone only where Python
+    calls it.
+    """
+    return _compiled(function, inline="always")
 
 
 def n_compiled() -> int:
@@ -53,16 +59,23 @@ def n_compiled() -> int:
     return sum(sum(k.stats.cache_misses.values()) for k in compiled)
 
 
-def _dispatcher(function: Callable[..., Any]) -> Any:
+def _compiled(function: Callable[_P, _R], **flags: str) -> Callable[_P, _R]:
+    compiled = function if _numba_config.DISABLE_JIT else _dispatcher(function, **flags)
+    _kernels.append(compiled)
+    typed: Callable[_P, _R] = compiled
+    return typed
+
+
+def _dispatcher(function: Callable[..., Any], **flags: str) -> Any:
     folder = cache_folder()
     if folder is not None:
         with numba_caches_in(folder):
-            cached = _njit(cache=True)(function)
+            cached = _njit(cache=True, **flags)(function)
         # a Numba that keeps the code anywhere else may bring back that of another version
         if folder in Path(cached.stats.cache_path).parents:
             cached._cache = ForgivingCache(cached._cache)
             return cached
-    uncached = _njit()(function)
+    uncached = _njit(**flags)(function)
     uncached._cache = ForgivingCache(uncached._cache)
     return uncached
 

@@ -16,6 +16,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.matchers.curvescan.assessment import assess_pose
+from curvescan.matchers.curvescan.confidence import weigh
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -23,9 +24,13 @@ from curvescan.matchers.curvescan.features.keypoints import find_corners, with_e
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS
+from curvescan.matchers.curvescan.hypotheses import most_voted, pair_keypoints
+from curvescan.matchers.curvescan.information import covariance
 from curvescan.matchers.curvescan.movable import free_standing, information_without
+from curvescan.matchers.curvescan.refinement import refine_fully
+from curvescan.matchers.curvescan.rotation_hypotheses import rotation_hypotheses
 from curvescan.matchers.curvescan.scoring import best_beside
-from curvescan.matchers.curvescan.search import search
+from curvescan.matchers.curvescan.search import Problem, search
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
 from curvescan.se2 import between as between_poses
@@ -105,6 +110,27 @@ def _assess(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
     assess_pose(nothing, nothing, np.zeros(3), config)
 
 
+def _pair_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    image, keypoints, steps = nothing.image, nothing.keypoints, config.hypotheses
+    rotation_hypotheses(nothing.directions, nothing.directions, steps.n_rotations, np.zeros(3))
+    poses = pair_keypoints(keypoints, keypoints, image, image, steps.turn_tolerance, 1)
+    most_voted(poses, steps.cell, 0.5 * steps.cell, steps.max_tried)
+
+
+def _refine(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
+    refine_fully(np.zeros((1, 3)), nothing.image, nothing.image, *sigmas)
+
+
+def _weigh_movable(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    free_standing(nothing.image.surfels, nothing.bounds, np.empty(0, dtype=np.uint8))
+    covariance(np.ones(3), np.eye(3), np.ones(3), np.zeros(3, dtype=np.bool_), 1.0)
+
+
+def _weigh(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    weigh(Problem(nothing, nothing, None, config), np.zeros((1, 3)), np.zeros(1))
+
+
 def _search(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
     search(nothing, nothing, None, config)
 
@@ -119,8 +145,18 @@ def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None
     find_corners(surfels, sums, nothing.bounds, rules.arm_lengths, sigma, rules.min_turn, most)
 
 
-BACKWARDS = (_assess, _search, _find_keypoints)
-"""Stages of the default matcher, those used last first; each runs without a scan, so that no other has to be compiled."""
+BACKWARDS = (
+    _assess,
+    _pair_keypoints,
+    _refine,
+    _weigh_movable,
+    _weigh,
+    _search,
+    _find_keypoints,
+)
+"""Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: the long one
+that it comes to last, then what it comes to after the features. Each runs without a scan, so that no other has to be compiled.
+"""
 
 
 def _no_features() -> CurvescanFeatures:

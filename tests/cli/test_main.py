@@ -383,8 +383,7 @@ def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypa
 
 @pytest.mark.parametrize(("name", "n_scans"), [("malaga-sena-loop/malaga-sena-loop.clf.gz", 224)])
 def test_a_real_log_runs_through(real_data: Path, tmp_path, name, n_scans):
-    # 3: the verdict is that a part of it is not to be trusted
-    assert run(["odometry", str(real_data / name), "--out", str(tmp_path / "o")]) in (0, 3)
+    assert run(["odometry", str(real_data / name), "--out", str(tmp_path / "o")]) == 0
     assert np.loadtxt(tmp_path / "o" / "trajectory.tum").shape == (n_scans, 8)
 
 

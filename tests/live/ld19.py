@@ -94,6 +94,12 @@ class Ld19:
         self._thread = threading.Thread(target=run, daemon=True)
         self._thread.start()
 
+    def wait(self, after: float = 0.5) -> None:
+        """Wait until all is sent, and a little longer."""
+        if self._thread is not None:
+            self._thread.join()
+        time.sleep(after)
+
     def unplug(self) -> None:
         """Pull the plug."""
         self._is_over.set()

@@ -287,3 +287,15 @@ def test_the_viewer_keeps_no_scan_and_draws_the_map(log):
     first, last = events["path"]["points"][:2], events["path"]["points"][-2:]
     assert first == [0.0, 0.0]
     assert np.hypot(*(np.array(last) - events["scan"]["pose"][:2])) < 0.05
+
+
+def test_at_the_end_the_sensor_is_where_the_final_map_has_it(log):
+    viewer = Viewer("a test", mode="SLAM", is_lossless=True)
+    run_live(LogSource(log, speed=0), Tracker(Odometry()), [viewer])
+    poses = np.add(run_odometry(log).trajectory.poses, [1.0, 2.0, 0.0])
+    viewer.finish_with(poses)
+    viewer.close()
+    viewer.stop()
+    events = dict(viewer.events())
+    assert events["scan"]["pose"] == pytest.approx(poses[-1].tolist(), abs=1e-4)
+    assert events["path"]["points"][:2] == [1.0, 2.0]

@@ -196,6 +196,9 @@ def test_wrong_arguments_are_named():
         match="must be a CfSmaConfig, a mapping of its fields or None, got CurvatureConfig",
     ):
         cs.match(scan, scan, method="cfsma", config=CurvatureConfig())
+    for guess in ((1e200, 0, 0), (0, 0, 1e200)):
+        with pytest.raises(cs.InvalidArgumentError, match=r"guess must lie within 1e\+06 m"):
+            cs.match(scan, scan, guess=guess)
     for guess in ((1, 2), (1, 2, math.nan), "far"):
         with pytest.raises(cs.InvalidArgumentError, match="guess must be three"):
             cs.match(scan, scan, guess=guess)

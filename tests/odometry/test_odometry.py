@@ -233,6 +233,7 @@ def test_a_place_seen_before_is_known():
     error = run.trajectory.poses - cs.se2.between(truth[0], truth)
     distance = np.hypot(*error[:, :2].T)
     assert distance[-10:].max() < 0.015
+    assert np.median(distance[-10:]) < 0.005
     assert distance[-10:].mean() < 0.5 * distance[190:210].mean()
     sigma = np.sqrt(run.trajectory.covariances[:, 0, 0])
     assert sigma[-1] < 0.5 * sigma[200]
@@ -346,6 +347,35 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
     found = cs.se2.between(steps[lost].pose, steps[-1].pose)
     np.testing.assert_allclose(found, cs.se2.between(truth[lost - 12], truth[-1]), atol=0.02)
     assert max(step.motion_covariance[0, 0] for step in steps[lost + 1 :]) < 0.01
+
+
+def test_keyframes_of_a_new_track_do_not_join_it_to_the_past():
+    """Those made in the gap, before the track is known to be lost, know the past no better than those after it."""
+    scans, _ = in_the_office(2, 12)
+    there, _ = in_the_office(9, 14)
+    odometry = cs.Odometry()
+    for scan in [*scans, *there, *there[::-1]]:
+        step = odometry.add(scan)
+    since = [k for k in odometry.keyframes if k.index >= 12]
+    assert len(since) >= 3
+    for keyframe in since:
+        assert np.sqrt(np.diag(keyframe.pose_map_keyframe.cov)[:2]).min() > 100.0
+    assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
+    # among each other they are as sure as ever
+    relative = cs.se2.uncertain.between(since[0].pose_map_keyframe, since[-1].pose_map_keyframe)
+    assert np.sqrt(np.diag(relative.cov)[:2]).max() < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["seattle", "belgioioso"])
+def test_key_scans_as_a_log_are_not_lost(real_data, name):
+    """A metre apart there is no motion to expect; what the scans say must do."""
+    log = cs.read_log(real_data / f"keyframed-corrected/{name}-corrected.log.gz")
+    run = run_odometry(log)
+    assert StepOutcome.LOST not in run.outcomes
+    corrected = log.odometry.poses
+    end = cs.se2.between(corrected[0], corrected[-1])
+    assert np.hypot(*cs.se2.between(end, run.trajectory.poses[-1])[:2]) < 0.5  # of 200 m
 
 
 def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():

@@ -11,7 +11,12 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.odometry import KeyframesConfig
 from curvescan.odometry.keyframes import KeyframeGraph, Localization
-from curvescan.odometry.relocalization import find_loop_closure
+from curvescan.odometry.relocalization import (
+    Closure,
+    Search,
+    find_loop_closure,
+    search_loop_closures,
+)
 from curvescan.se2.uncertain import UncertainPose, identity
 
 SURE = np.diag([1e-6, 1e-6, 1e-7])
@@ -127,3 +132,41 @@ def test_to_the_lost_two_that_agree_may_score_less_where_the_scan_is_expected(of
     assert find(office, VAGUE, is_lost=True, agreeing_gate_chi2=4.0, **off, **unsure)[0] is None
     # one alone must be sure, lost or not
     assert find(office, SURE, is_lost=True, **unsure)[0] is None
+
+
+def test_places_that_contradict_the_chain_are_disputed(office):
+    """Two keyframes agree, five standard deviations from the chain: not believed at once, but told."""
+    current, localization, keyframes, truth = recovery_covariance(
+        office, np.diag([0.02, 0.02, 0.001]), off=(1.2, 0.8, 0.1)
+    )
+    search = search_loop_closures(current, localization, keyframes, KeyframesConfig(), turn=math.pi)
+    assert search.found is None
+    assert search.disputed is not None
+    np.testing.assert_allclose(search.disputed.localization.pose_map_scan.pose, truth, atol=0.01)
+    for config in ({"disputed_gate_chi2": 17.0}, {"disputed_confidence": 1.0}):
+        strict = search_loop_closures(
+            current, localization, keyframes, KeyframesConfig(**config), turn=math.pi
+        )
+        assert strict == Search()
+
+
+def test_a_doubtful_match_counts_as_one_of_two(office):
+    """It is the keyframe in use that it was made with; one earlier keyframe must agree."""
+    current, localization, keyframes, truth = recovery_covariance(office, VAGUE)
+    for keyframe in list(keyframes)[1:3]:
+        keyframes.forget(keyframe)
+    first = next(iter(keyframes))
+    failed = current.matcher.match(first.scan.features, localization.keyframe.scan.features, None)
+    assert not failed.ok
+    for off, is_found in (((0.0, 0.0, 0.0), True), ((6.0, 0.0, 0.0), False)):
+        chain = localization.relative_to(first).pose
+        here = UncertainPose(se2.between(chain, truth) + off, SURE)
+        doubtful = Closure(
+            Localization(keyframe=localization.keyframe, pose_keyframe_scan=here), failed
+        )
+        known = find_loop_closure(
+            current, localization, keyframes, KeyframesConfig(), turn=math.pi, doubtful=doubtful
+        )
+        assert (known is not None) == is_found
+        if known is not None:
+            assert known.result.ok  # the one that did not fail

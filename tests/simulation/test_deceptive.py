@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import curvescan as cs
-from curvescan import se2
+from curvescan.benchmarks.deception import is_right, score_deception
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.deceptive import DECEPTIONS, deceptive_pairs
 
 # people who keep pace look at rest: docs/design-notes/confidence.md
 DECEIVED = ("company",)
 
-# the cabin of an elevator is its door view and three bare walls: half of the pairs were wrong without confidence
-MOST_DECEIVED = {"elevator, 180 deg": 7}
-
-
-def is_wrong(result, true):
-    if true is None:
-        return True
-    error = result.pose - true
-    return np.hypot(*error[:2]) > 0.1 or abs(se2.wrap(error[2])) > np.radians(2.0)
+# of 30 pairs of one seed, as measured; of others none. The shares of more pairs: docs/design-notes/confidence.md
+MOST_DECEIVED = {
+    "turned away, office": 1,
+    "turned away, doors": 3,
+    "small room": 3,
+    "shelves": 1,
+    "elevator": 3,
+    "elevator, 180 deg": 3,
+    "crowded corridor": 1,
+}
 
 
 def test_a_pair_is_the_same_whatever_their_number():
@@ -59,10 +59,29 @@ def test_people_who_keep_pace_stand_still_in_the_robots_frame():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in DECEPTIONS if name not in DECEIVED])
 def test_the_matcher_is_hardly_ever_sure_and_wrong(name):
-    sure_and_wrong = 0
-    for pair in deceptive_pairs(name, n_pairs=30, seed=77):
-        result = cs.match(pair.reference, pair.current, guess=pair.guess)
-        is_sure = result.ok and result.degenerate_direction is None
-        sure_and_wrong += is_sure and is_wrong(result, pair.pose)
-    # without confidence it is 3 (doors) to 30 (shelves) of 30; the shares of 500 stand in the bench
-    assert sure_and_wrong <= MOST_DECEIVED.get(name, 3)
+    score = score_deception(name, n_pairs=30, seed=77)
+    # without confidence it is 3 (doors) to 30 (shelves) of 30
+    assert round(30 * score.sure_and_wrong) <= MOST_DECEIVED.get(name, 0)
+
+
+@pytest.mark.slow
+def test_people_who_keep_pace_deceive_half_of_the_pairs_and_no_more():
+    score = score_deception("company", n_pairs=30, seed=77)
+    assert score.sure_and_wrong < 0.5
+    assert score.right + score.flagged_and_wrong > 0.5
+
+
+def test_right_is_near_the_truth_and_nothing_where_nothing_is_shared():
+    true = np.array([1.0, 2.0, 3.1])
+    assert is_right(np.array([1.05, 2.0, -3.17]), true)  # across the seam
+    assert not is_right(np.array([1.2, 2.0, 3.1]), true)
+    assert not is_right(np.array([1.0, 2.0, 3.0]), true)
+    assert not is_right(true, None)
+
+
+def test_the_shares_of_a_world_sum_to_one():
+    score = score_deception("identical offices", n_pairs=3)
+    assert (score.world, score.n_pairs) == ("identical offices", 3)
+    assert score.right == 1.0
+    assert score.unmatched == pytest.approx(0.0)
+    assert score_deception("another room, 360 deg", n_pairs=3).unmatched == 1.0

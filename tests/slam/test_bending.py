@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.loops.bending import bending, suspects
+from curvescan.slam.loops.bending import bending, greatest_turn, suspects
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.slam.pose_graph.optimization import Edges
@@ -48,6 +48,26 @@ def test_edges_of_matches_do_not_take_part() -> None:
     edges, kinds = _steps(_straight(200, 0.5))
     kinds[:] = EdgeKind.MATCH
     assert bending(_straight(200, 0.0), edges, kinds) == 0.0
+
+
+def test_a_fold_at_one_step_shows_in_its_turn_and_not_in_the_mean() -> None:
+    way = _straight(200, 0.5)
+    edges, kinds = _steps(way)
+    both = Edges(*(np.concatenate((part, part)) for part in edges))
+    of_both = np.concatenate((kinds, np.full(len(kinds), EdgeKind.MATCH)))
+    folded = way.copy()
+    folded[100:, 0] = way[100, 0] - (way[100:, 0] - way[100, 0])
+    folded[100:, 2] = np.pi
+    assert bending(folded, both, of_both) < 1e-9
+    np.testing.assert_allclose(greatest_turn(folded, both, of_both), np.pi)
+    assert greatest_turn(way, both, of_both) == 0.0
+
+
+def test_a_step_that_no_match_measured_may_turn() -> None:
+    way = _straight(200, 0.5)
+    edges, kinds = _steps(way)
+    way[100:, 2] += 1.0
+    assert greatest_turn(way, edges, kinds) == 0.0
 
 
 def _closure(i: int, j: int, outcome: ClosureOutcome) -> Closure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from curvescan.benchmarks.deception import DeceptionScore, score_deception
 from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.benchmarks.profile import StageTime, measure_stages
 from curvescan.benchmarks.rotation import TURNS_DEG, success_by_turn
@@ -27,6 +28,7 @@ from curvescan.paper.random_transform import (
     RandomTransformRuns,
     run_random_transforms,
 )
+from curvescan.simulation.deceptive import DECEPTIONS
 from curvescan.types import Floats
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
@@ -60,6 +62,8 @@ class Benchmark:
         Cell by cell, one a method.
     open_worlds : tuple of OpenScore
         World by world, one a method.
+    deceptions : tuple of DeceptionScore
+        World by world, of the default method.
     turns : dict of str to (n,) float64
         Success against turn angle, of :func:`curvescan.benchmarks.rotation.success_by_turn`.
     experiment_1 : dict of (world, condition) to RandomTransformRuns
@@ -77,6 +81,7 @@ class Benchmark:
     growth: dict[str, tuple[Speed, ...]]
     cells: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
+    deceptions: tuple[DeceptionScore, ...]
     turns: dict[str, Floats]
     experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
     logs: tuple[LogEvaluation, ...]
@@ -88,6 +93,7 @@ def run_benchmark(
     methods: Sequence[str] = tuple(MATCHERS),
     n_pairs: int = 300,
     n_runs: int = 1000,
+    n_deceptive: int = 100,
     logs: Sequence[Log] = (),
     seed: int = 0,
     progress: Progress = in_silence,
@@ -102,6 +108,8 @@ def run_benchmark(
         Pairs of each cell; times are taken on 200 at most.
     n_runs : int
         Runs of each variant and world of experiment 1.
+    n_deceptive : int
+        Pairs of each deceptive world.
     logs : sequence of Log
         Real logs, each of whose scans is matched with the one before.
     seed : int
@@ -144,6 +152,16 @@ def run_benchmark(
             world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs)
         )
     ]
+    deceptions = [
+        score_deception(
+            world,
+            n_pairs=n_deceptive,
+            seed=seed + 3,
+            on_pair=progress(f"deceptive: {world}", n_deceptive),
+        )
+        for world in DECEPTIONS
+        if DEFAULT_METHOD in methods
+    ]
     n_turned = max(n_pairs // 5, 1)
     turns = success_by_turn(
         methods,
@@ -179,6 +197,7 @@ def run_benchmark(
         growth=growth,
         cells=tuple(cells),
         open_worlds=tuple(open_worlds),
+        deceptions=tuple(deceptions),
         turns=turns,
         experiment_1=experiment_1,
         logs=tuple(judged),

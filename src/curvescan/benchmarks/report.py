@@ -32,8 +32,10 @@ def benchmark_tables(results: Benchmark) -> list[ResultTable]:
         _growth(results),
         _cells(results),
         _open_worlds(results),
-        _experiment_1(results),
     ]
+    if results.deceptions:
+        tables.append(_deceptions(results))
+    tables.append(_experiment_1(results))
     if results.logs:
         tables.append(log_table(results.logs))
     tables.append(reading_table(results.reading))
@@ -153,6 +155,24 @@ def _open_worlds(results: Benchmark) -> ResultTable:
                 _figure(100 * score.inside_95, ".1f", " %"),
             )
             for score in results.open_worlds
+        ],
+    )
+
+
+def _deceptions(results: Benchmark) -> ResultTable:
+    return ResultTable(
+        title="Worlds made to deceive, the default matcher, no guess but where the world gives one: share of pairs",
+        columns=("world", "pairs", "right", "sure and wrong", "flagged and wrong", "no match"),
+        rows=[
+            (
+                score.world,
+                f"{score.n_pairs:,}",
+                f"{100 * score.right:.1f} %",
+                f"{100 * score.sure_and_wrong:.1f} %",
+                f"{100 * score.flagged_and_wrong:.1f} %",
+                f"{100 * score.unmatched:.1f} %",
+            )
+            for score in results.deceptions
         ],
     )
 

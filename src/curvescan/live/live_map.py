@@ -31,7 +31,7 @@ _PATH_STEP_M = 0.03
 _MAX_PATH = 50_000
 """Points of the path at most; beyond them every second one is forgotten."""
 
-_KEPT_M, _KEPT_RAD = 0.25, 0.35
+_KEPT_M, _KEPT_RAD = 0.15, 0.35
 """A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians: the newest
 that was taken there, so that memory follows the area and not the time."""
 
@@ -50,7 +50,7 @@ class LiveMap:
     config : OccupancyConfig or None
         How to make the occupancy map.
     is_revisable : bool
-        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.25 m and 20 degrees.
+        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.15 m and 20 degrees.
     """
 
     def __init__(

@@ -112,7 +112,7 @@ class ResultsSink(MapSink):
         """Write the results into an existing folder, after the sink was closed, and return the names of the files.
 
         Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn from
-        those that were kept, one for every 0.25 m and 20 degrees.
+        those that were kept, one for every 0.15 m and 20 degrees.
 
         Parameters
         ----------

@@ -189,6 +189,12 @@ class Viewer(MapSink):
     def _finish(self) -> None:
         with self._changed:
             super()._finish()
+            if self._final is not None and self._frame is not None:
+                # the map has moved to its final place, and the sensor with it
+                pose = self._final[min(self._frame["index"], len(self._final) - 1)]
+                self._frame = {**self._frame, "pose": [round(v, 5) for v in pose.tolist()]}
+                self._n_events += 1
+                self._changed.notify_all()
         self._draw()
 
     def _draw(self) -> None:

@@ -142,6 +142,9 @@ def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> Pr
     return PreparedScan(scan=scan, matcher=matcher, features=matcher.prepare(scan))
 
 
+_MAX_GUESS = 1e6  # metres, radians: no laser sees as far
+
+
 def _as_guess(guess: ArrayLike) -> Pose:
     try:
         pose = np.asarray(guess, dtype=np.float64)
@@ -150,5 +153,10 @@ def _as_guess(guess: ArrayLike) -> Pose:
     if pose.shape != (3,) or not np.isfinite(pose).all():
         raise InvalidArgumentError(
             f"guess must be three finite numbers [x, y, theta], got {guess!r}"
+        )
+    if np.abs(pose).max() > _MAX_GUESS:
+        raise InvalidArgumentError(
+            f"guess must lie within {_MAX_GUESS:g} m, its angle within as many radians: leave it out where there is "
+            f"none, got {guess!r}"
         )
     return pose

@@ -81,6 +81,8 @@ def widen_gap(o: Observation, placement: Placement) -> Placement:
     n_scans = gap.n_scans + 1
     if n_scans <= config.max_gap:
         return replace(placement, gap=replace(gap, n_scans=n_scans))
+    if o.prediction.is_measured:  # wheels carried the track
+        return replace(placement, gap=None)
     here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
     keyframe = placement.localization.keyframe
     if keyframe.index < gap.first:  # else it is of the new track, and is disconnected with it
@@ -113,7 +115,7 @@ def _joins(gated: GatedMatch, least_score: float) -> bool:
     """Return whether a match with a reference from before a gap bridges it."""
     if not (gated.result.ok and gated.is_plausible):
         return False
+    if gated.result.score < least_score:
+        return False
     confidence = gated.result.confidence
-    if math.isnan(confidence):
-        return not gated.result.score < least_score
-    return confidence >= MIN_CONFIDENCE
+    return math.isnan(confidence) or confidence >= MIN_CONFIDENCE

@@ -27,12 +27,15 @@ class GatedMatch(NamedTuple):
         Whether the match is about where it was expected.
     is_prior_rejected : bool
         Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out.
+    measured : UncertainPose or None
+        What was fused with what was expected; None where the match failed.
     """
 
     result: MatchResult
     pose_keyframe_scan: UncertainPose
     is_plausible: bool
     is_prior_rejected: bool = False
+    measured: UncertainPose | None = None
 
     @property
     def is_fully_observed(self) -> bool:
@@ -72,6 +75,7 @@ def gate(
     expected: UncertainPose,
     config: MotionConfig,
     repeated: UncertainPose | None = None,
+    measured: UncertainPose | None = None,
 ) -> GatedMatch:
     """Return a match compared with what was expected.
 
@@ -89,20 +93,25 @@ def gate(
     repeated : UncertainPose or None
         What the last motion alone leads to expect, where `expected` is another odometry's. That odometry is of use where
         the match leaves a direction open; a match that leaves none is fused with the last motion, as without it.
+    measured : UncertainPose or None
+        What the scans say without a guess, where they say something of a degenerate direction. It counts where expected.
     """
     if not result.ok:
         return GatedMatch(result, expected, False)
     if not config.is_fused:
-        return GatedMatch(result, UncertainPose(result.pose, result.covariance), True)
+        found = UncertainPose(result.pose, result.covariance)
+        return GatedMatch(result, found, True, measured=found)
     found = as_measurement(result)
+    if measured is not None and fuse(expected, measured)[1] <= config.motion_gate_chi2:
+        found = measured
     fused, distance = fuse(expected, found)
     is_plausible = distance <= config.motion_gate_chi2
     if repeated is not None and (result.degenerate_direction is None or not is_plausible):
         by_last, last_distance = fuse(repeated, found)
         if last_distance <= config.motion_gate_chi2:
-            return GatedMatch(result, by_last, True, is_prior_rejected=not is_plausible)
+            return GatedMatch(result, by_last, True, not is_plausible, found)
     if not is_plausible:
         fused, _ = fuse(
             UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found
         )
-    return GatedMatch(result, fused, is_plausible)
+    return GatedMatch(result, fused, is_plausible, measured=found)

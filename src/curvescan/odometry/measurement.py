@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.matchers.curvescan.config import InformationConfig
+from curvescan.matchers.curvescan.assessment import assess_pose
+from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.matcher import CurvescanTrace
 from curvescan.matchers.result import Outcome
@@ -28,22 +29,78 @@ metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 
 _LEAST_CONFIDENCE = 0.1
 """Of failed matches of keyframes a metre apart nine in ten of those that are right have more, of other places one in ten."""
 
-_FLAT = replace(InformationConfig(), degenerate_sigma=_FLAT_SIGMA)
+_TIED_SIGMA = 0.2
+"""The same where other places along it are nearly as good, metres."""
+
+_FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
+_TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
+_NEAR = InformationConfig(degenerate_sigma=0.3)
+
+_VAGUE_SIGMA = 0.08
+"""Standard deviation of what is expected along a degenerate direction from which on the scans are asked, metres: below it
+they say nothing new, and what they say again and again of one keyframe errs alike."""
+
+_LEAST_SHIFT = 0.5
+"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
+
+_MOVED = 0.15
+"""A best place along a corridor nearer than this to standing still may be none, metres."""
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:
-    """Return the pose of a match as it may be fused.
+    """Return the pose of a match as it may be fused: what the scans leave open is not measured at all."""
+    cov = result.covariance
+    if result.degenerate_direction is not None:
+        # a matcher goes along there as its guess does: to count that as a measurement would count the guess twice
+        cov = cov + _OPEN**2 * np.outer(result.degenerate_direction, result.degenerate_direction)
+    return UncertainPose(result.pose, cov)
 
-    Along a degenerate direction a matcher goes where its guess is, and to count that as a measurement would count the guess
-    twice. Where the scans alone have one best place along it, that is the measurement; else the direction is not measured.
+
+def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
+    """Return whether a match is degenerate along a direction in which the expectation is vague, too."""
+    if result.degenerate_direction is None:
+        return False
+    x, y = result.degenerate_direction[:2]
+    variance = np.array([x, y]) @ expected.cov[:2, :2] @ np.array([x, y])
+    return bool(variance > _VAGUE_SIGMA**2 * (x * x + y * y))
+
+
+def has_unguided_pose(result: MatchResult) -> bool:
+    """Return whether a degenerate match shows by itself where the scans agree best along its degenerate direction."""
+    assessed = _assessed(result)
+    return assessed is not None and not result.is_guess_decisive and _has_one_best(assessed)
+
+
+def unguided_measurement(result: MatchResult, config: CurvescanConfig) -> UncertainPose | None:
+    """Return what a match says along its degenerate direction too, None where it does not.
+
+    Parameters
+    ----------
+    result : MatchResult
+        Degenerate; made without a guess, or one that :func:`has_unguided_pose`.
+    config : CurvescanConfig
+        The matcher's.
     """
+    assessed = _assessed(result)
+    if not result.ok or assessed is None or assessed.assessment is None:
+        return None
     if result.degenerate_direction is None:
         return UncertainPose(result.pose, result.covariance)
-    assessed = _assessed(result)
-    if assessed is not None and not result.is_guess_decisive and _has_one_best(assessed):
+    if _has_one_best(assessed):
         return _unguided(assessed)
-    direction = result.degenerate_direction
-    return UncertainPose(result.pose, result.covariance + _OPEN**2 * np.outer(direction, direction))
+    pose, direction = assessed.poses[0], result.degenerate_direction
+    is_shift = bool(np.hypot(*direction[:2]) > _LEAST_SHIFT)
+    if assessed.is_degenerate[1:].any() or not is_shift:
+        return None
+    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
+    if np.hypot(*pose[:2]) < _MOVED:
+        return None
+    trace = result.trace
+    assert isinstance(trace, CurvescanTrace)
+    seen = assess_pose(trace.reference, trace.current, pose, config)
+    if seen.information[0] > 1.01 * assessed.assessment.information[0]:  # people hold the rest
+        return None
+    return _unguided(assessed, _TIED if assessed.ties else _FLAT)
 
 
 def decided_by_expectation(
@@ -59,17 +116,19 @@ def decided_by_expectation(
     if not assessed.scores[0] >= config.expected_score or assessed.is_degenerate[1:].any():
         return result
     is_open = bool(assessed.is_degenerate[0])
-    found = _unguided(assessed)
+    is_known = not is_open or _has_one_best(assessed)
+    pose, cov = _unguided(assessed, _FLAT if is_known else InformationConfig())
     decided = replace(
         result,
         outcome=Outcome.MATCHED,
-        pose=found.pose,
-        covariance=found.cov,
+        pose=pose,
+        covariance=cov,
         n_matched=assessed.assessment.n_inliers,
         degenerate_direction=assessed.assessment.weakest if is_open else None,
         confidence=assessed.support.confidence,
     )
-    distance = fuse(expected, as_measurement(decided))[1]
+    # one far along an open direction was compared where the sensor is not
+    distance = fuse(expected, _unguided(assessed, _FLAT if is_known else _NEAR))[1]
     return decided if distance <= config.motion_gate_chi2 else result
 
 
@@ -97,8 +156,8 @@ def _has_one_best(assessed: AssessedPose) -> bool:
     return bool(information > 2.0 * spurious and information > _FLAT.max_sigma**-2)
 
 
-def _unguided(assessed: AssessedPose) -> UncertainPose:
+def _unguided(assessed: AssessedPose, config: InformationConfig = _FLAT) -> UncertainPose:
     """Return the pose that the scans agree on best, wherever a guess is."""
     assert assessed.assessment is not None
-    cov = assessed.assessment.covariance(assessed.is_degenerate, _FLAT)
+    cov = assessed.assessment.covariance(assessed.is_degenerate, config)
     return UncertainPose(assessed.poses[0], cov)

@@ -12,7 +12,12 @@ from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.disputes import Dispute
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
-from curvescan.odometry.measurement import decided_by_expectation
+from curvescan.odometry.measurement import (
+    decided_by_expectation,
+    has_unguided_pose,
+    is_vague_along,
+    unguided_measurement,
+)
 from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
 from curvescan.scan import LaserScan
@@ -55,10 +60,22 @@ class Matching:
         """Return a match compared with what is expected of it, the last scan being at `origin` of the reference."""
         expected = compose(origin, prediction.motion)
         repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
+        motion = self.config.motion
         result = self.matcher.match(reference.features, current.features, expected.pose)
-        if self.config.motion.is_fused:
-            result = decided_by_expectation(result, expected, self.config.motion)
-        return gate(result, expected, self.config.motion, repeated)
+        measured = None
+        if motion.is_fused:
+            result = decided_by_expectation(result, expected, motion)
+            if result.ok and is_vague_along(expected, result):
+                measured = self._unguided(reference, current, result)
+        return gate(result, expected, motion, repeated, measured)
+
+    def _unguided(
+        self, reference: PreparedScan, current: PreparedScan, result: MatchResult
+    ) -> UncertainPose | None:
+        """Return what two scans say without a guess, whose match with one leaves a direction open."""
+        if not has_unguided_pose(result):
+            result = self.matcher.match(reference.features, current.features, None)
+        return unguided_measurement(result, self.matcher.config)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
         """Return a scan that others can be matched with, else None."""

@@ -74,7 +74,9 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
-    motion = fuse(expected, compose(inverse(attempt.origin), as_measurement(result)))[0]
+    motion = fuse(
+        expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result))
+    )[0]
     localization = Localization(
         keyframe=keyframe,
         pose_keyframe_scan=gated.pose_keyframe_scan,
@@ -135,7 +137,8 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
     """Return where earlier keyframes show a scan: anywhere around by confident matches, else near where it is expected."""
     o, config, last = observation, observation.config, attempt.last
     around, ahead = last.moved(o.prediction.inflated(config.motion)), last.moved(o.expected)
-    doubtful = _doubtful(attempt)
+    # in a gap the keyframe in use is itself where it was expected: that others agree with it says nothing
+    doubtful = _doubtful(attempt) if o.state.gap is None else None
     known = find_loop_closure(
         o.current, around, o.keyframes, config.keyframes, turn=math.pi, doubtful=doubtful
     ) or find_loop_closure(
@@ -250,7 +253,7 @@ def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> Uncerta
     expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
     if not gated.is_plausible:
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
-    measured = compose(inverse(attempt.origin), as_measurement(gated.result))
+    measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))
     pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
     return UncertainPose(pose, fuse(expected, measured)[0].cov)
 

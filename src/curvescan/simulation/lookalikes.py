@@ -15,8 +15,12 @@ from curvescan.simulation.recording import simulate
 from curvescan.simulation.world import World
 from curvescan.types import Pose
 
-Deceit: TypeAlias = Literal["offices", "corridors", "people", "moved"]
-"""Rooms all alike; no room open to the corridors; people besides; furniture of half of the rooms moved in the second lap."""
+Deceit: TypeAlias = Literal["offices", "corridors", "people", "moved", "storeys"]
+"""Rooms all alike; no room open to the corridors; people besides; furniture of half of the rooms moved in the second lap; the
+second lap on another storey that is exactly like the first, and nothing seen on the stair."""
+
+_N_STAIR = 30
+"""Scans on the stair."""
 
 _DEPTH, _CORRIDOR = 4.0, 2.0  # metres
 
@@ -94,7 +98,7 @@ def deceive(
     lap_poses = _turned_back(whole.truth.poses)
     truth = np.concatenate((lap_poses, lap_poses[1:]))
     n = len(lap_poses)
-    scans = []
+    scans: list[LaserScan] = []
     for lap, poses in enumerate((truth[:n], truth[n:])):
         world = lookalike_floor(seed, deceit=deceit, lap=lap)
         made = simulate(
@@ -107,7 +111,17 @@ def deceive(
         )
         period = made.sensor.period
         scans += [replace(scan, stamp=scan.stamp + lap * n * period) for scan in made]
-    return scans, truth
+    return _on_storeys(scans, truth, n) if deceit == "storeys" else (scans, truth)
+
+
+def _on_storeys(scans: list[LaserScan], truth: Pose, n: int) -> tuple[list[LaserScan], Pose]:
+    """Return the second lap on a storey of its own, 1 km away, after scans that see nothing."""
+    stair = [
+        replace(scans[n], ranges=np.full(len(scans[n].ranges), np.inf)) for _ in range(_N_STAIR)
+    ]
+    above = truth[n:] + np.array([1000.0, 0.0, 0.0])
+    way = np.linspace(truth[n - 1], above[0], _N_STAIR)
+    return [*scans[:n], *stair, *scans[n:]], np.concatenate((truth[:n], way, above))
 
 
 def _turned_back(poses: Pose) -> Pose:

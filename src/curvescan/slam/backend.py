@@ -21,7 +21,7 @@ from curvescan.slam.jobs import Job, Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.agreement import Waiting
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.bending import bending, suspects
+from curvescan.slam.loops.bending import bending, greatest_turn, suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import (
     UNKNOWN_M,
@@ -36,7 +36,9 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges
-from curvescan.types import Cov, Pose
+from curvescan.slam.pose_graph.removal import remove_poses
+from curvescan.slam.thinning import Heirs, thin
+from curvescan.types import Bools, Cov, Pose
 
 
 def difference(one: Pose, other: Pose) -> Pose:
@@ -76,6 +78,7 @@ class Backend:
         self._belief: Belief | None = None
         self._queue: deque[Candidate] = deque()
         self._tried: set[tuple[int, int]] = set()
+        self.heirs = Heirs()
         self._waiting = Waiting(config)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="curvescan-slam")
         self._job: Job | None = None
@@ -84,6 +87,7 @@ class Backend:
         self._n_scans = 0
         self._fragments: list[int] = []  # of each keyframe
         self._missed: dict[int, int] = {}  # of the keyframe tried last
+        self._n_loaded = 0  # keyframes of a map that is continued
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
     @property
@@ -94,6 +98,7 @@ class Backend:
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
+        self._n_loaded = len(slam_map)
         for k in range(len(slam_map)):
             index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
             self.keyframes.add(slam_map.scans[k], index, session)
@@ -228,6 +233,7 @@ class Backend:
         if self._job is not None and self._n_scans >= self._job_due:
             self._adopt(self._job.result(), self._job)
             self._job, is_revised = None, True
+            self._thin()
         if self._job is None and self._is_due():
             self._begin()
         return tuple(accepted), is_revised
@@ -248,30 +254,30 @@ class Backend:
             self._count(j, is_found=closure.is_accepted)
         is_waiting = closure.outcome is ClosureOutcome.WAITING
         if is_waiting and self.n_withdrawals:  # agreement means nothing where places look alike
-            self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
+            self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
             return []
         is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
         if is_waiting and is_unknown and not self._is_distinctive(i, j):
-            self.closures.append(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
+            self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
             return []
         if is_waiting:
             agreed = self._waiting.add(closure, self.graph.poses)
             if not agreed:
-                self.closures.append(closure)
+                self._log(closure)
                 return []
             agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in agreed]
             for one in agreed:
                 self._accept(one)
-            return agreed
+            return [self._numbered(one) for one in agreed]
         if closure.is_accepted:
             self._accept(closure)
             # where the guess decided between several poses the match says no more than the graph did
             if not self._is_linked(i, j) and not result.is_guess_decisive:
                 self._waiting.confirm(closure)
-            return [closure]
+            return [self._numbered(closure)]
         if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
             self._doubt(expected, closure)
-        self.closures.append(closure)
+        self._log(closure)
         return []
 
     def _is_distinctive(self, i: int, j: int) -> bool:
@@ -289,6 +295,15 @@ class Backend:
             elsewhere &= np.hypot(*(poses[:, :2] - poses[j, :2]).T) > 1.2 * rules.reach
         least = float(likeness[is_there].max())
         return float(likeness[elsewhere].max(initial=0.0)) < rules.distinctive * least
+
+    def _log(self, closure: Closure) -> None:
+        """Keep a record of a candidate."""
+        self.closures.append(self._numbered(closure))
+
+    def _numbered(self, closure: Closure) -> Closure:
+        """Return a closure by the numbers of its keyframes, which stay when others go, in place of their rows."""
+        i, j = (self.keyframes[k].number for k in (closure.i, closure.j))
+        return replace(closure, i=i, j=j)
 
     def _is_linked(self, i: int, j: int) -> bool:
         return j - i <= self.config.keyframes.n_linked
@@ -320,7 +335,7 @@ class Backend:
 
     def _accept(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
-        self.closures.append(closure)
+        self._log(closure)
         i, j = closure.i, closure.j
         if self._fragments[i] != self._fragments[j]:
             self._join(closure)
@@ -380,12 +395,47 @@ class Backend:
         if self.n_withdrawals < 2 and self._is_bent():
             self._withdraw()
 
+    def _thin(self) -> None:
+        """Let the oldest keyframes of places that hold too many go."""
+        rules = self.config.places
+        del self.closures[: -rules.n_logged]
+        n_settled = min(self.belief.k, self.belief.n, self.graph.n_poses - rules.n_newest)
+        is_kept, gone = thin(self.graph, np.asarray(self._fragments), n_settled, rules)
+        if not gone:
+            return
+        numbers = self.keyframes.numbers.tolist()
+        for v, (heir, seen) in gone.items():
+            self.heirs.add(numbers[v], numbers[heir], seen)
+            self._motions[v + 1] = compose(self._motions[v], self._motions[v + 1])
+        remove_poses(self.graph, is_kept)
+        self.keyframes.keep(is_kept)
+        self._renumber(is_kept)
+
+    def _renumber(self, is_kept: Bools) -> None:
+        """Count the keyframes anew after some went."""
+        rows = np.flatnonzero(is_kept).tolist()
+        row_of = np.where(is_kept, np.cumsum(is_kept) - 1, -1)
+        self._fragments = [self._fragments[k] for k in rows]
+        self._motions = [self._motions[k] for k in rows]
+        self.belief.keep(is_kept[: self.belief.n])
+        self.current = int(row_of[self.current])
+        at = row_of.tolist()
+        self._queue = deque(
+            Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0
+        )
+        self._tried = {(at[i], at[j]) for i, j in self._tried if at[i] >= 0 and at[j] >= 0}
+        self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
+        self._waiting.renumber(row_of)
+
     def _is_bent(self) -> bool:
         """Return whether the closures bend the odometry more than it can err."""
-        graph = self.graph
-        steps = np.flatnonzero(graph.kinds == EdgeKind.MOTION)
-        edges = Edges.of(graph.ends[steps], graph.measured[steps], graph.covariances[steps])
-        return bending(graph.poses, edges, graph.kinds[steps]) > self.config.closures.max_bend
+        graph, rules = self.graph, self.config.closures
+        rows = np.flatnonzero((graph.kinds == EdgeKind.MOTION) | (graph.kinds == EdgeKind.MATCH))
+        edges = Edges.of(graph.ends[rows], graph.measured[rows], graph.covariances[rows])
+        kinds = graph.kinds[rows]
+        if bending(graph.poses, edges, kinds) > rules.max_bend:
+            return True
+        return greatest_turn(graph.poses, edges, kinds) > rules.max_turn
 
     def _withdraw(self) -> None:
         """Take back the closures that bend the odometry: the map falls back to it, and is never worse than it."""
@@ -394,10 +444,14 @@ class Backend:
             self.closures, self.config.keyframes.n_linked, all_of_them=self.n_withdrawals > 0
         )
         self.n_withdrawals += 1
-        pairs = {(self.closures[row].i, self.closures[row].j) for row in rows}
         for row in rows:
             self.closures[row] = replace(self.closures[row], outcome=ClosureOutcome.WITHDRAWN)
-        graph.keep_edges(np.array([tuple(ends) not in pairs for ends in graph.ends.tolist()]))
+        # what was carried over from keyframes that are gone has no record, and is not above suspicion either
+        trusted = {(c.i, c.j) for c in self.closures if c.is_accepted}
+        ends = self.keyframes.numbers[graph.ends]
+        is_kept = ~graph.is_closure | (ends < self._n_loaded).all(axis=1)
+        is_kept |= np.array([tuple(pair) in trusted for pair in ends.tolist()])
+        graph.keep_edges(is_kept)
         self._waiting = Waiting(self.config)
         self._queue.clear()
         is_step = np.zeros(graph.n_poses, dtype=np.bool_)
@@ -462,6 +516,10 @@ class Backend:
             return np.empty((0, 3, 3))
         edges = Edges.of(graph.ends, graph.measured, graph.covariances)
         return covariances_seen_from(graph.poses, edges, graph.weights, 0)
+
+    def placed(self) -> tuple[Pose, Cov]:
+        """Return poses and covariances of all keyframes there ever were, by number."""
+        return self.heirs.placed(self.keyframes.numbers, self.graph.poses, self.covariances())
 
     def map(self) -> SlamMap:
         """Return the map as it is now."""

@@ -20,6 +20,9 @@ class KeyframesConfig:
     """A new keyframe is due this far from the last one, metres."""
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
+    vague: float = 0.3
+    """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the odometry may
+    stand still while the sensor moves."""
     n_linked: int = 3
     """Preceding keyframes that a new one is matched with."""
     n_lost: int = 8
@@ -28,9 +31,31 @@ class KeyframesConfig:
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
     def __post_init__(self) -> None:
-        for name in ("distance", "turn"):
+        for name in ("distance", "turn", "vague"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_linked", "n_lost", "n_prepared"):
+            require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacesConfig:
+    """Places: how many keyframes one holds. The oldest go, so that memory follows the area and not the time."""
+
+    n_keyframes: int = 4
+    """Newer keyframes of the same place from which on an older one goes."""
+    radius: float = 0.4
+    """Keyframes this near to each other show the same place, metres."""
+    turn: float = 0.4
+    """They also look the same way within this, radians."""
+    n_newest: int = 30
+    """The newest keyframes stay in any case."""
+    n_logged: int = 50_000
+    """Loop-closure candidates whose record is kept, the latest."""
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "turn"):
+            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        for name in ("n_keyframes", "n_newest", "n_logged"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
 
 
@@ -116,7 +141,7 @@ class ClosuresConfig:
     """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom, 99.9 %."""
     min_score: float = 0.25
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
-    min_confidence: float = 0.4
+    min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
     n_agreeing: int = 3
     """Matches that must agree where the graph does not know the relative pose well."""
@@ -130,6 +155,9 @@ class ClosuresConfig:
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
+    max_turn: float = 0.5
+    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
+    the mean does not show."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -143,6 +171,7 @@ class ClosuresConfig:
             "margin",
             "distinctive",
             "max_bend",
+            "max_turn",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
@@ -188,6 +217,8 @@ class SlamConfig:
 
     keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
     """Keyframes: the scans that the map is made of."""
+    places: PlacesConfig = field(default_factory=PlacesConfig)
+    """Places: how many keyframes one holds."""
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     """Noise: what the covariances of matches and motions leave out."""
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)

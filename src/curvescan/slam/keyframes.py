@@ -13,7 +13,7 @@ from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
-from curvescan.types import Floats, Pose
+from curvescan.types import Bools, Floats, Ints, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,15 +28,18 @@ class Keyframe:
         Number of the scan in its session.
     session : int
         Number of the session, from 0.
+    number : int
+        Number of the keyframe, which it keeps when others go.
     """
 
     scan: LaserScan
     index: int
     session: int = 0
+    number: int = 0
 
 
 class Keyframes:
-    """All keyframes, by number; the features of those used last are kept.
+    """All keyframes, by row; the features of those used last are kept.
 
     Parameters
     ----------
@@ -58,6 +61,7 @@ class Keyframes:
         self._matcher_config = matcher_config
         self._n_prepared = n_prepared
         self._all: list[Keyframe] = []
+        self._n_made = 0
         self._profiles = np.zeros((16, 2, N_SECTORS))
         self.index = PlaceIndex()
         self._prepared: OrderedDict[int, PreparedScan] = OrderedDict()
@@ -69,8 +73,9 @@ class Keyframes:
         return self._all[k]
 
     def add(self, scan: LaserScan, index: int, session: int = 0) -> int:
-        """Append a keyframe and return its number."""
-        keyframe = Keyframe(scan=compact(scan), index=index, session=session)
+        """Append a keyframe and return its row."""
+        keyframe = Keyframe(scan=compact(scan), index=index, session=session, number=self._n_made)
+        self._n_made += 1
         k = len(self._all)
         self._all.append(keyframe)
         if k == len(self._profiles):
@@ -78,6 +83,20 @@ class Keyframes:
         self._profiles[k] = range_profile(keyframe.scan)
         self.index.add(self.signature(self.prepared(k)))
         return k
+
+    @property
+    def numbers(self) -> Ints:
+        """(n,) int64 number of each keyframe; they grow."""
+        return np.array([keyframe.number for keyframe in self._all], dtype=np.int64)
+
+    def keep(self, is_kept: Bools) -> None:
+        """Remove the keyframes that are not kept; the others keep their order and their numbers."""
+        rows = np.flatnonzero(is_kept)
+        for k in np.flatnonzero(~is_kept).tolist():
+            self._prepared.pop(self._all[k].number, None)
+        self._all = [self._all[k] for k in rows.tolist()]
+        self._profiles[: len(rows)] = self._profiles[rows]
+        self.index.keep(is_kept)
 
     def signature(self, scan: PreparedScan) -> Signature:
         """Return the signature of a scan for the place index, from the default matcher's keypoints."""
@@ -93,14 +112,15 @@ class Keyframes:
 
     def prepared(self, k: int) -> PreparedScan:
         """Return a keyframe ready to be matched."""
-        found = self._prepared.get(k)
+        number = self._all[k].number
+        found = self._prepared.get(number)
         if found is None:
             found = self.prepare(self._all[k].scan)
-            self._prepared[k] = found
+            self._prepared[number] = found
             if len(self._prepared) > self._n_prepared:
                 self._prepared.popitem(last=False)
         else:
-            self._prepared.move_to_end(k)
+            self._prepared.move_to_end(number)
         return found
 
     def match(self, i: int, j: int, guess: Pose | None) -> MatchResult:

@@ -101,7 +101,7 @@ class Slam:
         self._deskewer = self._deskewer.ticked(scan)
         if self._origin is None:
             k = self.backend.start(scan, step.index, np.zeros(3), self._session)
-            self._records.begin(k, None)
+            self._records.begin(self.backend.keyframes[k].number, None)
             self._origin, seen = step, identity()
             self._add_prior(k, odometry_pose)
         else:
@@ -142,13 +142,15 @@ class Slam:
             reference=step.reference,
             closures=closures,
             is_revised=is_revised,
-            keyframe=backend.current,
+            keyframe=backend.keyframes[backend.current].number,
             fragment=backend.fragment_of(backend.current),
         )
 
     def _is_due(self, seen: UncertainPose) -> bool:
         rules, (x, y, theta) = self.config.keyframes, seen.pose.tolist()
-        return math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn
+        if math.hypot(x, y) >= rules.distance or abs(theta) >= rules.turn:
+            return True
+        return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
 
     def _make_keyframe(
         self,
@@ -164,7 +166,7 @@ class Slam:
         k = self.backend.add_keyframe(
             deskewed, step.index, seen, is_measured=self._n_most_lost == 0
         )
-        self._records.begin(k, seen)
+        self._records.begin(self.backend.keyframes[k].number, seen)
         self._origin, self._n_most_lost = step, 0
         return identity()
 
@@ -184,14 +186,14 @@ class Slam:
         """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
         k = self.backend.start(scan, step.index, pose, self._session)
-        self._records.begin(k, None)
+        self._records.begin(self.backend.keyframes[k].number, None)
         self._origin, self._n_most_lost = step, 0
         self._odometry_pose = None
         return identity()
 
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""
-        return self._records.trajectory(self.backend.graph.poses, self.backend.covariances())
+        return self._records.trajectory(*self.backend.placed())
 
     @property
     def map(self) -> SlamMap:

@@ -13,13 +13,16 @@ from curvescan.matchers.curvescan.candidates import (
     search_degenerate_direction,
     top_candidates,
 )
+from curvescan.matchers.curvescan.confidence import Support, WeighedPoses
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import (
-    along_degenerate_direction,
+    along_weakest_direction,
     covariance_of_ties,
     move_to_guess,
     nearest_of_ties,
+    ties_of,
 )
+from curvescan.matchers.curvescan.evidence import AGREEING, EXCESS, N_EVIDENCE, WEAKEST
 from curvescan.matchers.curvescan.search import Candidates, Problem
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
@@ -39,8 +42,16 @@ def test_rivals_are_poses_with_nearly_the_best_score():
 
 def preferred(guess, scores):
     ref, cur = pair()
-    assessment = assess_pose(ref, cur, POSES[0], CONFIG)
-    return prefer(Problem(ref, cur, guess, CONFIG), POSES, scores, assessment)
+    evidence = np.zeros((3, N_EVIDENCE))
+    evidence[0, [AGREEING, EXCESS, WEAKEST]] = 8.0, 3.0, 3.0
+    weighed = WeighedPoses(
+        poses=POSES,
+        scores=scores,
+        evidence=evidence,
+        motions=np.hypot(POSES[:, 0], POSES[:, 1]),
+        is_guessed=np.zeros(3, dtype=bool),
+    )
+    return prefer(Problem(ref, cur, guess, CONFIG), weighed)
 
 
 def test_a_guess_decides_between_rivals_and_only_between_them():
@@ -89,7 +100,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
     scores = np.array([0.9, 0.895, 0.89])
-    assert along_degenerate_direction(poses, scores, assessment, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, True, CONFIG) == [1]
     args = (poses, scores, [1], CONFIG)
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
@@ -146,3 +157,21 @@ def test_ties_widen_the_covariance_until_it_holds_them():
     certain = np.diag([1e-6, 1e-6, 1e-7])
     assert min_difference @ np.linalg.solve(certain + moment, min_difference) < 2.0
     np.testing.assert_array_equal(covariance_of_ties(pose, pose[np.newaxis]), np.zeros((3, 3)))
+
+
+def test_ties_are_what_repeats_along_the_wall_or_all_where_the_first_is_not_sure_alone():
+    shares = {1: 0.8, 2: 0.1, 3: 0.9}
+    sure = Support(log_odds=4.0, rivals={1: -3.0, 2: -3.0, 3: -3.0}, repetitions=shares)
+    assert ties_of(sure, [1, 2], CONFIG) == [1]
+    assert ties_of(sure, [2], CONFIG) == []
+    assert ties_of(sure, [], CONFIG) == []
+    unsure = Support(log_odds=4.0, rivals={1: -3.0, 2: 0.5, 3: -3.0}, repetitions=shares)
+    assert ties_of(unsure, [1, 2], CONFIG) == [1, 2]
+
+
+def test_one_wall_and_little_more_is_no_rival_to_itself_but_named():
+    # 0.4 m of a wall across is all that fixes the pose along the long one
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
+    poses = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.3, 0.6, 0.0], [0.9, 0.0, 1.0]])
+    assert along_weakest_direction(poses, assessment, False, CONFIG) == [1]

@@ -10,11 +10,13 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
-from curvescan.matchers.curvescan.features.surfels import VARIANCE
+from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.information import (
     CHI2,
     COUNT,
+    INFORMATION,
     LEVER2,
+    SPURIOUS,
     add_information,
     covariance,
     eigen3,
@@ -27,7 +29,7 @@ from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
 from tests.reference import curvescan as slow
 
 
-def told_at(ref, cur, pose):
+def information_at(ref, cur, pose):
     _, partner_cur = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
     _, partner_ref = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(pose), 0.01)
     arguments = (ref.image.surfels, partner_ref, cur.image.surfels, partner_cur, pose)
@@ -53,10 +55,10 @@ def test_eigen_of_a_diagonal_matrix():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_information_is_that_of_the_slow_twin(seed):
     ref, cur = pair(seed)
-    arguments, (information, spurious, axes, units) = told_at(ref, cur, MOTION)
+    arguments, (information, spurious, axes, units) = information_at(ref, cur, MOTION)
     net = axes @ np.diag(information) @ axes.T / np.outer(units, units)
     expected = slow.information(*arguments)
-    # what tilt feigns is small in a room, and taken off
+    # what tilt gives is small in a room, and taken off
     assert (spurious < 0.1 * information).all()
     np.testing.assert_allclose(np.diag(net), np.diag(expected), rtol=0.05)
     assert (np.diag(net) <= np.diag(expected) * (1 + 1e-6)).all()
@@ -65,11 +67,28 @@ def test_the_information_is_that_of_the_slow_twin(seed):
     np.testing.assert_allclose(cov @ net, np.eye(3), atol=1e-6)
 
 
+@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
+def test_the_spurious_part_is_what_a_tilt_of_the_line_gives(way):
+    """The derivative of a normal by its tilt is the normal turned by 90 degrees: so is that of the whole row."""
+    one, line = np.ones((2, 1, N_COLUMNS))
+    one[0, [X, Y, VARIANCE]] = 1.3, -0.4, 1e-4
+    line[0, [X, Y, NX, NY, VARIANCE, TILT]] = 1.2, 0.1, 0.6, 0.8, 1e-4, 1e-6
+    across = line.copy()
+    across[0, [NX, NY]] = -0.8, 0.6
+    pose = np.array([0.3, 0.2, 0.7])
+    sums, sums_across = np.zeros((2, LEVER2 + 1))
+    add_information(one, line, np.array([0]), pose, way, sums)
+    add_information(one, across, np.array([0]), pose, way, sums_across)
+    n = SPURIOUS - INFORMATION
+    expected = 1e-6 * sums_across[INFORMATION : INFORMATION + n]
+    np.testing.assert_allclose(sums[SPURIOUS : SPURIOUS + n], expected, rtol=1e-9)
+
+
 @pytest.mark.parametrize("off", [0.0, 0.01, 0.03])
 def test_what_is_left_and_what_is_spurious_are_all_of_it(off):
     """Also where residuals exceed the noise: then both are less, by the mean of their normalised squares."""
     ref, cur = pair(1)
-    arguments, (information, spurious, axes, units) = told_at(
+    arguments, (information, spurious, axes, units) = information_at(
         ref, cur, MOTION + np.array([off, 0.0, 0.0])
     )
     expected = axes.T @ (slow.information(*arguments) * np.outer(units, units)) @ axes
@@ -80,7 +99,7 @@ def test_what_is_left_and_what_is_spurious_are_all_of_it(off):
 
 def test_residuals_above_the_noise_widen_the_covariance_and_smaller_ones_do_not_narrow_it():
     ref, cur = pair(1)
-    arguments, (information, *_) = told_at(ref, cur, MOTION)
+    arguments, (information, *_) = information_at(ref, cur, MOTION)
     # the same readings, taken for more and for less noisy than they are
     for factor, expected in ((0.04, 1.0), (25.0, 25.0)):
         ref_surfels, partner_ref, cur_surfels, partner_cur, pose = arguments
@@ -96,7 +115,9 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
     means = []
     for seed in range(6):
         ref, cur = pair(seed)
-        (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = told_at(ref, cur, MOTION)
+        (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(
+            ref, cur, MOTION
+        )
         system = np.zeros(LEVER2 + 1)
         add_information(cur_surfels, ref_surfels, partner_cur, pose, FORWARD, system)
         add_information(ref_surfels, cur_surfels, partner_ref, pose, BACKWARD, system)
@@ -111,7 +132,7 @@ def test_the_covariance_is_that_of_a_monte_carlo():
     for seed in range(200):
         ref, cur = pair(seed)
         pose = refine(MOTION[np.newaxis], ref.full_image, cur.full_image, np.array([0.0, 0.0]))[0]
-        _, (information, _, axes, units) = told_at(ref, cur, pose)
+        _, (information, _, axes, units) = information_at(ref, cur, pose)
         errors.append(pose - MOTION)
         predicted.append(covariance(information, axes, units, np.zeros(3, dtype=bool), 1.0))
     nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, predicted, strict=True)]
@@ -121,11 +142,11 @@ def test_the_covariance_is_that_of_a_monte_carlo():
     assert (np.abs(ratio - 1.0) < 0.25).all()
 
 
-def test_a_corridor_tells_nothing_along_itself():
+def test_a_corridor_has_no_information_along_itself():
     for seed in range(10):
         ref = features(hall_scan(0.0, seed=2 * seed))
         cur = features(hall_scan(0.3, seed=2 * seed + 1))
-        _, (information, spurious, axes, units) = told_at(ref, cur, np.zeros(3))
+        _, (information, spurious, axes, units) = information_at(ref, cur, np.zeros(3))
         assert abs(axes[0, 0]) > 0.98
         assert information[0] < 2.0 * spurious[0] or information[0] < 100.0
         assert information[1] > 1e4
@@ -146,7 +167,7 @@ def test_an_open_turn_about_a_far_place_widens_the_position():
     assert np.linalg.eigvalsh(arc).min() > 0
 
 
-def test_no_partners_tell_nothing():
+def test_no_partners_have_no_information():
     one = features(pillar_scan())
     nobody = np.full(len(one.image.surfels), -1)
     information, spurious, _, _ = pose_information(

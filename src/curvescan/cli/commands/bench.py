@@ -9,6 +9,7 @@ def bench(
     *,
     pairs: int = 300,
     runs: int = 1000,
+    deceptive: int = 100,
     seed: int = 0,
     logs: tuple[Path, ...] = (),
     out: Path | None = None,
@@ -28,6 +29,8 @@ def bench(
         Pairs of each cell; fewer than 200 are also what the times are taken on.
     runs
         Runs of each variant and world of experiment 1.
+    deceptive
+        Pairs of each world made to deceive: places that look alike, scans that share nothing, people who keep pace.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
@@ -50,6 +53,7 @@ def bench(
                 methods=methods,
                 n_pairs=pairs,
                 n_runs=runs,
+                n_deceptive=deceptive,
                 logs=sources,
                 seed=seed,
                 progress=progress,

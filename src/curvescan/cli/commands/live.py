@@ -118,15 +118,9 @@ def live(
     occupancy
         How to make the occupancy map.
     """
+    import curvescan.live as rooms  # each loads when it is named: the first picture needs neither plots nor bags
     from curvescan.cli.console import ERR, OUT
-    from curvescan.live import (
-        FoxgloveSink,
-        LogSource,
-        McapRecorder,
-        ResultsSink,
-        Tracker,
-        Viewer,
-    )
+    from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
 
     source: ScanSource
@@ -156,18 +150,18 @@ def live(
             _open_browser(server.url)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
         if foxglove:
-            served = FoxgloveSink(source.name, host=host, port=foxglove_port, **maps)
+            served = rooms.FoxgloveSink(source.name, host=host, port=foxglove_port, **maps)
             pages.callback(served.stop)
             sinks.append(served)
             ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
         with output_folder(out) if out else nullcontext() as folder:
-            results = ResultsSink(**maps) if out else None
+            results = rooms.ResultsSink(**maps) if out else None
             can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
             engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
             if results is not None:
                 sinks.append(results)
             if record is not None:
-                sinks.append(McapRecorder(record, **maps))
+                sinks.append(rooms.McapRecorder(record, **maps))
             report = _track(source, Tracker(engine), viewer, sinks)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
@@ -180,7 +174,7 @@ def live(
                     command=sys.argv,
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
-        if keep_open and viewer is not None:
+        if keep_open and viewer is not None and not report.is_interrupted:
             ERR.print("the source has ended; Ctrl-C closes the page", markup=False)
             _wait()
     if report.error is not None:

@@ -19,6 +19,8 @@ from curvescan.scan import LaserScan
 DEFAULT_PORT = 10940
 _NO_READING = 65533
 """Distances from here on are codes of errors, not millimetres (SCIP 2.2)."""
+_END = b"\n\n"
+"""Of a reply."""
 
 
 class HokuyoSource:
@@ -67,11 +69,13 @@ class HokuyoSource:
     def __enter__(self) -> Self:
         try:
             # its clock is not queried: that takes a second, and we stamp what arrives
-            self._laser = self._package.HokuyoLX(
+            self._laser = self._package.HokuyoLX.__new__(self._package.HokuyoLX)
+            self._laser.__init__(
                 addr=self._address, tsync=False, convert_time=False, timeout=SILENCE
             )
             self._laser._sock = _Socket(self._laser._sock)
         except Exception as error:
+            self._laser.close()
             raise SourceError(f"cannot open the {self.name}: {error}") from error
         return self
 
@@ -121,17 +125,32 @@ class HokuyoSource:
 
 
 class _Socket:
-    """A socket that raises when the other side has closed it: the package would read its end for ever."""
+    """A socket that raises when the other side has closed it, and hands out one reply at a time.
+
+    The package would read the end of a closed one for ever, and takes two replies that came together, after a hiccup, for one.
+    """
 
     def __init__(self, opened: Any) -> None:
         self._opened = opened
+        self._held = bytearray()
 
     def recv(self, size: int) -> bytes:
-        """Return some bytes."""
-        data: bytes = self._opened.recv(size)
-        if not data:
-            raise ConnectionError("the connection was closed")
-        return data
+        """Return some bytes, none beyond the end of a reply."""
+        if not self._held:
+            data: bytes = self._opened.recv(size)
+            if not data:
+                raise ConnectionError("the connection was closed")
+            # the end of a reply may lie across two pieces
+            self._held += data
+            while self._held.endswith(b"\n") and not self._held.endswith(b"\n\n"):
+                data = self._opened.recv(size)
+                if not data:
+                    raise ConnectionError("the connection was closed")
+                self._held += data
+        end = self._held.find(_END)
+        taken = bytes(self._held if end < 0 else self._held[: end + len(_END)])
+        del self._held[: len(taken)]
+        return taken
 
     def send(self, data: bytes) -> int:
         """Send bytes."""

@@ -75,7 +75,16 @@ class RplidarSource:
             def connect(self) -> None:
                 self._serial = line
 
+            def _read_response(self, dsize: int) -> bytes:
+                # the package asks again and again how much is there, and would do so for ever
+                return line.read(dsize)
+
         self._laser = OnLine(self.port, self._baud)
+        try:
+            self._laser.stop()  # it may still be scanning for whoever used it before
+        except SourceError:
+            self._transport.close()
+            raise
         return self
 
     def __exit__(
@@ -142,9 +151,7 @@ class _Line:
         self._held = bytearray()
 
     def inWaiting(self) -> int:  # noqa: N802 - pyserial's name
-        """Return how many bytes are held; waits for some, and raises when none come."""
-        if not self._held:
-            self._held += self._transport.read(_N_BUFFERED)
+        """Return how many bytes are held; never waits: the package asks so before it has asked the laser anything."""
         return len(self._held)
 
     def read(self, size: int) -> bytes:
@@ -160,8 +167,9 @@ class _Line:
         return self._transport.write(data)
 
     def flushInput(self) -> None:  # noqa: N802 - pyserial's name
-        """Drop what is held."""
+        """Drop what is held and what has come."""
         self._held.clear()
+        self._transport.reset_input()
 
     def setDTR(self, level: bool) -> None:  # noqa: N802 - pyserial's name
         """Switch the motor of an A1."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.matchers.curvescan.features.range_image import RangeImage, place_of, reading_in
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
 from curvescan.types import Floats
@@ -60,13 +60,13 @@ class Association(NamedTuple):
     along: float
 
 
-@kernel
+@inlined
 def motion_of(pose: Floats, way: float) -> Motion:
     """Return the motion by a (3,) pose, FORWARD or BACKWARD."""
     return Motion(math.cos(pose[2]), math.sin(pose[2]), pose[0], pose[1], way)
 
 
-@kernel
+@inlined
 def lever(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
     """Return where reading i lies from the current sensor, along the axes of the reference, metres."""
     if motion.way < 0.0:
@@ -74,19 +74,19 @@ def lever(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
     return turned(surfels[i, X], surfels[i, Y], motion)
 
 
-@kernel
+@inlined
 def turned(x: float, y: float, motion: Motion) -> tuple[float, float]:
     """Return a vector of the current scan along the axes of the reference."""
     return motion.c * x - motion.s * y, motion.s * x + motion.c * y
 
 
-@kernel
+@inlined
 def turned_back(x: float, y: float, motion: Motion) -> tuple[float, float]:
     """Return a vector of the reference along the axes of the current scan."""
     return motion.c * x + motion.s * y, motion.c * y - motion.s * x
 
 
-@kernel
+@inlined
 def projected(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
     """Return reading i in the frame of the other scan, metres."""
     dx, dy = lever(surfels, i, motion)
@@ -95,7 +95,7 @@ def projected(surfels: Floats, i: int, motion: Motion) -> tuple[float, float]:
     return dx + motion.x, dy + motion.y
 
 
-@kernel
+@inlined
 def distances(x: float, y: float, surfels: Floats, j: int) -> tuple[float, float]:
     """Return how far (x, y) lies across the line of reading j, and along it from its centre, metres."""
     ux, uy = x - surfels[j, CX], y - surfels[j, CY]
@@ -115,7 +115,7 @@ def associate(surfels: Floats, i: int, motion: Motion, image: RangeImage) -> Ass
     return Association(j, place, x, y, across, along)
 
 
-@kernel
+@inlined
 def is_seen_through(x: float, y: float, front: float) -> bool:
     """Return whether (x, y) stands nearer than `front` metres: in a free space, if the beam ends beyond."""
     return front > 0.0 and x * x + y * y < front * front

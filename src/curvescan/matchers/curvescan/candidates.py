@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, explained_share
+from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
@@ -30,18 +30,15 @@ class RefinedCandidates:
 
     Attributes
     ----------
-    poses : (k, 3) float64
-        Best first; of the current scan in the reference.
-    scores : (k,) float64
-        How well the scans agree there, at most 1.
+    weighed : WeighedPoses
+        Poses of the current scan in the reference and what speaks for each, the most likely first.
     assessment : Assessment or None
         Of the first; None where no pose finds enough support.
     is_guess_decisive : bool
         Whether a guess decided between poses that explain the scans.
     """
 
-    poses: Floats
-    scores: Floats
+    weighed: WeighedPoses
     assessment: Assessment | None
     is_guess_decisive: bool = False
 
@@ -53,23 +50,25 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     """
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
+    weighed = weigh(problem, poses, scores)
     if not len(poses) or scores[0] < config.scoring.min_score:
-        return RefinedCandidates(poses=poses, scores=scores, assessment=None)
-    assessment = assess_pose(ref, cur, poses[0], config)
+        return RefinedCandidates(weighed=weighed, assessment=None)
+    best = weighed.poses[0]
+    assessment = assess_pose(ref, cur, best, config)
     if assessment.is_weakly_observable(config.information):
-        best = poses[0]
-        poses, scores = search_degenerate_direction(ref, cur, poses, assessment.weakest, config)
-        if not np.array_equal(best, poses[0]):
-            assessment = assess_pose(ref, cur, poses[0], config)
-    kept = prefer(problem, poses, scores, assessment)
+        poses, scores = search_degenerate_direction(
+            ref, cur, weighed.poses, assessment.weakest, config
+        )
+        weighed = weigh(problem, poses, scores)
+        if not np.array_equal(best, weighed.poses[0]):
+            assessment = assess_pose(ref, cur, weighed.poses[0], config)
+    kept = prefer(problem, weighed)
     if kept is None:
-        return RefinedCandidates(poses=poses, scores=scores, assessment=assessment)
-    poses, scores = poses[kept : kept + 1], scores[kept : kept + 1]
+        return RefinedCandidates(weighed=weighed, assessment=assessment)
+    weighed = weighed.rows([kept])
     if kept > 0:
-        assessment = assess_pose(ref, cur, poses[0], config)
-    return RefinedCandidates(
-        poses=poses, scores=scores, assessment=assessment, is_guess_decisive=True
-    )
+        assessment = assess_pose(ref, cur, weighed.poses[0], config)
+    return RefinedCandidates(weighed=weighed, assessment=assessment, is_guess_decisive=True)
 
 
 def top_candidates(
@@ -126,16 +125,16 @@ def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:
     return [k for k in range(1, len(scores)) if scores[k] > least]
 
 
-def prefer(problem: Problem, poses: Floats, scores: Floats, assessment: Assessment) -> int | None:
+def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
     """Return the row of the one of several poses that explain the scans that a guess is clearly nearest to, or None."""
+    poses = weighed.poses
     if problem.guess is None or len(poses) == 1:
         return None
-    competing = competing_hypotheses(scores, problem.config)
-    least = GUESSED_REPETITION
+    competing = competing_hypotheses(weighed.scores, problem.config)
     rows = [
         k
         for k in range(1, len(poses))
-        if k in competing or explained_share(problem, poses[k], poses[0], assessment) > least
+        if k in competing or weighed.repetition(k) > GUESSED_REPETITION
     ]
     if not rows:
         return None

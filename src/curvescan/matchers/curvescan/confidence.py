@@ -1,326 +1,276 @@
 """Confidence: the probability that a pose is right, from how much agrees, what contradicts, and what else explains it.
 
-Two things make a wrong pose look right. Chance: in a world of right angles a corner of
-two walls fits any other, so only what agrees *beyond* the two longest walls counts in full; and surfaces larger than a
-person that one scan has where the other saw through count against the pose. Repetition: shelves, pillars and bare rooms
-look the same from several places, so another pose that explains much of what agrees, and is not contradicted, takes the
-confidence away, whatever its score. The model and its fit: docs/design-notes/confidence.md.
+Each pose of a match has log odds against there being nothing in common, linear in its evidence. Chance: in a world of
+right angles a corner of two walls fits any other, so what agrees *beyond* the two longest walls counts in full, and
+walls that one scan has where the other saw through count against. Repetition: shelves, pillars and bare rooms look the
+same from several places, so each other pose has odds against the best one, and one that explains as much makes the match
+ambiguous. The model and its fit: docs/design-notes/confidence.md.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment import Assessment
-from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, X, Y
-from curvescan.matchers.curvescan.labels import DYNAMIC, INLIER, compare_readings
+from curvescan.matchers.curvescan.evidence import (
+    AGREEING,
+    EXCESS,
+    LARGE,
+    MISFIT,
+    MISSED,
+    SEEN_THROUGH,
+    SMALL,
+    WEAKEST,
+    gather_evidence,
+)
 from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.search import Problem
-from curvescan.types import Codes, Floats, Ints, Pose
+from curvescan.types import Bools, Floats
 
-MAX_REPETITION = 0.36
-"""Least share of the agreement that another pose explains at which the match is ambiguous: of shifted shelves and pillars
-and turned rooms 97 in 100 reach it, of right matches in furnished places 2 in 100."""
+MAX_REPETITION = 0.45
+"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
 
 GUESSED_REPETITION = 0.3
-"""Share of the agreement that a pose must explain for a guess to prefer it to the best."""
+"""The same for a guess to decide between the two."""
 
 COEFFICIENTS = {
-    "constant": 3.28,
-    "log10_excess": 2.61,
-    "log10_agreeing": 4.57,
-    "log10_contradicted": -2.31,
-    "contradicted_small": -1.92,
-    "motion": -1.31,
-    "degenerate": -3.14,
-    "guessed": 3.0,
-    "repetition": -7.37,
+    "constant": -1.15,
+    "log10_excess": 1.96,
+    "log10_agreeing": 0.54,
+    "log10_weakest": 1.21,
+    "log10_misfit": -1.1,
+    "log10_missed": -1.27,
+    "log10_seen_through": -1.07,
+    "log10_large": -1.37,
+    "motion": -1.57,
+    "guessed": 2.62,
+    "degenerate": -1.59,
+    "few": 1.48,
+    "few_motion": -1.28,
+    "few_seen_through": -3.32,
 }
-"""Log odds that a pose is right, by the terms of `Support`; fitted by bench/fit_confidence.py."""
+"""Log odds that a pose is right and not nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
-_MAX_MOTION = 4.0  # beyond it a motion is as unlikely as any
-_EXCESS_FLOOR = 0.1  # metres: noise of the excess length
-_AGREEING_FLOOR = 0.02  # share: noise of the agreeing share
-_LARGE_FLOOR = 0.2  # metres: noise of the contradicted length
-_LARGE = 0.5  # metres: extent of a surface that is no person's
-_N_TAKEN = (
-    48  # readings that stand for all, and of these the ones through which walls are looked for
-)
-_N_SEEDS = 16
-_NEAR_GUESS = 0.3  # metres, and radians: a pose within it is where the guess has it
-_CONTRADICTED = (
-    0.15  # of what agrees at another pose: contradicted beyond that, it explains nothing
-)
+RIVAL_COEFFICIENTS = {
+    "constant": -2.06,
+    "log10_misfit": -1.89,
+    "log10_seen_through": -2.45,
+    "motion": -1.0,
+    "repetition": 0.54,
+}
+"""Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
+
+_FREE_MOTION, _MAX_MOTION = (
+    1.0,
+    4.0,
+)  # metres plus radians: less is as likely as none, more as unlikely as that
+_MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
+_ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
+_MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
+_NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
+_FLOORS = {
+    "log10_excess": 0.1,  # metres
+    "log10_agreeing": 0.1,
+    "log10_weakest": 0.1,
+    "log10_misfit": 0.1,  # no unit
+    "log10_missed": 0.05,  # metres
+    "log10_seen_through": 0.1,
+    "log10_large": 0.2,
+}
+_COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
+_EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
+_CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
-_MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
-_NEARER = 0.7  # metres and radians by which the best pose may be nearer to the guess before others count less
-
-_FADING = 0.25  # for each metre and radian: how fast others count less beyond that
+_NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
+_FADING_OF_TWO, _FADING = (
+    0.5,
+    0.25,
+)  # for each metre and radian: how fast the two kinds count less beyond that
 _MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
-_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
-_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
-_WALL = 0.12  # metres from its line within which a reading is of a wall
+_MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WeighedPoses:
+    """Poses of one match and what speaks for each, the most likely first.
+
+    Attributes
+    ----------
+    poses : (k, 3) float64
+        Of the current scan in the reference.
+    scores : (k,) float64
+        How well the scans agree there, at most 1.
+    evidence : (k, N_EVIDENCE) float64
+        What the surfaces say; columns of evidence.py.
+    motions : (k,) float64
+        How far each is from the guess, or from standing still: metres plus radians.
+    is_guessed : (k,) bool
+        Whether it lies where a guess has it.
+    """
+
+    poses: Floats
+    scores: Floats
+    evidence: Floats
+    motions: Floats
+    is_guessed: Bools
+
+    def rows(self, order: list[int]) -> WeighedPoses:
+        """Return some of the poses, in another order."""
+        return WeighedPoses(
+            poses=self.poses[order],
+            scores=self.scores[order],
+            evidence=self.evidence[order],
+            motions=self.motions[order],
+            is_guessed=self.is_guessed[order],
+        )
+
+    def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
+        """Return what the model weighs of one pose, by the names of its coefficients."""
+        evidence = self.evidence[k].tolist()
+        columns = zip(_FLOORS.items(), _COLUMNS, strict=True)
+        terms = {
+            name: math.log10(max(evidence[column], 0.0) + floor)
+            for (name, floor), column in columns
+        }
+        motion = min(max(float(self.motions[k]) - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
+        # 1 where the pose rests on two walls alone, 0 from some more on
+        few = max(
+            1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0
+        )
+        return {
+            "constant": 1.0,
+            **terms,
+            "motion": motion,
+            "guessed": float(self.is_guessed[k]),
+            "degenerate": float(is_degenerate),
+            "few": few,
+            "few_motion": few * motion,
+            "few_seen_through": few * (terms["log10_seen_through"] + 1.0),
+        }
+
+    def log_odds(self, k: int, is_degenerate: bool = False) -> float:
+        """Return the log odds that one pose is right and the scans have not nothing in common."""
+        terms = self.terms(k, is_degenerate)
+        return sum(coefficient * terms[name] for name, coefficient in COEFFICIENTS.items())
+
+    def rank(self, k: int) -> float:
+        """Return what poses are sorted by, the least first: the log odds, in which a motion counts for little.
+
+        A large motion makes any pose less certain; which of two is right it hardly says.
+        """
+        terms = self.terms(k)
+        odds = self.log_odds(k)
+        for name in ("motion", "few_motion"):
+            odds -= (1.0 - _MOTION_OF_RANK) * COEFFICIENTS[name] * terms[name]
+        return -odds
+
+    def rival_terms(self, k: int) -> dict[str, float]:
+        """Return what the model weighs of pose k against the first."""
+        own, best = self.terms(k), self.terms(0)
+        terms = {name: own[name] - best[name] for name in RIVAL_COEFFICIENTS if name in own}
+        terms["motion"] = max(terms["motion"], -_MAX_NEARER)
+        return {**terms, "constant": 1.0, "repetition": self.repetition(k)}
+
+    def repetition(self, k: int) -> float:
+        """Return how much of what supports the first pose the pose k explains as well, as a share.
+
+        The geometric mean of the shares of the excess length and of the length that fixes the weakest direction, less
+        what is seen through there and not at the first. A pose that rests on two walls alone counts less the farther it
+        is from where the sensor is expected, any other where that is much farther.
+        """
+        own, best = self.evidence[k].tolist(), self.evidence[0].tolist()
+        share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
+        share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
+        contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
+        allowed = _CONTRADICTED * max(own[AGREEING], _FLOORS["log10_agreeing"])
+        share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
+        farther = float(self.motions[k] - self.motions[0])
+        if own[EXCESS] < _TWO_WALLS:
+            share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
+        return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
+
+
+def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
+    """Return poses with their evidence, the most likely first."""
+    ref, cur, guess, config = problem
+    around = np.zeros(3) if guess is None else guess
+    offsets = [difference(pose, around) for pose in poses]
+    motions = np.array([math.hypot(x, y) + abs(theta) for x, y, theta in offsets])
+    weighed = WeighedPoses(
+        poses=poses,
+        scores=scores,
+        evidence=gather_evidence(
+            ref.image, ref.bounds, cur.image, cur.bounds, poses, config.scoring.margin
+        ),
+        motions=motions,
+        is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
+    )
+    if len(poses) < 2:
+        return weighed
+    return weighed.rows(sorted(range(len(poses)), key=weighed.rank))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
-    """What speaks for a pose and against it.
+    """What speaks for the first of some poses and against it.
 
     Attributes
     ----------
-    agreeing : float
-        Share of the length of all surfaces seen that agrees, both ways round, 0 to 1.
-    excess : float
-        Length that agrees besides the two walls, not parallel, that agree most, metres.
-    contradicted : float
-        Length of surfaces longer than 0.5 m that one scan has where the other saw through, metres.
-    contradicted_small : float
-        Share of the length of all surfaces seen that is smaller ones of that kind: people, chairs.
-    motion : float
-        How far the pose is from the guess, or from standing still: metres plus radians.
-    is_guessed : bool
-        Whether it lies where a guess has it.
-    is_degenerate : bool
-        Whether the scans leave a direction open.
-    repetition : float
-        Most of the agreement that another pose explains, as a share.
+    log_odds : float
+        That it is right and the scans have not nothing in common.
+    rivals : dict of int to float
+        Log odds, for each other pose that may be right instead, by its row.
+    repetitions : dict of int to float
+        Share of what supports the first that each of them explains.
     """
 
-    agreeing: float
-    excess: float
-    contradicted: float
-    contradicted_small: float
-    motion: float
-    is_guessed: bool
-    is_degenerate: bool
-    repetition: float
-
-    @property
-    def terms(self) -> dict[str, float]:
-        """What the model weighs, by the names of its coefficients."""
-        return {
-            "constant": 1.0,
-            "log10_excess": math.log10(max(self.excess, 0.0) + _EXCESS_FLOOR),
-            "log10_agreeing": math.log10(self.agreeing + _AGREEING_FLOOR),
-            "log10_contradicted": math.log10(self.contradicted + _LARGE_FLOOR),
-            "contradicted_small": self.contradicted_small,
-            "motion": min(self.motion, _MAX_MOTION),
-            "degenerate": float(self.is_degenerate),
-            "guessed": float(self.is_guessed),
-            "repetition": self.repetition,
-        }
-
-    @property
-    def is_repeated(self) -> bool:
-        """Whether another pose explains so much of the scans that the two cannot be distinguished."""
-        return self.repetition > MAX_REPETITION
+    log_odds: float
+    rivals: dict[int, float]
+    repetitions: dict[int, float]
 
     @property
     def confidence(self) -> float:
-        """Probability that the pose is right, within what its covariance says, if it is not repeated."""
-        log_odds = sum(COEFFICIENTS[name] * value for name, value in self.terms.items())
-        return 1.0 / (1.0 + math.exp(-max(min(log_odds, _MAX_LOG_ODDS), -_MAX_LOG_ODDS)))
+        """Probability that the pose is right and no other."""
+        return self.confidence_with([])
+
+    def confidence_with(self, accepted: Sequence[int]) -> float:
+        """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
+        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
+        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
+        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
+        return right / (1.0 + sum(odds.values()) + nothing)
+
+    @property
+    def is_related(self) -> float:
+        """Probability that the scans have anything in common, at any of the poses."""
+        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
+
+    def repeated(self) -> list[int]:
+        """Return the rows of the poses that cannot be distinguished from the first."""
+        return [row for row, share in self.repetitions.items() if share > MAX_REPETITION]
 
 
-def support_of(
-    problem: Problem,
-    pose: Pose,
-    assessment: Assessment,
-    others: Sequence[Pose],
-    is_degenerate: bool,
-) -> Support:
-    """Return what speaks for a pose.
+def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
+    """Return what speaks for the first of some poses.
 
     Parameters
     ----------
-    problem : Problem
-        Scans, guess, config.
-    pose : (3,) float64
-        Of the current scan in the reference.
-    assessment : Assessment
-        What the scans say of it.
-    others : sequence of (3,) float64
-        Poses that may be right instead.
+    weighed : WeighedPoses
+        The poses.
+    others : sequence of int
+        Rows that may be right instead.
     is_degenerate : bool
-        Whether the scans leave a direction open.
+        Whether the scans leave a direction open at the first.
     """
-    ref, cur = problem.reference, problem.current
-    codes = assessment.codes_ref, assessment.codes_cur
-    a = support_lengths(ref.image.surfels, ref.bounds, codes[0], codes[0])
-    b = support_lengths(cur.image.surfels, cur.bounds, codes[1], codes[1])
-    agreeing, contradicted, large, _, total = (0.5 * (p + q) for p, q in zip(a, b, strict=True))
-    excess = 0.5 * (
-        excess_length(ref.image.surfels, codes[0]) + excess_length(cur.image.surfels, codes[1])
+    terms = {k: weighed.rival_terms(k) for k in others}
+    return Support(
+        log_odds=weighed.log_odds(0, is_degenerate),
+        rivals={
+            k: sum(RIVAL_COEFFICIENTS[name] * value for name, value in of.items())
+            for k, of in terms.items()
+        },
+        repetitions={k: of["repetition"] for k, of in terms.items()},
     )
-    motion = motion_of(problem, pose)
-    support = Support(
-        agreeing=agreeing / max(total, _EXCESS_FLOOR),
-        excess=excess,
-        contradicted=large,
-        contradicted_small=(contradicted - large) / max(total, _EXCESS_FLOOR),
-        motion=motion,
-        is_guessed=problem.guess is not None and motion < _NEAR_GUESS,
-        is_degenerate=is_degenerate,
-        repetition=0.0,
-    )
-    if support.confidence < problem.config.scoring.min_confidence:
-        return support  # others would make it no better
-    shares = (explained_share(problem, other, pose, assessment) for other in others)
-    return replace(support, repetition=max(shares, default=0.0))
-
-
-def motion_of(problem: Problem, pose: Pose) -> float:
-    """Return how far a pose is from the guess, or from standing still: metres plus radians."""
-    x, y, theta = difference(pose, np.zeros(3) if problem.guess is None else problem.guess)
-    return math.hypot(x, y) + abs(theta)
-
-
-def explained_share(problem: Problem, other: Pose, best: Pose, assessment: Assessment) -> float:
-    """Return how much of what agrees at the best pose another one explains as well, as a share.
-
-    The geometric mean of the shares of what agrees and of the excess length, less what is contradicted there and not at
-    the best pose. A pose that rests on two walls alone counts less the farther it is from where the sensor is expected,
-    any other where that is much farther.
-    """
-    ref, cur = problem.reference, problem.current
-    agreeing, contradicted, excess, agreeing_best, excess_best = compare_explanations(
-        ref.image,
-        ref.bounds,
-        assessment.codes_ref,
-        cur.image,
-        cur.bounds,
-        assessment.codes_cur,
-        other,
-        problem.config.scoring.margin,
-    )
-    share = agreeing / max(agreeing_best, _EXCESS_FLOOR)
-    share = math.sqrt(share * min(1.0, (excess + _LARGE) / (excess_best + _LARGE)))
-    share *= max(0.0, 1.0 - contradicted / (_CONTRADICTED * max(agreeing, _EXCESS_FLOOR)))
-    farther = motion_of(problem, other) - motion_of(problem, best)
-    if excess < _TWO_WALLS:
-        share *= min(1.0, max(0.0, 1.0 - 0.5 * (farther - _NEARER)))
-    share *= min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER)))
-    return float(share)
-
-
-@kernel
-def support_lengths(
-    surfels: Floats, bounds: Ints, codes: Codes, codes_best: Codes
-) -> tuple[float, float, float, float, float]:
-    """Return lengths of surface, metres.
-
-    What agrees, what is contradicted, of that in runs longer than 0.5 m, of that not contradicted at the best pose, all.
-    """
-    agreeing, contradicted, large, new, total = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(bounds.size - 1):
-        run, first = 0.0, -1
-        for i in range(bounds[k], bounds[k + 1]):
-            length = surfels[i, LENGTH]
-            total += length
-            if codes[i] == INLIER:
-                agreeing += length
-            if codes[i] == DYNAMIC:
-                contradicted += length
-                new += length if codes_best[i] != DYNAMIC else 0.0
-                first = i if first < 0 else first
-                run += length
-            if first >= 0 and (codes[i] != DYNAMIC or i == bounds[k + 1] - 1):
-                last = i if codes[i] == DYNAMIC else i - 1
-                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
-                large += run if dx * dx + dy * dy > _LARGE * _LARGE else 0.0
-                run, first = 0.0, -1
-    return agreeing, contradicted, large, new, total
-
-
-@kernel
-def excess_length(surfels: Floats, codes: Codes) -> float:
-    """Return the length of surface that agrees besides the wall that agrees most and the most of those across it, metres.
-
-    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
-    readings, and of many only some are taken.
-    """
-    n = 0
-    for i in range(codes.size):
-        n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
-    stride = max(n // _N_TAKEN, 1)
-    rows = np.empty(n // stride + 1, dtype=np.int64)
-    count, seen, total = 0, 0, 0.0
-    for i in range(codes.size):
-        if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
-            continue
-        total += surfels[i, LENGTH]
-        if seen % stride == 0:
-            rows[count] = i
-            count += 1
-        seen += 1
-    taken = np.zeros(count, dtype=np.bool_)
-    wall, walls = -1, 0.0
-    for turn in range(2):
-        best, best_row = 0.0, -1
-        for seed in range(0, count, max(count // _N_SEEDS, 1)):
-            i = rows[seed]
-            nx, ny = surfels[i, NX], surfels[i, NY]
-            if turn == 1 and (
-                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > _ACROSS
-            ):
-                continue
-            length = 0.0
-            for k in range(count):
-                if not taken[k] and is_on_wall(surfels, rows[k], i):
-                    length += surfels[rows[k], LENGTH]
-            if length > best:
-                best, best_row = length, i
-        if best_row < 0:
-            break
-        for k in range(count):
-            taken[k] = taken[k] or is_on_wall(surfels, rows[k], best_row)
-        wall = best_row
-        walls += best * stride
-    return max(total - walls, 0.0)
-
-
-@kernel
-def is_on_wall(surfels: Floats, i: int, seed: int) -> bool:
-    """Return whether a reading lies on the line through another and faces like it."""
-    nx, ny = surfels[seed, NX], surfels[seed, NY]
-    if nx * surfels[i, NX] + ny * surfels[i, NY] < _ALIKE:
-        return False
-    off = nx * (surfels[i, CX] - surfels[seed, CX]) + ny * (surfels[i, CY] - surfels[seed, CY])
-    return bool(abs(off) < _WALL)
-
-
-@kernel
-def compare_explanations(
-    ref: RangeImage,
-    bounds_ref: Ints,
-    best_ref: Codes,
-    cur: RangeImage,
-    bounds_cur: Ints,
-    best_cur: Codes,
-    pose: Floats,
-    margin: float,
-) -> tuple[float, float, float, float, float]:
-    """Return what agrees at a pose, what is contradicted there and not at the best one, the excess length there.
-
-    And what agrees at the best pose and is in excess there; all metres. best_ref and best_cur are the codes there.
-    """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
-    codes_cur, _ = compare_readings(cur.surfels, ref, pose, margin)
-    codes_ref, _ = compare_readings(ref.surfels, cur, back, margin)
-    agreeing_a, _, _, new_a, _ = support_lengths(ref.surfels, bounds_ref, codes_ref, best_ref)
-    agreeing_b, _, _, new_b, _ = support_lengths(cur.surfels, bounds_cur, codes_cur, best_cur)
-    best_a = support_lengths(ref.surfels, bounds_ref, best_ref, best_ref)
-    best_b = support_lengths(cur.surfels, bounds_cur, best_cur, best_cur)
-    excess = 0.5 * (excess_length(ref.surfels, codes_ref) + excess_length(cur.surfels, codes_cur))
-    excess_best = 0.5 * (
-        excess_length(ref.surfels, best_ref) + excess_length(cur.surfels, best_cur)
-    )
-    agreeing, contradicted = 0.5 * (agreeing_a + agreeing_b), 0.5 * (new_a + new_b)
-    return agreeing, contradicted, excess, 0.5 * (best_a[0] + best_b[0]), excess_best

@@ -157,7 +157,7 @@ class ScoringConfig:
     """From this score on a guess that fixes both axes is taken without a look at others."""
     min_score: float = 0.02
     """Least score of a pose that is looked at any further."""
-    min_confidence: float = 0.4
+    min_confidence: float = 0.55
     """Least confidence of a match."""
     min_inliers: int = 15
     """Least readings of the current scan that agree at a match, or a third of all where those are few."""
@@ -249,6 +249,9 @@ class InformationConfig:
     """It is open when the scans agree there by this share of their score."""
     tie: float = 0.97
     """Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
+    tie_ratio: float = 0.2
+    """Where a direction has less than this share of the next one's information, other poses along it are no rivals: the
+    covariance holds them, and the direction is named."""
     along_tolerance: float = 0.15
     """Two poses differ by a motion along a degenerate direction when nothing else of their difference exceeds
     this, metres and radians."""
@@ -260,6 +263,7 @@ class InformationConfig:
             "degenerate_ratio",
             "fine_along_step",
             "flat_score",
+            "tie_ratio",
             "along_tolerance",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
     wide_range_images,
 )
-from curvescan.matchers.curvescan.confidence import Support, support_of
+from curvescan.matchers.curvescan.confidence import Support, WeighedPoses, support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.movable import without_movable
@@ -30,6 +30,12 @@ from curvescan.types import Bools, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
+
+_STRAIGHT = np.array([1.0, 1.0, 0.0])
+"""Takes the turn from a direction."""
+
+_TRANSLATES = 0.3
+"""Least metres along x or y of a direction, of 1 m at a typical reading, that is a translation and not a turn."""
 
 _OTHER = 0.25
 """Metres, and radians times 2 m, from which on a candidate is another pose and no better place of the same."""
@@ -48,29 +54,39 @@ class AssessedPose:
 
     Attributes
     ----------
-    poses : (k, 3) float64
+    weighed : WeighedPoses
         It, and the other candidates.
-    scores : (k,) float64
-        How well the scans agree at each, at most 1.
     assessment : Assessment or None
         Of the first; None where too few readings agree.
     is_degenerate : (3,) bool
         Principal directions of the information that the scans leave open, the least informed first.
+    is_flat : bool
+        Whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are any.
     ties : list of int
-        Rows of the candidates that are as good and differ by a motion along the least informed direction.
+        Rows of the candidates that may be right as well and differ by a motion along the least informed direction.
     support : Support or None
         What speaks for the first and against it; None where too few readings agree.
     is_guess_decisive : bool
         Whether a guess decided between poses that explain the scans.
     """
 
-    poses: Floats
-    scores: Floats
+    weighed: WeighedPoses
     assessment: Assessment | None = None
     is_degenerate: Bools
+    is_flat: bool = False
     ties: list[int]
     support: Support | None = None
     is_guess_decisive: bool = False
+
+    @property
+    def poses(self) -> Floats:
+        """(k, 3) the candidate and the others, the most likely first."""
+        return self.weighed.poses
+
+    @property
+    def scores(self) -> Floats:
+        """(k,) how well the scans agree at each, at most 1."""
+        return self.weighed.scores
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,37 +120,67 @@ class Verdict:
 def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     """Return the best candidate refined without what moved, the directions left open there, and what supports it."""
     ref, cur, _, config = problem
-    poses, scores, assessment = refined.poses, refined.scores, refined.assessment
-    if assessment is not None:
-        poses, assessment = without_dynamic(ref, cur, poses, assessment, config)
+    weighed, assessment = refined.weighed, refined.assessment
+    if assessment is not None and assessment.n_dynamic:
+        poses, assessment = without_dynamic(ref, cur, weighed.poses, assessment, config)
+        weighed = replace(weighed, poses=poses)
     if assessment is None or not assessment.is_enough(config.scoring):
-        return AssessedPose(
-            poses=poses, scores=scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
-        )
-    fixed = assessment
+        return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
+    poses, fixed = weighed.poses, assessment
     assessment = without_movable(ref, cur, poses[0], assessment, config)
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     is_degenerate[0] |= assessment is not fixed
-    ties = along_degenerate_direction(poses, scores, assessment, config)
-    is_degenerate[0] |= assessment.is_weakly_observable(config.information) and len(ties) > 0
+    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), config)
+    competing = competing_hypotheses(weighed.scores, config)
+    is_flat = bool(is_degenerate[0]) or (
+        assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
+    )
     others = [
-        pose
-        for pose in poses[1:]
-        if distance(pose, poses[0]) > _OTHER
-        and not (
-            is_degenerate[0]
-            and is_along(assessment.weakest, poses[0], pose, config.information.along_tolerance)
-        )
+        k
+        for k in range(1, len(poses))
+        if distance(poses[k], poses[0]) > _OTHER and not (is_flat and k in along)
     ]
+    support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
+    ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
+    is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
-        poses=poses,
-        scores=scores,
+        weighed=weighed,
         assessment=assessment,
         is_degenerate=is_degenerate,
+        is_flat=is_flat,
         ties=ties,
-        support=support_of(problem, poses[0], assessment, others, bool(is_degenerate.any())),
+        support=support,
         is_guess_decisive=refined.is_guess_decisive,
     )
+
+
+def along_weakest_direction(
+    poses: Floats, assessment: Assessment, is_open: bool, config: CurvescanConfig
+) -> list[int]:
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open."""
+    rules = config.information
+    is_weak = assessment.information[0] < rules.tie_ratio * assessment.information[1]
+    if not (is_weak or is_open):
+        return []
+    # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
+    directions = [assessment.weakest]
+    if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
+        directions.append(assessment.weakest * _STRAIGHT)
+    return [
+        k
+        for k in range(1, len(poses))
+        if any(is_along(one, poses[0], poses[k], rules.along_tolerance) for one in directions)
+    ]
+
+
+def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:
+    """Return the rows along the weakest direction that may be right instead of the first: all, if it is not sure alone."""
+    if not along:
+        return []
+    ties = [k for k in support.repeated() if k in along]
+    if support.confidence_with(ties) < config.scoring.min_confidence:
+        ties = [k for k in along if k in support.rivals]
+    return ties
 
 
 def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
@@ -147,14 +193,15 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessed.support,
         assessed.is_degenerate,
     )
-    config = problem.config
+    least = problem.config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
-    n_ties = len(assessed.ties) if is_degenerate[0] else 0
-    if support.is_repeated or len(competing_hypotheses(assessed.scores, config)) > n_ties:
+    confidence = support.confidence_with(assessed.ties)
+    if not set(support.repeated()) <= set(assessed.ties):
         return Verdict(outcome=Outcome.AMBIGUOUS)
-    if support.confidence < config.scoring.min_confidence:
-        return Verdict(outcome=Outcome.UNSUPPORTED)
+    if confidence < least:
+        is_any = support.is_related >= least
+        return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,
@@ -162,7 +209,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessment=assessment,
         covariance=cov,
         is_degenerate=bool(is_degenerate.any()),
-        confidence=support.confidence,
+        confidence=confidence,
     )
 
 
@@ -171,33 +218,21 @@ def place(
 ) -> tuple[Pose, Assessment, Cov]:
     """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
     ref, cur, guess, config = problem
-    poses, ties, is_degenerate = assessed.poses, assessed.ties, assessed.is_degenerate
-    pose, has_ties = poses[0], bool(is_degenerate[0] and ties)
-    if has_ties:
-        pose = nearest_of_ties(guess, poses, assessed.scores, ties, config)
+    ties, is_degenerate = assessed.ties, assessed.is_degenerate
+    poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
+    if assessed.is_flat and ties:
+        pose = nearest_of_ties(guess, poses, assessed.weighed.scores, ties, config)
         assessment = assess_pose(ref, cur, pose, config)
-    if is_degenerate[0] and guess is not None:
+    if assessed.is_flat and guess is not None:
         pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
     if is_degenerate[0]:
         assessment = without_movable(ref, cur, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)
-    if has_ties:
+    if is_degenerate[0] and ties:
         cov += covariance_of_ties(pose, poses[[0, *ties]])
     return pose, assessment, cov
-
-
-def along_degenerate_direction(
-    poses: Floats, scores: Floats, assessment: Assessment, config: CurvescanConfig
-) -> list[int]:
-    """Return the rows of the competing hypotheses that differ by a motion along the first one's weakest direction."""
-    tolerance = config.information.along_tolerance
-    return [
-        k
-        for k in competing_hypotheses(scores, config)
-        if is_along(assessment.weakest, poses[0], poses[k], tolerance)
-    ]
 
 
 def nearest_of_ties(

@@ -82,7 +82,7 @@ def add_information(
         variance = va + surfels_other[j, VARIANCE]
         weight = 1.0 / variance
         add_square(system, INFORMATION, weight, nx, ny, ny * dx - nx * dy)
-        add_square(system, SPURIOUS, weight * surfels_other[j, TILT], -ny, nx, -nx * dx - ny * dy)
+        add_square(system, SPURIOUS, weight * surfels_other[j, TILT], -ny, nx, nx * dx + ny * dy)
         system[CHI2] += e * e / (va + _LINE_NOISE * surfels_other[j, VARIANCE])
         system[COUNT] += 1.0
         system[LEVER2] += dx * dx + dy * dy

@@ -31,11 +31,23 @@ _REACH, _REACH_SLOPE = 0.1, 0.1
 _POINT_LIMIT = 0.05
 """The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
 
-_IN_FRONT = 0.05
+IN_FRONT = 0.05
 """Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another thing."""
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
+
+
+@kernel
+def agreeing_limits(
+    surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float
+) -> tuple[float, float]:
+    """Return how far a reading may lie across and along the line of one of the other scan to be of the same surface, metres."""
+    if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
+        return _POINT_LIMIT + margin, _REACH
+    variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
+    reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
+    return _AGREEING_SIGMAS * math.sqrt(variance) + margin, reach
 
 
 @kernel
@@ -66,24 +78,21 @@ def compare_readings(
         Reading of the other scan where it is an INLIER, else -1.
     """
     m = surfels.shape[0]
-    codes = np.zeros(m, dtype=np.uint8)
-    partner = np.full(m, -1, dtype=np.int64)
+    codes = np.empty(m, dtype=np.uint8)
+    partner = np.empty(m, dtype=np.int64)
     surfels_other = other.surfels
     motion = motion_of(pose, FORWARD)
     for i in range(m):
+        codes[i], partner[i] = OCCLUDED, -1
         j, _, x, y, across, along = associate(surfels, i, motion, other)
         if j < 0:
             continue
-        variance = abs(surfels[i, VARIANCE]) + abs(surfels_other[j, VARIANCE])
-        limit = _AGREEING_SIGMAS * math.sqrt(variance) + margin
-        reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
-        if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
-            limit, reach = _POINT_LIMIT + margin, _REACH
+        limit, reach = agreeing_limits(surfels, i, surfels_other, j, margin)
         if abs(across) < limit and along * along < reach * reach:
             codes[i] = INLIER
             partner[i] = j
             continue
-        front = surfels_other[j, RANGE] - 2.0 * limit - _IN_FRONT
+        front = surfels_other[j, RANGE] - 2.0 * limit - IN_FRONT
         if is_seen_through(x, y, front):
             codes[i] = DYNAMIC
     return codes, partner
@@ -127,7 +136,7 @@ def static_segments(
     n_dynamic : int
         Surfaces that moved.
     """
-    is_static = np.ones(surfels.shape[0], dtype=np.bool_)
+    is_static = np.empty(surfels.shape[0], dtype=np.bool_)
     n_dynamic = 0
     motion = motion_of(pose, FORWARD)
     for k in range(bounds.size - 1):
@@ -140,8 +149,10 @@ def static_segments(
             total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        if n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2):
-            n_dynamic += 1
-            for i in range(bounds[k], bounds[k + 1]):
-                is_static[i] = False
+        has_moved = n >= _MIN_PARTNERS and total * total > max(
+            limit * limit * variance, (least * n) ** 2
+        )
+        n_dynamic += has_moved
+        for i in range(bounds[k], bounds[k + 1]):
+            is_static[i] = not has_moved
     return is_static, n_dynamic

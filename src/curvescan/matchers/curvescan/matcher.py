@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.matchers.curvescan.candidates import refine_candidates
+from curvescan.matchers.curvescan.confidence import WeighedPoses
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, disambiguate
+from curvescan.matchers.curvescan.evidence import N_EVIDENCE
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
@@ -25,7 +27,15 @@ _LABELS = np.array([Label.NEW, Label.MATCHED, Label.DYNAMIC], dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
-    poses=_NOTHING.poses, scores=_NOTHING.scores, is_degenerate=np.ones(3, dtype=np.bool_), ties=[]
+    weighed=WeighedPoses(
+        poses=_NOTHING.poses,
+        scores=_NOTHING.scores,
+        evidence=np.empty((0, N_EVIDENCE)),
+        motions=np.empty(0),
+        is_guessed=np.empty(0, dtype=np.bool_),
+    ),
+    is_degenerate=np.ones(3, dtype=np.bool_),
+    ties=[],
 )
 
 
@@ -86,15 +96,15 @@ def report(
         labels_reference=_labels(ref, assessment.codes_ref if assessment else None),
         labels_current=_labels(cur, assessment.codes_cur if assessment else None),
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(assessed.scores, 0),
-        runner_up=_score(assessed.scores, 1),
+        score=_score(assessed.weighed.scores[:1]),
+        runner_up=_score(assessed.weighed.scores[1:]),
         confidence=verdict.confidence,
         is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
     )
 
 
-def _score(scores: Floats, k: int) -> float:
-    return float(scores[k]) if len(scores) > k else math.nan
+def _score(scores: Floats) -> float:
+    return float(scores.max()) if len(scores) else math.nan
 
 
 def _labels(features: CurvescanFeatures, codes: Codes | None) -> Codes:

@@ -162,7 +162,7 @@ def select(
 ) -> tuple[Floats, Floats]:
     """Return the (k, 3) best poses that differ from one another, best first, and their scores (k,)."""
     best = np.empty((n_kept, 3))
-    scores = np.full(n_kept, -1.0)
+    scores = np.empty(n_kept)
     n_alike = np.zeros(n_kept, dtype=np.int64)
     n = 0
     for h in range(poses.shape[0]):

@@ -92,6 +92,7 @@ class Bucket:
             ) from error
         self.address = address
         self._obstore = obstore
+        self._versions: dict[tuple[str, str], str] = {}
         is_plain = any(os.environ.get(name, "").startswith("http://") for name in _ENDPOINTS)
         options: Any = {"timeout": timedelta(seconds=_REQUEST_S)}
         if is_plain:  # somebody's own server, named by its user
@@ -126,20 +127,20 @@ class Bucket:
         try:
             with self._one_sentence("read", key):
                 found = self._obstore.get(self._store, key)
-                return bytes(found.bytes()), str(found.meta["e_tag"] or "")
+                return bytes(found.bytes()), self._note(key, found.meta)
         except FileNotFoundError:
             return None
 
     def write(self, key: str, content: bytes) -> str:
         """Write a small object, in place of an older one, and return its tag."""
         with self._one_sentence("write", key):
-            return _tag(self._obstore.put(self._store, key, content))
+            return _tag(self._obstore.put(self._store, key, content)["e_tag"])
 
     def create(self, key: str, content: bytes) -> str | None:
         """Write an object that must not yet exist, and return its tag; None where it does."""
         try:
             with self._one_sentence("write", key):
-                return _tag(self._obstore.put(self._store, key, content, mode="create"))
+                return self._note(key, self._obstore.put(self._store, key, content, mode="create"))
         except FileExistsError:
             return None
 
@@ -147,10 +148,12 @@ class Bucket:
         """Write an object in place of the one of that tag, and return its new tag; None where that is gone."""
         from obstore.exceptions import PreconditionError
 
+        # Google's store asks for the version, the others for the tag
+        version = self._versions.pop((key, tag), None)
+        mode: Any = {"e_tag": tag} | ({"version": version} if version else {})
         try:
             with self._one_sentence("write", key):
-                mode: Any = {"e_tag": tag}
-                return _tag(self._obstore.put(self._store, key, content, mode=mode))
+                return self._note(key, self._obstore.put(self._store, key, content, mode=mode))
         except (FileNotFoundError, PreconditionError):
             return None
 
@@ -184,6 +187,13 @@ class Bucket:
         with self._one_sentence("write", key):
             self._obstore.put(self._store, key, path)
 
+    def _note(self, key: str, found: Any) -> str:
+        """Return the tag of an object, and keep the version that goes with it."""
+        tag = _tag(found["e_tag"])
+        if found["version"]:
+            self._versions[key, tag] = found["version"]
+        return tag
+
     @contextmanager
     def _one_sentence(self, what: str, key: str) -> Iterator[None]:
         """Say in a sentence what goes wrong; what the caller asks for (missing, there already, changed) passes."""
@@ -201,8 +211,9 @@ class Bucket:
 
 
 def _stored(meta: Any) -> StoredObject:
-    return StoredObject(key=meta["path"], size=meta["size"], tag=meta["e_tag"] or "")
+    return StoredObject(key=meta["path"], size=meta["size"], tag=_tag(meta["e_tag"]))
 
 
-def _tag(result: Any) -> str:
-    return str(result["e_tag"] or "")
+def _tag(tag: str | None) -> str:
+    # Azure's lists leave out the quotes that belong to a tag
+    return f'"{tag}"' if tag and tag.startswith("0x") else tag or ""

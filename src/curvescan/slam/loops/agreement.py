@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import cycle_distances
 from curvescan.slam.pose_graph.consistency import largest_clique
-from curvescan.types import Bools, Pose
+from curvescan.types import Bools, Ints, Pose
 
 
 class Waiting:
@@ -28,6 +30,14 @@ class Waiting:
         """Take a closure that is accepted already: others of its scans must agree with it."""
         self._closures.append(closure)
         del self._closures[: -self._config.closures.n_waiting]
+
+    def renumber(self, row_of: Ints) -> None:
+        """Count keyframes anew by (n,) new row of each, -1 of those that are gone."""
+        self._closures = [
+            replace(c, i=int(row_of[c.i]), j=int(row_of[c.j]))
+            for c in self._closures
+            if row_of[c.i] >= 0 and row_of[c.j] >= 0
+        ]
 
     def add(self, closure: Closure, poses: Pose) -> list[Closure]:
         """Take a closure, and return those that are accepted now because they agree; none if too few do.

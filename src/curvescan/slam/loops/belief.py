@@ -10,7 +10,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.pose_graph.marginals import seen_from
-from curvescan.types import Cov, Pose
+from curvescan.types import Bools, Cov, Pose
 
 UNKNOWN: Cov = np.diag([1e6, 1e6, 10.0])
 """(3, 3) covariance of a relative pose of which nothing is known."""
@@ -40,6 +40,12 @@ class Belief:
         covariances = np.tile(UNKNOWN, (len(poses), 1, 1))
         covariances[k] = 0.0
         return cls(k, poses, covariances)
+
+    def keep(self, is_kept: Bools) -> None:
+        """Forget keyframes; `is_kept` is of those that it knows, the others keep their order."""
+        self.k = int(np.count_nonzero(is_kept[: self.k]))
+        self.n = int(np.count_nonzero(is_kept))
+        self._relative, self._covariances = self._relative[is_kept], self._covariances[is_kept]
 
     def knows(self, i: int) -> bool:
         """Return whether a keyframe was there."""

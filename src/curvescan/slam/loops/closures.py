@@ -50,7 +50,7 @@ class Closure:
     scan : int
         Number of the scan at which it was tried.
     i, j : int
-        Keyframes; j is the later one.
+        Keyframes; j is the later one. Within the back end their rows, in all records their numbers, which stay when others go.
     pose : (3,) float64
         Pose of j in the frame of i by the match; NaN where it failed.
     covariance : (3, 3) float64

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan._jit import kernel
-from curvescan.types import Floats, Ints
+from curvescan.types import Bools, Floats, Ints
 
 N_DISTANCES, N_BEARINGS, N_KINDS = 16, 12, 3
 """Bins of distance, of bearing, and whether the surface turns the one way, the other, or ends."""
@@ -52,6 +52,12 @@ class PlaceIndex:
             self._signatures = np.concatenate((self._signatures, np.zeros_like(self._signatures)))
         self._signatures[self._n] = new
         self._n += 1
+
+    def keep(self, is_kept: Bools) -> None:
+        """Remove the keyframes that are not kept; the others keep their order."""
+        rows = np.flatnonzero(is_kept)
+        self._signatures[: len(rows)] = self._signatures[: self._n][rows]
+        self._n = len(rows)
 
     def similarity(self, other: Signature) -> Floats:
         """Return (n,) how alike each keyframe is to a scan, in [0, 1]."""

@@ -90,6 +90,12 @@ class PoseGraph:
         self.n_poses += 1
         return self.n_poses - 1
 
+    def keep_poses(self, is_kept: Bools) -> None:
+        """Remove the poses that are not kept; the others keep their order. The caller counts the ends of the edges anew."""
+        rows = np.flatnonzero(is_kept)
+        self._poses[: len(rows)] = self._poses[: self.n_poses][rows]
+        self.n_poses = len(rows)
+
     def keep_edges(self, is_kept: Bools) -> None:
         """Remove the edges that are not kept; the others keep their order."""
         rows = np.flatnonzero(is_kept)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan._jit import kernel
+from curvescan._jit import inlined, kernel
 from curvescan.types import Floats, Ints
 
 
@@ -66,8 +66,9 @@ def azimuth_table(
     The slots of a full circle go once around; when it has a beam less than slots the last slot is left to the first
     beam, when it has one more the last beam has none.
     """
-    table = np.full(n_slots, -2, dtype=np.int64)
-    table[: min(n_beams, n_slots)] = -1
+    table = np.empty(n_slots, dtype=np.int64)
+    for slot in range(n_slots):
+        table[slot] = -1 if slot < n_beams else -2
     for i in range(beam_idx.size):
         slot = n_beams - 1 - beam_idx[i] if is_clockwise else beam_idx[i]
         if slot < n_slots:
@@ -142,7 +143,7 @@ def bearing(x: float, y: float) -> float:
     return -a if y < 0.0 else a
 
 
-@kernel
+@inlined
 def place_of(x: float, y: float, image: RangeImage) -> float:
     """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off

@@ -113,12 +113,13 @@ def break_order(
         if valid[k]:
             order[m] = k
             m += 1
-    breaks = np.ones(m, dtype=np.bool_)
+    breaks = np.empty(m, dtype=np.bool_)
     # the gap that a surface may show, per metre of range, after 1, 2, ... steps
     slope = np.empty(max_gap + 2)
     for g in range(max_gap + 2):
         slope[g] = widest_gap(g * step, incidence_limit)
     for i in range(m):
+        breaks[i] = True
         b = order[i]
         a = order[i - 1] if i > 0 else order[m - 1]
         skipped = abs(b - a)

@@ -1,0 +1,105 @@
+"""Removal of a pose from a graph: what its edges measured is carried over to those that stay.
+
+The exact marginal ties all neighbours to each other. Kept of it are the steps of the chain, composed, and the closures, moved to the
+heir: a pose of the same place that the removed one is tied to. After Eade, Fong and Munich, "Monocular graph SLAM with complexity
+reduction", IROS 2010.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan.se2.uncertain import UncertainPose, compose, inverse
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.types import Bools, Ints
+
+_CHAIN = (EdgeKind.MATCH, EdgeKind.MOTION, EdgeKind.PRIOR)
+
+_LEAST_WEIGHT = 0.5
+"""Edges that the optimum follows less than this are not carried over."""
+
+
+def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
+    """Return which of some poses a closure or match ties best to pose v; None if there is none."""
+    best, found = np.inf, None
+    wanted = set(among.tolist())
+    for row in _edges_at(graph, v):
+        u = _other_end(graph, row, v)
+        is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
+        if u in wanted and is_match and graph.weights[row] > _LEAST_WEIGHT:
+            spread = float(np.trace(graph.covariances[row]))
+            if spread < best:
+                best, found = spread, u
+    return found
+
+
+def carry_over(graph: PoseGraph, v: int, heir: int) -> UncertainPose:
+    """Carry the edges of pose v over to the poses that stay, take them out, and return v seen from its heir.
+
+    Parameters
+    ----------
+    graph : PoseGraph
+        Changed in place; the pose itself stays, without edges.
+    v : int
+        The pose.
+    heir : int
+        One that a closure or match ties it to; see :func:`heir_of`.
+    """
+    rows = _edges_at(graph, v)
+    seen = {row: _seen_from(graph, row, v) for row in rows}
+    to_heir = min(
+        (row for row in rows if _other_end(graph, row, v) == heir and _is_match(graph, row)),
+        key=lambda row: float(np.trace(graph.covariances[row])),
+    )
+    from_heir = inverse(seen[to_heir])
+    for kind in _CHAIN:
+        ends = [row for row in rows if graph.kinds[row] == kind]
+        before = [row for row in ends if _other_end(graph, row, v) < v]
+        after = [row for row in ends if _other_end(graph, row, v) > v]
+        if before and after:
+            step = compose(inverse(seen[before[-1]]), seen[after[0]])
+            a, b = _other_end(graph, before[-1], v), _other_end(graph, after[0], v)
+            weight = float(min(graph.weights[before[-1]], graph.weights[after[0]]))
+            graph.add_edge(a, b, step.pose, step.cov, kind, weight)
+    tied = {_other_end(graph, row, heir) for row in _edges_at(graph, heir)}
+    for row in rows:
+        u = _other_end(graph, row, v)
+        is_closure = graph.kinds[row] == EdgeKind.CLOSURE and graph.weights[row] > _LEAST_WEIGHT
+        if is_closure and u != heir and u not in tied:
+            tied.add(u)
+            first, last = min(heir, u), max(heir, u)
+            moved = compose(from_heir, seen[row])
+            moved = moved if first == heir else inverse(moved)
+            graph.add_edge(first, last, moved.pose, moved.cov, EdgeKind.CLOSURE)
+    is_kept = np.ones(graph.n_edges, dtype=np.bool_)
+    is_kept[rows] = False
+    graph.keep_edges(is_kept)
+    return from_heir
+
+
+def remove_poses(graph: PoseGraph, is_kept: Bools) -> None:
+    """Take poses without edges out of a graph; the others keep their order and are counted anew."""
+    row_of = np.cumsum(is_kept) - 1
+    graph.ends[:] = row_of[graph.ends]
+    graph.keep_poses(is_kept)
+
+
+def _edges_at(graph: PoseGraph, v: int) -> list[int]:
+    found: list[int] = np.flatnonzero((graph.ends == v).any(axis=1)).tolist()
+    return found
+
+
+def _other_end(graph: PoseGraph, row: int, v: int) -> int:
+    i, j = graph.ends[row].tolist()
+    return int(j if i == v else i)
+
+
+def _is_match(graph: PoseGraph, row: int) -> bool:
+    is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
+    return bool(is_match and graph.weights[row] > _LEAST_WEIGHT)
+
+
+def _seen_from(graph: PoseGraph, row: int, v: int) -> UncertainPose:
+    """Return the other end of an edge seen from pose v."""
+    edge = UncertainPose(graph.measured[row].copy(), graph.covariances[row].copy())
+    return edge if graph.ends[row, 0] == v else inverse(edge)

@@ -1,0 +1,91 @@
+"""Thinning: places that were seen often keep few keyframes, the newest, so that memory follows the area and not the time.
+
+A keyframe that goes leaves its heir, one of the same place, and how it lay to it: scans that hang on it still move with the map.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.slam.config import PlacesConfig
+from curvescan.slam.pose_graph.graph import PoseGraph
+from curvescan.slam.pose_graph.removal import carry_over, heir_of
+from curvescan.types import Bools, Cov, Ints, Pose
+
+
+class Heirs:
+    """Keyframes that went, in their order: number, number of the heir, and the pose seen from it."""
+
+    def __init__(self) -> None:
+        self._of: list[tuple[int, int, UncertainPose]] = []
+
+    def __len__(self) -> int:
+        return len(self._of)
+
+    def add(self, number: int, heir: int, seen: UncertainPose) -> None:
+        """Take the keyframe `number`, seen from its heir."""
+        self._of.append((number, heir, seen))
+
+    def placed(self, numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
+        """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
+
+        Parameters
+        ----------
+        numbers : (n,) int64
+            Of the keyframes that are left.
+        poses, covariances : (n, 3), (n, 3, 3) float64
+            Of these.
+        """
+        if not self._of:
+            return poses, covariances
+        n_all = len(numbers) + len(self._of)
+        all_poses, all_covariances = np.empty((n_all, 3)), np.empty((n_all, 3, 3))
+        all_poses[numbers], all_covariances[numbers] = poses, covariances
+        for number, heir, seen in reversed(self._of):
+            found = compose(UncertainPose(all_poses[heir], all_covariances[heir]), seen)
+            all_poses[number], all_covariances[number] = found.pose, found.cov
+        return all_poses, all_covariances
+
+
+def thin(
+    graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
+) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
+    """Take the edges of keyframes out where there are too many of one place, and return which stay and what became of the others.
+
+    Parameters
+    ----------
+    graph : PoseGraph
+        Changed in place: the edges of those that go are carried over; its poses stay.
+    fragments : (n,) int64
+        Fragment of each keyframe.
+    n_settled : int
+        Only the first so many keyframes may go.
+    rules : PlacesConfig
+        How many a place holds.
+
+    Returns
+    -------
+    (n,) bool
+        Which stay.
+    dict
+        For each of the others, in the order they went: its heir and how it lies to it.
+    """
+    poses = graph.poses
+    is_kept = np.ones(len(poses), dtype=np.bool_)
+    gone: dict[int, tuple[int, UncertainPose]] = {}
+    for v in range(1, n_settled):  # the first one is the origin of the map
+        off = poses[v + 1 :] - poses[v]
+        near = np.hypot(off[:, 0], off[:, 1]) < rules.radius
+        near &= np.abs(se2.wrap(off[:, 2])) < rules.turn
+        near &= is_kept[v + 1 :] & (fragments[v + 1 :] == fragments[v])
+        newer = v + 1 + np.flatnonzero(near)
+        if len(newer) < rules.n_keyframes:
+            continue
+        heir = heir_of(graph, v, newer)
+        if heir is None:
+            continue
+        gone[v] = heir, carry_over(graph, v, heir)
+        is_kept[v] = False
+    return is_kept, gone

@@ -1,0 +1,43 @@
+"""Thinning: a place that is seen over and over keeps few keyframes, and every scan still has its pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.slam import run_slam
+from curvescan.slam.config import PlacesConfig, SlamConfig
+
+pytestmark = pytest.mark.slow
+
+
+def test_memory_follows_the_area_and_not_the_time() -> None:
+    made = cs.simulate("room", seed=2, n_scans=260, odometry_noise=None)
+    out = list(made)
+    there, truth = [*out, *out[::-1]], np.concatenate((made.truth.poses, made.truth.poses[::-1]))
+    n_laps, counts, edges = 4, [], []
+    slam = cs.Slam(config=SlamConfig(places=PlacesConfig(n_keyframes=2)))
+    for _ in range(n_laps):
+        for scan in there:
+            slam.add(scan)
+        counts.append(len(slam.backend.keyframes))
+        edges.append(slam.backend.graph.n_edges)
+    trajectory = slam.finish()
+    assert len(slam.backend.heirs) > 0
+    # what comes after the second lap adds next to nothing: the newest thirty stay in any case
+    assert counts[-1] < 1.15 * counts[1] + 10
+    assert edges[-1] < 1.4 * edges[1]
+    assert len(slam.map) == slam.backend.graph.n_poses == len(slam.backend.keyframes.index)
+    true = se2.between(truth[0], np.concatenate([truth] * n_laps))
+    assert len(trajectory) == len(true)
+    assert np.hypot(*(trajectory.poses - true)[:, :2].T).max() < 0.1
+    assert trajectory.covariances is not None
+    assert np.isfinite(trajectory.covariances).all()
+
+
+def test_without_a_place_seen_often_nothing_goes() -> None:
+    made = cs.simulate("office", seed=1, n_scans=200, odometry_noise=None)
+    run = run_slam(list(made))
+    assert len(run.slam.backend.heirs) == 0
