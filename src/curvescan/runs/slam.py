@@ -90,7 +90,11 @@ def save_slam_run(
         maps=maps,
     )
     write_tum(folder / "trajectory_online.tum", run.online)
-    slam_map = replace(slam.map, grid=saved.maps.grid)
+    slam_map = slam.map
+    # of the sessions before there are only the keyframes
+    is_continued = slam_map.n_sessions > 1
+    grid = slam_map.occupancy(occupancy) if is_continued else saved.maps.grid
+    slam_map = replace(slam_map, grid=grid)
     slam_map.save(folder / "map.csmap")
     save_graph(folder, slam_map)
     title = f"{saved.title}: pose graph"
