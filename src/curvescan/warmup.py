@@ -191,6 +191,7 @@ def _warm_up_whatever_matches(_: str) -> None:
 def _warm_up_slam() -> None:
     """Call the kernels of SLAM: three keyframes that stand in a triangle, and the three edges between them."""
     # SciPy's sparse matrices take their time to load
+    from curvescan.slam.loops.cycles import cycle_distances
     from curvescan.slam.loops.overlap import foretold_overlap, range_profile
     from curvescan.slam.loops.place_index import signature
     from curvescan.slam.pose_graph.consistency import largest_clique
@@ -214,6 +215,7 @@ def _warm_up_slam() -> None:
     data, _, _ = normal_equations(poses, edges, np.ones(3), anchors, pattern)
     marginal_covariances(pattern, data, anchors)
     largest_clique(np.ones((3, 3), dtype=np.bool_))
+    cycle_distances(ends, poses, np.array([np.eye(3)] * 3), poses, np.ones(3), 0.5)
     profile = range_profile(_scan(_room(0.0, 0.0)))
     foretold_overlap(profile[np.newaxis], anchors, poses[:1], profile)
     signature(np.zeros((2, 5)))

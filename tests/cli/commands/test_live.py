@@ -107,7 +107,7 @@ def test_the_page_of_a_run_and_its_end(log):
             url = re.search(r"http://[\d.:]+/", process.stderr.readline()).group()
             with urllib.request.urlopen(url, timeout=10) as answer:
                 assert b"curvescan" in answer.read()
-            deadline, seen = time.monotonic() + 120.0, b""
+            deadline, seen = time.monotonic() + 400.0, b""  # it may have to compile first
             with urllib.request.urlopen(url + "events", timeout=60) as events:
                 while b'"kind":"ended"' not in seen and time.monotonic() < deadline:
                     seen += events.readline()

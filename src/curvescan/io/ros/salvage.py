@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from rosbags.interfaces import Connection
+from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag1.reader import Header
 
@@ -26,6 +27,7 @@ _PIECE_BYTES = 1 << 20
 _MAX_CHUNK_BYTES = 1 << 30
 _MAX_CONNECTIONS = 4096
 _BAG_HEADER, _CHUNK, _CONNECTION, _MESSAGE = 3, 5, 7, 2
+_ROS1_VERSION = b"#ROSBAG V2.0\n"
 _MCAP_MAGIC = b"\x89MCAP0\r\n"
 _MCAP_END = b"\x02" + (20).to_bytes(8, "little") + bytes(20) + _MCAP_MAGIC
 _MCAP_CHUNK, _MCAP_CHUNK_HEAD = b"\x06", 41  # up to the name of the compression
@@ -115,21 +117,29 @@ def _copy(source: BinaryIO, goal: BinaryIO, n_bytes: int) -> None:
 def _salvage_ros1(file: Path, target: Path) -> None:
     connections: dict[int, Connection] = {}
     with file.open("rb") as source, Ros1Writer(target) as writer:
-        source.readline()
+        if source.readline() != _ROS1_VERSION:
+            raise ValueError(f"no bag that begins with {_ROS1_VERSION!r}")
         for kind, header, data in _records(source, file.stat().st_size):
-            number = header.get_uint32("conn")
-            if kind == _CONNECTION and number not in connections:
-                if len(connections) >= _MAX_CONNECTIONS:
-                    return
-                about = _fields(data)
-                connections[number] = writer.add_connection(
-                    header.get_string("topic"),
-                    about.get_string("type").replace("/", "/msg/"),
-                    msgdef=about.get_string("message_definition"),
-                    md5sum=about.get_string("md5sum"),
-                )
-            elif kind == _MESSAGE and number in connections:
-                writer.write(connections[number], header.get_time("time"), data)
+            try:
+                number = header.get_uint32("conn")
+                if kind == _CONNECTION and number not in connections:
+                    if len(connections) >= _MAX_CONNECTIONS:
+                        return
+                    connections[number] = _add_connection(writer, header, data)
+                elif kind == _MESSAGE and number in connections:
+                    writer.write(connections[number], header.get_time("time"), data)
+            except (ReaderError, UnicodeDecodeError):
+                return
+
+
+def _add_connection(writer: Ros1Writer, header: Header, data: bytes) -> Connection:
+    about = _fields(data)
+    return writer.add_connection(
+        header.get_string("topic"),
+        about.get_string("type").replace("/", "/msg/"),
+        msgdef=about.get_string("message_definition"),
+        md5sum=about.get_string("md5sum"),
+    )
 
 
 def _records(source: BinaryIO, n_bytes: int) -> Iterator[tuple[int, Header, bytes]]:
