@@ -27,7 +27,7 @@ _sentences: list[str] = [NOTHING_WRITTEN]
 
 
 class Stop:
-    """Whether a loop is asked to stop."""
+    """Whether a loop is to stop."""
 
     def __init__(self) -> None:
         self.is_asked = False

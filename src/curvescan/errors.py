@@ -33,7 +33,7 @@ class WorkerError(CurvescanError, RuntimeError):
 
 
 class StorageError(CurvescanError, OSError):
-    """A bucket of an object store cannot be reached, or refuses what is asked of it."""
+    """A bucket of an object store cannot be reached, or refuses a request."""
 
 
 class SourceError(CurvescanError, OSError):

@@ -1,6 +1,6 @@
 """Disputed loop closures: earlier keyframes that agree with each other and contradict the chain of matches.
 
-One such place is not believed, for rooms resemble each other. But a chain in which one match was wrong errs by more than its
+One such place is not enough, for rooms resemble each other. But a chain in which one match was wrong errs by more than its
 covariance says, and then every place that it comes back to contradicts it, all by the same correction. So what several
 places in a row ask for is taken.
 """

@@ -37,7 +37,7 @@ _TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
 _NEAR = InformationConfig(degenerate_sigma=0.3)
 
 _VAGUE_SIGMA = 0.08
-"""Standard deviation of what is expected along a degenerate direction from which on the scans are asked, metres: below it
+"""Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a guess, metres: below it
 they say nothing new, and what they say again and again of one keyframe errs alike."""
 
 _LEAST_SHIFT = 0.5

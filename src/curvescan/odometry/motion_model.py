@@ -18,7 +18,7 @@ from curvescan.se2.uncertain import UncertainPose, identity
 from curvescan.types import Pose
 
 _LONGEST_STEP = 1_000.0
-"""Metres from a scan to the next that an odometry can tell; beyond, it tells nothing of the way."""
+"""Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
 
 _MAX_STRETCH = 20.0
 """A pause longer than this many scans counts as this many."""

@@ -189,7 +189,7 @@ def _salvage_sqlite(file: Path, target: Path) -> None:
             marks = ",".join("?" * len(rows.description))
             with suppress(sqlite3.DatabaseError):
                 for row in rows:
-                    # text was asked for as bytes
+                    # text was read as bytes
                     values = [_as_text(v) if name != b"messages" else v for v in row]
                     goal.execute(f"insert into {name.decode()} values ({marks})", values)
         goal.commit()

@@ -151,7 +151,7 @@ class _Line:
         self._held = bytearray()
 
     def inWaiting(self) -> int:  # noqa: N802 - pyserial's name
-        """Return how many bytes are held; never waits: the package asks so before it has asked the laser anything."""
+        """Return how many bytes are held; never waits: the package calls this before it has sent the laser any command."""
         return len(self._held)
 
     def read(self, size: int) -> bytes:

@@ -24,7 +24,7 @@ _RIGHT_ANGLES = 4.0  # directions a right angle apart are one axis
 _FACING = 0.9  # cosine of the most that a wall may face away from an axis, 26 degrees
 
 _SIGMA = 0.02
-"""Metres by which a residual may be wrong after a quick refinement, when it is asked which direction the scans leave open."""
+"""Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for."""
 
 
 @kernel

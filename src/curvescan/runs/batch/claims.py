@@ -96,7 +96,7 @@ class Claims:
     def _replace_dead(self, key: str, name: str) -> str | None:
         found = self._bucket.read(key)
         if found is None:
-            return None  # released meanwhile: asked again later
+            return None  # released meanwhile: tried again later
         content, tag = found
         claim = _parse(content)
         seen, since = self._seen.get(name, ("", 0.0))
