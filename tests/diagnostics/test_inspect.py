@@ -429,6 +429,7 @@ def test_any_scans_are_reported(scans: list[LaserScan]) -> None:
     assert all(issue.sentence for issue in find_issues(report))
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_readings() -> None:
     class Stream(FakeLog):
         def __iter__(self) -> Iterator[LaserScan]:
@@ -512,6 +513,7 @@ def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
     assert repaired.sense.is_along
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -530,6 +532,7 @@ def test_sound_logs_turn_with_their_wheels(real_data: Path, name: str) -> None:
     assert kinds <= ({"beams_reversed"} if name.startswith("turtlebot4") else set())
 
 
+@pytest.mark.slow
 def test_a_sensor_that_stands_has_no_robot_in_sight(real_data: Path) -> None:
     for name in ("demo_stationary_simple_environment", "positive_1"):
         report = inspect_log(read_log(real_data / f"leg-tracker-people/{name}.bag.gz"))

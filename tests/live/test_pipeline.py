@@ -227,6 +227,7 @@ def read_pgm(data):
     return np.frombuffer(pixels[-rows * columns :], dtype=np.uint8).reshape(rows, columns)
 
 
+@pytest.mark.slow
 def test_memory_follows_the_area_and_not_the_time(log):
     """The same lap twenty times: no more scans are kept than for one, and the newest."""
     tracker, live_map = Tracker(Odometry()), LiveMap(is_revisable=True)

@@ -72,6 +72,7 @@ def test_a_score_that_chance_reaches_does_not_count(doubtful):
         assert decided_by_expectation(result, expected(truth, (1.0, 1.0, 1.0)), strict) is result
 
 
+@pytest.mark.slow
 def test_scans_that_share_nothing_stay_unmatched():
     """Places of different offices, expected where the sensor stood: none of 200 counts."""
     views = [features("office", seed, n_scans=41)[::10] for seed in range(60, 70)]

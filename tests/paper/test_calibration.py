@@ -79,6 +79,7 @@ def test_a_plane_out_of_sight_is_told():
         simulated_planes(LMS, [7.99])
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_configuration_that_can_be_read(tmp_path, capsys):
     assert run(["calibrate", "--out", str(tmp_path / "c"), "--distances", "5"]) == 0
     assert "U_k" in capsys.readouterr().out

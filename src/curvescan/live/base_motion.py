@@ -80,8 +80,8 @@ class BaseMotion:
         leap = self._odom_base.pose - known.pose
         leap[2] = se2.wrap(leap[2])
         odom_base = UncertainPose(self._odom_base.pose, known.cov + np.outer(leap, leap))
-        base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
-        if np.isfinite(base_in_map).all():
+        if np.isfinite(step.pose).all():  # NaN until the laser has been found in the map
+            base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
             self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))
         return BaseState(
             odom_base=odom_base,

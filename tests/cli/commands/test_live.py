@@ -52,6 +52,7 @@ def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
     assert len(read_log(record)) == 40
 
 
+@pytest.mark.slow
 def test_beams_in_reverse_are_not_deskewed_as_offline(log, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(
         "curvescan.diagnostics.sensor.beam_order_of_log",
@@ -76,6 +77,7 @@ def test_beams_in_reverse_are_not_deskewed_as_offline(log, tmp_path, capsys, mon
     assert (out / "trajectory.tum").read_text() != tracks["odometry"]
 
 
+@pytest.mark.slow
 def test_a_robot_finds_itself_in_the_map_of_slam(tmp_path, capsys):
     log = tmp_path / "office.npz"
     write_log(log, simulate("office", sensor="spinning-360", n_scans=80, seed=3))
