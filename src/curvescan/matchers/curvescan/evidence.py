@@ -22,6 +22,7 @@ from curvescan.matchers.curvescan.association import (
     turned_back,
 )
 from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
 from curvescan.matchers.curvescan.features.surfels import (
     CX,
     CY,
@@ -44,9 +45,7 @@ thing; seen through, in runs longer than 0.5 m; seen through, and small things."
 
 N_EVIDENCE = SMALL + 1
 
-_SMALL_EXTENT = 0.6  # metres: no person shows more
 _IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
-_OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = (
     0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
@@ -62,18 +61,11 @@ _N_SEEDS = 16  # of these the ones through which walls are looked for
 @kernel
 def may_move(surfels: Floats, bounds: Ints) -> Bools:
     """Return which readings are of surfaces no larger than a person that stand before what is beside them."""
-    m = surfels.shape[0]
-    is_small = np.zeros(m, dtype=np.bool_)
+    is_small = np.zeros(surfels.shape[0], dtype=np.bool_)
     for k in range(bounds.size - 1):
-        first, last = bounds[k], bounds[k + 1] - 1
-        extent2 = 0.0
-        for i in range(first, last + 1):
-            dx, dy = surfels[i, X] - surfels[first, X], surfels[i, Y] - surfels[first, Y]
-            extent2 = max(extent2, dx * dx + dy * dy)
-        before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
-        behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < m else _OPEN
-        if extent2 <= _SMALL_EXTENT * _SMALL_EXTENT and max(before, behind) >= _IN_FRONT:
-            for i in range(first, last + 1):
+        extent2, before, behind = extent_and_steps(surfels, bounds, k)
+        if extent2 <= PERSON_EXTENT * PERSON_EXTENT and max(before, behind) >= _IN_FRONT:
+            for i in range(bounds[k], bounds[k + 1]):
                 is_small[i] = True
     return is_small
 

@@ -14,14 +14,12 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment import Assessment
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
+from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
 from curvescan.matchers.curvescan.information import pose_information
 from curvescan.matchers.curvescan.labels import INLIER
 from curvescan.types import Bools, Codes, Floats, Ints, Pose
 
-_MAX_EXTENT = 0.6  # metres: no person shows more
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides farther away
-_OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 _MAX_THINGS = 6  # more of them do not keep pace by chance
 _WEAK = 0.5  # of the next direction's information: only a direction with less is looked at
 
@@ -62,25 +60,17 @@ def without_movable(
 @kernel
 def free_standing(surfels: Floats, bounds: Ints, codes: Codes) -> tuple[Bools, int]:
     """Return which readings are of small things that stand free, and how many such things agree."""
-    m = surfels.shape[0]
-    is_free = np.zeros(m, dtype=np.bool_)
+    is_free = np.zeros(surfels.shape[0], dtype=np.bool_)
     n_things = 0
     for k in range(bounds.size - 1):
-        first, last = bounds[k], bounds[k + 1] - 1
-        # from the first reading to the farthest: a room seen all around ends where it begins
-        extent2 = 0.0
-        for i in range(first, last + 1):
-            dx, dy = surfels[i, X] - surfels[first, X], surfels[i, Y] - surfels[first, Y]
-            extent2 = max(extent2, dx * dx + dy * dy)
-        if extent2 > _MAX_EXTENT * _MAX_EXTENT:
+        extent2, before, behind = extent_and_steps(surfels, bounds, k)
+        if extent2 > PERSON_EXTENT * PERSON_EXTENT:
             continue
-        before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
-        behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < m else _OPEN
         # another person may hide one side
         if max(before, behind) < _STANDS_FREE or min(abs(before), abs(behind)) < _STANDS_FREE:
             continue
         n_inliers = 0
-        for i in range(first, last + 1):
+        for i in range(bounds[k], bounds[k + 1]):
             is_free[i] = True
             n_inliers += codes[i] == INLIER
         n_things += n_inliers > 0

@@ -41,13 +41,11 @@ class LogOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OdometryJob:
-    """Odometry and maps of each log, as :func:`curvescan.run`."""
+class _LogJob:
+    """What odometry and SLAM of a log have in common."""
 
     method: str = DEFAULT_METHOD
     """Name of the matcher."""
-    config: OdometryConfig | None = None
-    """Configuration of the odometry; None for what suits the method."""
     matcher: MatcherConfig | None = None
     """Configuration of the matcher."""
     odometry_prior: bool = False
@@ -58,6 +56,20 @@ class OdometryJob:
     """How each log is opened."""
     command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
     """The command line behind the batch, for run.json."""
+
+    def warm_up(self) -> None:
+        """Compile the kernels of matcher, odometry, SLAM and maps."""
+        from curvescan.warmup import warm_up
+
+        warm_up(self.method)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryJob(_LogJob):
+    """Odometry and maps of each log, as :func:`curvescan.run`."""
+
+    config: OdometryConfig | None = None
+    """Configuration of the odometry; None for what suits the method."""
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run the odometry of a log and write trajectory, maps and run.json."""
@@ -76,31 +88,13 @@ class OdometryJob:
         )
         return _result(result.verdict, result.trajectory)
 
-    def warm_up(self) -> None:
-        """Compile the kernels of matcher, odometry and maps."""
-        from curvescan.warmup import warm_up
-
-        warm_up(self.method)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SlamJob:
+class SlamJob(_LogJob):
     """SLAM of each log, as ``curvescan slam``."""
 
-    method: str = DEFAULT_METHOD
-    """Name of the matcher."""
     config: SlamConfig = field(default_factory=SlamConfig)
     """Configuration of SLAM."""
-    matcher: MatcherConfig | None = None
-    """Configuration of the matcher."""
-    odometry_prior: bool = False
-    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
-    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
-    """How to make the occupancy maps."""
-    logs: LogOptions = field(default_factory=LogOptions)
-    """How each log is opened."""
-    command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
-    """The command line behind the batch, for run.json."""
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run SLAM of a log and write trajectories, graph, maps and run.json."""
@@ -118,16 +112,6 @@ class SlamJob:
             source=log,
         )
         return _result(result.verdict, result.run.revised.trajectory)
-
-    def warm_up(self) -> None:
-        """Compile the kernels of matcher, odometry and maps, and those of SLAM by a drive to and fro."""
-        from curvescan.simulation import simulate
-        from curvescan.slam import Slam, run_slam
-        from curvescan.warmup import warm_up
-
-        warm_up(self.method)
-        scans = list(simulate("office", n_scans=8, seed=0))
-        run_slam([*scans, *reversed(scans)], Slam(self.method))
 
 
 def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
