@@ -194,7 +194,7 @@ class Backend:
     @property
     def n_fragments(self) -> int:
         """Parts of the graph that nothing joins."""
-        return len(set(self._map.fragments))
+        return self._map.n_fragments
 
     def fragment_of(self, k: int) -> int:
         """Return the number of the fragment that a keyframe is in."""

@@ -108,6 +108,10 @@ class NoiseConfig:
         """Return the covariance of an edge by that of its match."""
         return self.kept * covariance + self.floor
 
+    def common(self, edges: Cov) -> Cov:
+        """Return of (m, 3, 3) covariances of edges the part that each of their two scans has in common with its other edges."""
+        return (1.0 - self.kept) / (2.0 * self.kept) * (edges - self.floor)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClosuresConfig:
@@ -116,7 +120,8 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
     sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it."""
+    """A keyframe may lie this many standard deviations from where the graph has it; a match farther away where the graph does not know
+    the relative pose well contradicts it."""
     certain_m: float = 0.25
     """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
     agree."""
@@ -148,10 +153,14 @@ class ClosuresConfig:
     doubt: float = 9.0
     """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
     shows it."""
+    doubt_m: float = 1.5
+    """But no farther away than this, metres: the next room may look the same."""
     distinctive: float = 0.9
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
+    likelier: float = 0.5
+    """And none of these may lie nearer to where the graph expects them by this much (squared Mahalanobis distance)."""
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
@@ -172,6 +181,8 @@ class ClosuresConfig:
             "distinctive",
             "max_bend",
             "max_turn",
+            "doubt_m",
+            "likelier",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):

@@ -19,7 +19,13 @@ from curvescan.slam.loops.closures import Closure, is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
-from curvescan.slam.pose_graph.optimization import Edges
+from curvescan.slam.pose_graph.optimization import Edges, squared_distances
+from curvescan.slam.pose_graph.posterior import (
+    edges_shared,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+)
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
@@ -259,12 +265,26 @@ class GrowingMap:
         return UncertainPose(self.graph.poses[self.current], in_map.cov)
 
     def covariances(self) -> Cov:
-        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
-        graph = self.graph
+        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly; see :mod:`posterior`."""
+        graph, noise = self.graph, self.config.noise
         if graph.n_poses == 0:
             return np.empty((0, 3, 3))
         edges = Edges.of(graph.ends, graph.measured, graph.covariances)
-        return covariances_seen_from(graph.poses, edges, graph.weights, 0)
+        is_match = np.isin(graph.kinds, (EdgeKind.MATCH, EdgeKind.CLOSURE)) & (graph.weights > 0.5)
+        n_least = graph.n_poses - self.n_fragments
+        factor = variance_factor(squared_distances(graph.poses, edges)[is_match], n_least)
+        shared = factor * edges_shared(graph.ends, is_match, graph.n_poses)
+        scaled = edges._replace(information=edges.information / shared[:, np.newaxis, np.newaxis])
+        found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
+        common = noise.common(graph.covariances)
+        return with_own_noise(
+            found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0
+        )
+
+    @property
+    def n_fragments(self) -> int:
+        """Parts of the graph that nothing joins."""
+        return len(set(self.fragments))
 
     def placed(self) -> tuple[Pose, Cov]:
         """Return poses and covariances of all keyframes there ever were, by number."""

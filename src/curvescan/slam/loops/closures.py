@@ -34,6 +34,7 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_CONFIDENCE = "The match is too likely to be wrong."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
+    UNTESTABLE = "Its keyframes follow each other, and the odometry does not know the way between them."
     NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
     WITHDRAWN = (
@@ -124,13 +125,19 @@ def judged(
     certain = is_certain(expected, config)
     is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
+    likely = config.closures.sigmas**2 / config.noise.drift**2  # by the graph's own covariance
+    is_doubtful = distance > (config.closures.gate if certain else likely)
+    is_linked = j - i <= config.keyframes.n_linked
     if not is_confident(result, config):
         outcome = ClosureOutcome.LOW_CONFIDENCE
     elif not certain and not _knows_along(result, expected, config):
         outcome = ClosureOutcome.DEGENERATE
-    elif distance > config.closures.gate:
+    elif not certain and is_linked:
+        outcome = ClosureOutcome.UNTESTABLE
+    elif is_doubtful:
+        off = found.pose - expected.pose
         is_far = distance > config.closures.doubt * config.closures.gate
-        is_linked = j - i <= config.keyframes.n_linked
+        is_far |= math.hypot(off[0], off[1]) > config.closures.doubt_m
         is_open = result.degenerate_direction is not None
         outcome = (
             ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
@@ -140,7 +147,7 @@ def judged(
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
         score=result.score, distance=distance, outcome=outcome,
-        is_doubtful=is_unknown or distance > config.closures.gate, confidence=result.confidence,
+        is_doubtful=is_unknown or is_doubtful, confidence=result.confidence,
     )  # fmt: skip
 
 
