@@ -12,12 +12,13 @@ from scipy.spatial import cKDTree
 
 from curvescan import se2
 from curvescan.evaluation.association import associate
+from curvescan.io.poses import read_poses
 from curvescan.io.reading import read_log
-from curvescan.io.trajectories.poses import read_poses
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation import World, build_world, simulate
 from curvescan.slam import Slam, SlamMap, load_map
-from curvescan.types import Bools, Floats, Pose, Trajectory
+from curvescan.types import Bools, Floats, Pose
 
 MAPPED_M = 2.0
 """A place is in the map where the sensor came as near as this when the map was made, metres."""

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan._interrupts import stoppable
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Ints, Pose, Trajectory
+from curvescan.types import Bools, Floats, Ints, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

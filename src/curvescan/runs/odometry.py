@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.log import Log
 from curvescan.io.ros.bag_files import storage_files

@@ -16,23 +16,24 @@ from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.output import output_folder
-from curvescan.io.log import Log
-from curvescan.io.reading import read_log
-from curvescan.io.trajectories.exports import (
+from curvescan.io.exports import (
     ExportName,
     RunData,
     check_exports,
     takes_edges,
     write_exports,
 )
+from curvescan.io.files.output import output_folder
+from curvescan.io.log import Log
+from curvescan.io.reading import read_log
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
 from curvescan.odometry.pose_graph import PoseGraph
 from curvescan.runs.odometry import save_run
 from curvescan.runs.results import list_further_files
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 
 class RunDisplay(Protocol):

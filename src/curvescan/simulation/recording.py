@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation.catalogue import build_world
 from curvescan.simulation.motion import drive_home, drive_route
@@ -21,10 +22,10 @@ from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, chi
 from curvescan.simulation.sensors import Sensor, choose_sensor, measure, sight
 from curvescan.simulation.wheels import OdometryNoise, wheel_odometry
 from curvescan.simulation.world import World
-from curvescan.types import Bools, Floats, Pose, Trajectory
+from curvescan.types import Bools, Floats, Pose
 
 if TYPE_CHECKING:
-    from curvescan.io.log import ReadError
+    from curvescan.io.files.read_errors import ReadError
 
 _DEFAULT_SCANS = 200
 

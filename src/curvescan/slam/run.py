@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan._interrupts import stoppable
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import Outcome
 from curvescan.odometry import OdometryRun, StepOutcome
 from curvescan.odometry.run import pose_at
@@ -18,7 +19,7 @@ from curvescan.odometry.step import MATCHES
 from curvescan.scan import LaserScan
 from curvescan.slam.slam import Slam
 from curvescan.slam.step import SlamStep
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -28,7 +28,8 @@ from curvescan.io.ros.transforms import (
     planar,
     seven,
 )
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Floats, Pose
 
 _USUAL_BASES = ("base_link", "base_footprint")
 

@@ -10,8 +10,8 @@ import numpy as np
 from curvescan.io.files.output import output_file
 from curvescan.io.ros.bag_files import BagKind
 from curvescan.io.ros.bag_writer import BagWriter, mcap_in_file
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
 
 
 def write_odometry_mcap(

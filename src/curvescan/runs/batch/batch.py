@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.job import Job, digest_of
 from curvescan.runs.batch.jobs import OdometryJob

@@ -16,8 +16,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Protocol, TypeAlias
 
-from curvescan import __version__
 from curvescan._interrupts import cleaned_up_by
+from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.job import Job, JobResult
 from curvescan.runs.batch.results import TaskQueue

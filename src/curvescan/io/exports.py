@@ -13,8 +13,9 @@ from typing import Literal, TypeAlias
 
 from curvescan.configs import nearest
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import PoseEdge, Trajectory
+from curvescan.types import PoseEdge
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,20 +14,21 @@ from curvescan import se2
 from curvescan.cli.main import run
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
-from curvescan.io.ros.odometry_export import write_odometry_mcap
-from curvescan.io.trajectories.exports import (
+from curvescan.io.exports import (
     EXPORTS,
     ExportName,
     RunData,
     takes_edges,
     write_exports,
 )
+from curvescan.io.ros.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
 from curvescan.odometry.pose_graph import PoseGraph
 from curvescan.simulation import simulate
-from curvescan.types import PoseEdge, Trajectory
+from curvescan.types import PoseEdge
 from tests.logs import assert_same_scan, rich_log
 from tests.scenes import room_scan
 

@@ -9,7 +9,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.io import read_poses, write_csv, write_tum
-from curvescan.types import Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
 
 TRAJECTORY = Trajectory(
     stamps=np.array([1.5, 1.25, 2.0]),
