@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     )
     from curvescan.io.files.read_errors import ReadError
     from curvescan.io.log import Log, LogSlice
-    from curvescan.io.ros.odometry_export import write_odometry_mcap
+    from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
     from curvescan.io.trajectories.g2o import write_g2o
     from curvescan.io.trajectories.kitti import write_kitti
     from curvescan.io.trajectories.trajectory import Trajectory, read_kitti
@@ -192,7 +192,7 @@ _HOMES = {
     "write_kitti": "curvescan.io.trajectories.kitti",
     "write_log": "curvescan.io",
     "write_map": "curvescan.mapping.map_server",
-    "write_odometry_mcap": "curvescan.io.ros.odometry_export",
+    "write_odometry_mcap": "curvescan.io.ros.writing.odometry_export",
     "write_tum": "curvescan.io",
 }
 

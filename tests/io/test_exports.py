@@ -21,12 +21,12 @@ from curvescan.io.exports import (
     takes_edges,
     write_exports,
 )
-from curvescan.io.ros.odometry_export import write_odometry_mcap
+from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
-from curvescan.odometry.pose_graph import PoseGraph
+from curvescan.runs.pose_graph import PoseGraph
 from curvescan.simulation import simulate
 from curvescan.types import PoseEdge
 from tests.logs import assert_same_scan, rich_log

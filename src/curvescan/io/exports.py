@@ -75,7 +75,7 @@ EXPORTS: dict[str, ExportFormat] = {
     ),
     "mcap": ExportFormat(
         filename="run.mcap",
-        writer="curvescan.io.ros.odometry_export:write_odometry_mcap",
+        writer="curvescan.io.ros.writing.odometry_export:write_odometry_mcap",
         takes=("trajectory", "scans"),
     ),
 }

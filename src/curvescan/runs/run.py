@@ -30,8 +30,8 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
-from curvescan.odometry.pose_graph import PoseGraph
 from curvescan.runs.odometry import save_run
+from curvescan.runs.pose_graph import PoseGraph
 from curvescan.runs.results import list_further_files
 from curvescan.types import Pose
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import LogFormatError
-from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import (
     ODOMETRY,
     TRANSFORMS,

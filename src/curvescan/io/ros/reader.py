@@ -23,7 +23,7 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
-from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
 from curvescan.io.ros.messages import (
