@@ -14,8 +14,8 @@ from curvescan.matchers.curvescan.features.surfels import (
     low_quantile,
     moments,
 )
+from tests.matchers.curvescan.features.test_segments import run_sweep
 from tests.matchers.curvescan.scenes import features
-from tests.matchers.curvescan.test_segments import run_sweep
 from tests.reference import curvescan as slow
 from tests.scenes import room_scan
 
