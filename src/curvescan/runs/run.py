@@ -147,10 +147,7 @@ def run(
     OutputError
         When the results cannot be written.
     """
-    if isinstance(log, str | os.PathLike):
-        opened, source = read_log(log), log
-    else:
-        opened = log
+    opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (log, source)
     hint = "the configuration of the matcher is given as matcher="
     config = as_config(config, OdometryConfig.of_method(method), hint=hint)
     map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
@@ -162,13 +159,7 @@ def run(
     # first of all: a place that cannot be written costs no work
     with _folder(out, source) as folder:
         result = _judged_run(
-            opened,
-            method,
-            config,
-            matcher,
-            has_prior=odometry_prior,
-            shown=shown,
-            graph=graph,
+            opened, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph
         )
         if folder is not None:
             shown.begin("drawing the maps", 0)
@@ -188,9 +179,8 @@ def run(
     if exports and out is not None:
         # on their own: what goes wrong here must not cost the results of the run
         shown.begin("exporting", 0)
-        data = RunData(
-            trajectory=result.trajectory, edges=graph.edges if graph else (), scans=opened
-        )
+        edges = graph.edges if graph else ()
+        data = RunData(trajectory=result.trajectory, edges=edges, scans=opened)
         exported = _write_exports(out, source, exports, data)
         result = replace(result, files=(*result.files, *exported))
     return result
