@@ -8,7 +8,7 @@ import os
 import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Protocol
@@ -164,5 +164,6 @@ def _remove_leftovers(root: Path) -> None:
     for folder in root.glob(f"{HIDDEN_PREFIX}*"):
         shutil.rmtree(folder, ignore_errors=True)
     log = root / WORKERS_LOG
-    if log.exists() and not log.stat().st_size:
-        log.unlink()
+    with suppress(OSError):  # on Windows, where a worker is still ending
+        if log.exists() and not log.stat().st_size:
+            log.unlink()
