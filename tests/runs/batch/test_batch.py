@@ -352,7 +352,9 @@ def test_what_is_left_to_the_defaults_is_filled_in():
     assert cs.OdometryJob(config=wide).config.keyframes.distance == 2.0
     assert digest_of(cs.OdometryJob(config=wide)) != digest_of(cs.OdometryJob())
     assert cs.OdometryJob(method="plicp").config == cs.OdometryConfig.scan_to_scan()
-    with pytest.raises(cs.InvalidArgumentError, match="unknown method 'plcp': did you mean 'plicp'"):
+    with pytest.raises(
+        cs.InvalidArgumentError, match="unknown method 'plcp': did you mean 'plicp'"
+    ):
         cs.OdometryJob(method="plcp")
     with pytest.raises(cs.InvalidArgumentError, match=r"matcher must be a PlIcpConfig"):
         cs.OdometryJob(method="plicp", matcher=cs.CurvescanConfig())
