@@ -109,5 +109,6 @@ def write_formula(translator: Any, node: Any) -> None:
 
 def setup(app: Any) -> None:
     """Have the commands' help written when the build begins, and formulas drawn by browsers."""
+    curvescan.warm_up()  # else a page of the gallery says how long its kernels took to compile
     app.connect("builder-inited", write_commands)
     app.add_html_math_renderer("mathml", (write_formula, None), (write_formula, None))

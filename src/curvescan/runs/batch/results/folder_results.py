@@ -6,7 +6,7 @@ import os
 import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from curvescan._interrupts import cleaned_up_by
@@ -101,5 +101,6 @@ def _remove_leftovers(root: Path) -> None:
     for folder in root.glob(f"{HIDDEN_PREFIX}*"):
         shutil.rmtree(folder, ignore_errors=True)
     log = root / WORKERS_LOG
-    if log.exists() and not log.stat().st_size:
-        log.unlink()
+    with suppress(OSError):  # on Windows, where a worker is still ending
+        if log.exists() and not log.stat().st_size:
+            log.unlink()

@@ -18,7 +18,13 @@ from typing import Any
 from curvescan.errors import InvalidArgumentError, MissingPackageError, StorageError
 
 SCHEMES = ("s3", "gs", "az")
-_ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AZURE_STORAGE_ENDPOINT")
+_ENDPOINTS = (
+    "AWS_ENDPOINT_URL_S3",
+    "AWS_ENDPOINT_URL",
+    "AWS_ENDPOINT",
+    "AZURE_STORAGE_ENDPOINT",
+    "GOOGLE_BASE_URL",
+)
 _RETRIES: Any = {"max_retries": 4, "retry_timeout": timedelta(seconds=60)}
 _REQUEST_S = 120
 _PART_BYTES = 8 << 20
@@ -175,11 +181,14 @@ class Bucket:
                 options: Any = {"range": span} | ({"if_match": found.tag} if found.tag else {})
                 try:
                     with self._one_sentence("read", found.key):
-                        part = self._obstore.get(self._store, found.key, options=options).bytes()
-                except (FileNotFoundError, PreconditionError) as error:
+                        reply = self._obstore.get(self._store, found.key, options=options)
+                        part, is_same = reply.bytes(), _tag(reply.meta["e_tag"]) == found.tag
+                except (FileNotFoundError, PreconditionError):
+                    is_same = False
+                if not is_same:  # a store may leave the condition unread
                     raise StorageError(
                         f"{self.address}/{found.key} was changed or removed while it was read: run the batch again"
-                    ) from error
+                    )
                 file.write(part)
 
     def upload(self, path: Path, key: str) -> None:
@@ -215,5 +224,5 @@ def _stored(meta: Any) -> StoredObject:
 
 
 def _tag(tag: str | None) -> str:
-    # Azure's lists leave out the quotes that belong to a tag
-    return f'"{tag}"' if tag and tag.startswith("0x") else tag or ""
+    # some stores' lists (Azure's) leave out the quotes that belong to a tag
+    return f'"{tag}"' if tag and not tag.endswith('"') else tag or ""
