@@ -9,13 +9,13 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.simulation.floorplan import Door, Room, walls_of
-from curvescan.simulation.furniture import furnish
-from curvescan.simulation.motion import drive_route
-from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.buildings.floorplan import Door, Room, walls_of
+from curvescan.simulation.buildings.furniture import furnish
+from curvescan.simulation.buildings.world import World
+from curvescan.simulation.driving.motion import drive_route
+from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.recording import simulate
-from curvescan.simulation.sensors import choose_sensor
-from curvescan.simulation.world import World
+from curvescan.simulation.sensing.sensors import choose_sensor
 from curvescan.types import Pose
 
 Deceit: TypeAlias = Literal["offices", "corridors", "people", "moved", "storeys"]
