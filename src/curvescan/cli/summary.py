@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,10 @@ from rich.table import Table
 
 from curvescan.cli.console import table
 from curvescan.diagnostics.issues import Issue
+from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import OdometryRun, StepOutcome
+from curvescan.se2 import between
+from curvescan.types import Pose
 
 _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 
@@ -51,6 +54,42 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
             f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", ""
         )
     return result
+
+
+def errors_of(tracks: Mapping[str, Pose], truth: Pose) -> Table:
+    """Return a table of the errors of trajectories against the truth: by name, the ends laid over each other."""
+    path_length = trajectory_errors(truth, truth).path_length
+    rows = table(
+        f"errors over {path_length:.1f} m",
+        "",
+        "a step, median",
+        "positions, mean",
+        "positions, worst",
+        "end pose",
+    )
+    true = between(truth[0], truth)
+    for name, poses in tracks.items():
+        e = trajectory_errors(poses, truth)
+        off = between(poses[0], poses) - true
+        positions = np.hypot(off[:, 0], off[:, 1])
+        rows.add_row(
+            name,
+            f"{1e3 * np.median(e.step_translation):.1f} mm, {np.degrees(np.median(e.step_rotation)):.2f} deg",
+            f"{positions.mean():.2f} m",
+            f"{positions.max():.2f} m",
+            f"{e.end_translation:.2f} m, {np.degrees(e.end_rotation):.1f} deg",
+        )
+    return rows
+
+
+def wrote_slam(folder: Path, left_out: Sequence[str], *further: str) -> str:
+    """Return the sentence on the files of a SLAM run."""
+    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
+    more = "".join(f"{name}, " for name in further)
+    return (
+        f"wrote {folder}/trajectory.tum, trajectory.csv, trajectory_online.tum, map.png{maps}, graph.png, {more}"
+        "graph.g2o, closures.csv, map.csmap, run.json"
+    )
 
 
 def wrote(folder: Path, left_out: Sequence[str]) -> str:

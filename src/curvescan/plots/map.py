@@ -64,10 +64,10 @@ def draw_map(
     with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
         if wheel_cells is not None:
-            _draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
+            draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
         if len(moved_cells):
-            _draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
-        _draw_cells(axes, cells, DARK, "map from scan matching")
+            draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
+        draw_cells(axes, cells, DARK, "map from scan matching")
         if wheel_poses is not None:
             axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
         if true_poses is not None:
@@ -89,7 +89,8 @@ def from_first(poses: Pose) -> Pose:
     return se2.between(poses[known[0]], poses)
 
 
-def _draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
+def draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
+    """Draw (k, 2) cells of 0.05 m on the axes of a map."""
     # as large as a cell of 0.05 m on paper, but never too small to see
     size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
     axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0)

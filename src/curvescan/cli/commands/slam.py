@@ -76,7 +76,7 @@ def slam(
         Parameters of SLAM.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
-    from curvescan.cli.summary import on_the_file, summarise
+    from curvescan.cli.summary import on_the_file, summarise, wrote_slam
     from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.slam_log import slam_log
     from curvescan.slam import load_map
@@ -109,12 +109,7 @@ def slam(
         )
     for remark in (*on_the_file(result.issues), *result.left_out):
         ERR.print(remark, markup=False)
-    maps = "" if result.left_out else ", occupancy.png, map.pgm with map.yaml"
-    OUT.print(
-        f"wrote {out}/trajectory.tum, trajectory.csv, trajectory_online.tum, map.png{maps}, graph.png, "
-        "graph.g2o, closures.csv, map.csmap, run.json",
-        markup=False,
-    )
+    OUT.print(wrote_slam(out, result.left_out), markup=False)
     for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
         ERR.print(proposal, markup=False, soft_wrap=True)
     OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)

@@ -101,6 +101,18 @@ SENSORS: Mapping[str, Sensor] = {
             dropout=0.02,
             period=0.1,
         ),
+        # Hokuyo URG-04LX, every second beam of every second sweep: short sight, and an error of 1 % beyond a metre
+        Sensor(
+            name="urg-04lx",
+            n_beams=341,
+            angle_min=math.radians(-119.7),
+            angle_increment=math.radians(0.704),
+            range_min=0.06,
+            range_max=5.6,
+            sigma_range=0.030,
+            dropout=0.01,
+            period=0.2,
+        ),
         # Hokuyo UTM-30LX, all 1081 beams, every fourth of its 40 sweeps a second
         Sensor(
             name="hokuyo-270",

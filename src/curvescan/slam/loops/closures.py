@@ -34,7 +34,9 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_CONFIDENCE = "The match is too likely to be wrong."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
-    UNTESTABLE = "Its keyframes follow each other, and the odometry does not know the way between them."
+    UNTESTABLE = (
+        "Its keyframes follow each other, and the odometry does not know the way between them."
+    )
     NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
     WITHDRAWN = (
