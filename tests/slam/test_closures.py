@@ -56,3 +56,29 @@ def test_a_degenerate_match_counts_across_where_the_graph_knows_the_rest(
     along_x = dataclasses.replace(result, degenerate_direction=np.array([1.0, 0.0, 0.0]))
     assert _outcome(along_x) is ClosureOutcome.ACCEPTED
     assert _outcome(along_x, 1.0) is ClosureOutcome.DEGENERATE
+
+
+def _off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 9) -> ClosureOutcome:
+    """What becomes of a match that lies off along x where the graph knows it to `sigma_m`."""
+    config = SlamConfig()
+    cov = np.diag(np.square([sigma_m, sigma_m, 0.02]))
+    expected = vaguely(UncertainPose(result.pose - [off_m, 0.0, 0.0], cov), config)
+    return judged(result, expected, config, scan=9, i=0, j=j).outcome
+
+
+def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(
+    result: MatchResult,
+) -> None:
+    assert _off(result, 0.8) is ClosureOutcome.WAITING
+    assert _off(result, 1.4) is ClosureOutcome.WAITING
+    # the next room may look the same
+    assert _off(result, 3.7) is ClosureOutcome.UNEXPECTED
+
+
+def test_what_the_graph_cannot_exclude_waits_however_far_it_is(result: MatchResult) -> None:
+    assert _off(result, 3.7, sigma_m=2.0) is ClosureOutcome.WAITING
+
+
+def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:
+    assert _off(result, 0.0, j=2) is ClosureOutcome.UNTESTABLE
+    assert _off(result, 0.0, sigma_m=0.02, j=2) is ClosureOutcome.ACCEPTED

@@ -55,7 +55,7 @@ class Waiting:
         group = [c for c in self._closures if abs(c.j - closure.j) <= 20]
         agrees = self._agreements(group, poses)
         last = len(group) - 1
-        friends = np.flatnonzero(agrees[last])
+        friends = np.flatnonzero(agrees[last, :last])
         members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
         if not self._is_enough(members, group, agrees):
             return []

@@ -1,0 +1,74 @@
+"""Posterior covariances: what residuals, shared scans and the keyframes' own noise make of the marginals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from curvescan import se2
+from curvescan.slam.pose_graph.optimization import optimize, squared_distances
+from curvescan.slam.pose_graph.posterior import (
+    edges_shared,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+)
+from tests.slam.graphs import SIGMAS, loop, measured_edges
+
+N = 60
+ENDS = [(i, j) for i in range(N) for j in range(i + 1, min(i + 6, N))]
+
+
+def test_a_chain_shares_nothing_and_edges_of_crowded_keyframes_share() -> None:
+    chain = np.array([(k, k + 1) for k in range(9)])
+    assert np.array_equal(edges_shared(chain, np.ones(9, dtype=bool), 10), np.ones(9))
+    ends = np.array(ENDS)
+    shared = edges_shared(ends, np.ones(len(ends), dtype=bool), N)
+    # in the middle five edges to earlier keyframes, five to later ones
+    middle = (ends[:, 0] > 10) & (ends[:, 1] < N - 10)
+    assert np.array_equal(shared[middle], np.full(middle.sum(), 5.0))
+
+
+def test_edges_that_are_no_matches_share_nothing() -> None:
+    ends = np.array([(0, 1), (0, 1), (0, 1)])
+    is_match = np.array([True, True, False])
+    assert edges_shared(ends, is_match, 2).tolist() == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("scale", [0.25, 1.0, 9.0])
+def test_residuals_tell_by_what_the_covariances_are_wrong(scale: float) -> None:
+    edges = measured_edges(loop(N), ENDS, seed=3)
+    # the noise is that of SIGMAS, the covariances are not
+    edges = edges._replace(information=edges.information * scale)
+    optimum = optimize(loop(N), edges, np.ones(len(ENDS)), np.array([0]))
+    found = variance_factor(squared_distances(optimum.poses, edges), N - 1)
+    # 3 (285 - 59) = 678 degrees of freedom: 5 % standard deviation; 30 of them count as no change
+    assert found == pytest.approx((678.0 * scale + 30.0) / 708.0, rel=0.15)
+
+
+def test_without_redundancy_nothing_is_concluded() -> None:
+    assert variance_factor(np.array([900.0]), 1) == 1.0
+
+
+def test_the_noise_of_the_first_scan_turns_all_others_about_it() -> None:
+    poses = np.array([[1.0, 2.0, 0.5], [4.0, 2.0, 0.1], [1.0, 6.0, -2.0]])
+    own = np.zeros((3, 3, 3))
+    own[0, 2, 2] = 1e-6
+    found = with_own_noise(np.zeros((3, 3, 3)), poses, own, 0)
+    assert np.array_equal(found[0], np.zeros((3, 3)))
+    for k in (1, 2):
+        eps = 1e-6
+        turned = se2.compose(poses[0] + [0.0, 0.0, eps], se2.between(poses[0], poses[k]))
+        slope = (turned - poses[k]) / eps
+        np.testing.assert_allclose(found[k], 1e-6 * np.outer(slope, slope), atol=1e-10)
+
+
+def test_the_own_noise_is_that_of_the_best_match_in_the_axes_of_the_map() -> None:
+    poses = np.array([[0.0, 0.0, np.pi / 2], [0.0, 1.0, np.pi / 2], [0.0, 2.0, np.pi / 2]])
+    ends = np.array([(0, 1), (1, 2), (0, 2)])
+    along = np.diag(np.square([3.0, 1.0, 1.0]) * SIGMAS[0] ** 2)
+    covariances = np.stack([along, 4.0 * along, 9.0 * along])
+    found = own_noise(poses, ends, covariances, np.array([True, True, True]))
+    across = np.diag(np.square([1.0, 3.0, 1.0]) * SIGMAS[0] ** 2)
+    np.testing.assert_allclose(found, np.stack([across, across, 4.0 * across]), atol=1e-12)
+    assert not own_noise(poses, ends, covariances, np.zeros(3, dtype=bool)).any()
