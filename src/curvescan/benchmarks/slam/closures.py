@@ -6,14 +6,17 @@ Run as ``python -m curvescan.benchmarks.slam.closures --kinds offices,people --f
 
 from __future__ import annotations
 
+import json
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from curvescan import se2
+from curvescan.benchmarks.slam.floor_results import FloorResult, stored_results, summary
 from curvescan.matchers import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.simulation.lookalikes import Deceit, deceive
@@ -45,46 +48,6 @@ _NOISY = replace(
 
 ORDINARY: Mapping[str, Sensor] = {"ordinary": SENSORS["sick-lms200"], "noisy": _NOISY}
 """Office floors of a seed each, and their sensor: 361 beams of 10 mm noise, 181 beams of 30 mm."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FloorResult:
-    """SLAM on one floor.
-
-    Attributes
-    ----------
-    n_scans, n_keyframes, n_closures : int
-        Scans, keyframes, and closures between keyframes that do not follow each other.
-    n_false : int
-        Closures with a weight whose pose is false.
-    n_revisits, n_missed : int
-        Keyframes at places that were seen before, and those of them without a closure around.
-    n_forced : int
-        False matches that were forced on candidates.
-    nees : float
-        Normalised squared error of the last pose; 3 on average where the covariance is right.
-    odometry, slam : (float, float)
-        Mean and greatest error of the positions, metres, first poses laid over each other.
-    is_deceived : bool
-        Whether closures were withdrawn because they bent the odometry.
-    """
-
-    n_scans: int
-    n_keyframes: int
-    n_closures: int
-    n_false: int
-    n_revisits: int
-    n_missed: int
-    n_forced: int
-    nees: float
-    odometry: tuple[float, float]
-    slam: tuple[float, float]
-    is_deceived: bool
-
-    @property
-    def is_worse(self) -> bool:
-        """Whether the odometry alone is better, by more than a tenth and a centimetre."""
-        return self.slam[0] > 1.1 * self.odometry[0] + 0.01
 
 
 class _Liar:
@@ -194,28 +157,35 @@ def _errors(poses: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     return float(errors.mean()), float(errors.max())
 
 
-def summary(results: list[FloorResult]) -> str:
-    """Return a row of a table: floors, closures, false ones, revisits missed, mean errors, worst, floors worse than odometry, NEES."""
-    nees = np.array([r.nees for r in results])
-    n_false = sum(r.n_false for r in results)
-    return (
-        f"{len(results)} floors | {sum(r.n_closures for r in results):,} closures | {n_false} false on "
-        f"{sum(r.n_false > 0 for r in results)} floors ({sum(r.n_forced for r in results):,} forced in) | "
-        f"{sum(r.n_missed for r in results):,} of {sum(r.n_revisits for r in results):,} revisits missed | "
-        f"mean error {np.mean([r.slam[0] for r in results]):.3f} m, odometry {np.mean([r.odometry[0] for r in results]):.3f} m | "
-        f"worst {max(r.slam[1] for r in results):.2f} m, odometry {max(r.odometry[1] for r in results):.2f} m | "
-        f"worse on {sum(r.is_worse for r in results)} | withdrawn on {sum(r.is_deceived for r in results)} | "
-        f"NEES mean {nees.mean():.2f}, median {np.median(nees):.2f}, {np.mean(nees < 7.815):.0%} below 7.8"
-    )
+def run(
+    kinds: list[str], seeds: Iterable[int], forced: float, file: Path | None = None
+) -> Iterator[str]:
+    """Yield a line a floor, and one a kind.
 
-
-def run(kinds: list[str], n_floors: int, forced: float, first: int = 0) -> Iterator[str]:
-    """Yield a line a floor, and one a kind."""
+    Parameters
+    ----------
+    kinds : list of str
+        See :func:`judge_floor`.
+    seeds : iterable of int
+        Of the floors.
+    forced : float
+        See :func:`judge_floor`.
+    file : Path or None
+        JSON lines, one a floor: floors that it holds are not judged again, others are appended.
+    """
+    known = stored_results(file)
     for kind in kinds:
         results = []
-        for seed in range(first, first + n_floors):
-            results.append(judge_floor(kind, seed, forced))
-            yield f"{kind} {seed} forced {forced}: {results[-1]}"
+        for seed in seeds:
+            result = known.get((kind, seed, forced))
+            if result is None:
+                result = judge_floor(kind, seed, forced)
+                if file is not None:
+                    row = {"kind": kind, "seed": seed, "forced": forced} | asdict(result)
+                    with file.open("a", encoding="utf-8") as out:
+                        out.write(json.dumps(row) + "\n")
+            results.append(result)
+            yield f"{kind} {seed} forced {forced}: {result}"
         yield f"SUMMARY {kind} forced {forced}: {summary(results)}"
 
 
@@ -229,8 +199,10 @@ def main() -> None:
     parser.add_argument("--floors", type=int, default=10)
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--forced", type=float, default=0.0)
+    parser.add_argument("--append", type=Path, default=None, help="file of results, JSON lines")
     given = parser.parse_args()
-    for line in run(given.kinds.split(","), given.floors, given.forced, given.first):
+    seeds = range(given.first, given.first + given.floors)
+    for line in run(given.kinds.split(","), seeds, given.forced, given.append):
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
 
