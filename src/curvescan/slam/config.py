@@ -159,8 +159,6 @@ class ClosuresConfig:
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
-    likelier: float = 0.5
-    """And none of these may lie nearer to where the graph expects them by this much (squared Mahalanobis distance)."""
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
@@ -182,7 +180,6 @@ class ClosuresConfig:
             "max_bend",
             "max_turn",
             "doubt_m",
-            "likelier",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):

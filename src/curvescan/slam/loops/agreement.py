@@ -71,14 +71,9 @@ class Waiting:
         n_least = (2 if is_doubtful else 1) * rules.n_agreeing
         if len(chosen) < n_least or len({c.j for c in chosen}) < (3 if is_doubtful else 2):
             return False
-        distance = float(np.mean([c.distance for c in chosen if not c.is_accepted]))
         others = np.array([k for k in range(len(group)) if k not in set(members.tolist())])
-        others = np.array([k for k in others.tolist() if not agrees[k, members].any()])
         if not len(others):
             return True
-        distances = np.array([group[k].distance for k in others.tolist()])
-        if (distances < distance - rules.likelier).any():
-            return False
         rival = largest_clique(agrees[np.ix_(others, others)])
         return len(chosen) >= rules.margin * len(rival)
 
