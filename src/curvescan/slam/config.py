@@ -120,8 +120,10 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
     sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it; a match farther away where the graph does not know
-    the relative pose well contradicts it."""
+    """A keyframe may lie this many standard deviations from where the graph has it."""
+    likely_sigmas: float = 2.0
+    """Where the graph does not know the relative pose well, a match farther away than this contradicts it: standard deviations of the
+    graph's own covariance."""
     certain_m: float = 0.25
     """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
     agree."""
@@ -180,6 +182,7 @@ class ClosuresConfig:
             "max_bend",
             "max_turn",
             "doubt_m",
+            "likely_sigmas",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):

@@ -127,7 +127,7 @@ def judged(
     certain = is_certain(expected, config)
     is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
-    likely = config.closures.sigmas**2 / config.noise.drift**2  # by the graph's own covariance
+    likely = (config.closures.likely_sigmas / config.noise.drift) ** 2
     is_doubtful = distance > (config.closures.gate if certain else likely)
     is_linked = j - i <= config.keyframes.n_linked
     if not is_confident(result, config):
