@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
-from curvescan.slam.loops.closures import ClosureOutcome, judged, vaguely
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, judged, vaguely
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +58,23 @@ def test_a_degenerate_match_counts_across_where_the_graph_knows_the_rest(
     assert _outcome(along_x, 1.0) is ClosureOutcome.DEGENERATE
 
 
-def _off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 9) -> ClosureOutcome:
-    """What becomes of a match that lies off along x where the graph knows it to `sigma_m`."""
+def _judged_off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 9) -> Closure:
+    """Judge a match that lies off along x where the graph knows it to `sigma_m`."""
     config = SlamConfig()
     cov = np.diag(np.square([sigma_m, sigma_m, 0.02]))
     expected = vaguely(UncertainPose(result.pose - [off_m, 0.0, 0.0], cov), config)
-    return judged(result, expected, config, scan=9, i=0, j=j).outcome
+    return judged(result, expected, config, scan=9, i=0, j=j)
+
+
+def _off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 9) -> ClosureOutcome:
+    return _judged_off(result, off_m, sigma_m, j=j).outcome
+
+
+def test_the_farther_off_the_more_must_agree(result: MatchResult) -> None:
+    assert not _judged_off(result, 1.8, sigma_m=1.0).is_doubtful
+    assert _judged_off(result, 2.5, sigma_m=1.0).is_doubtful
+    assert _off(result, 2.5, sigma_m=1.0) is ClosureOutcome.WAITING
+    assert _off(result, 3.5, sigma_m=1.0) is ClosureOutcome.UNEXPECTED
 
 
 def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(

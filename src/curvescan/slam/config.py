@@ -120,10 +120,10 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
     sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it."""
+    """A keyframe may lie this many standard deviations from where the graph has it; where the graph does not know the relative pose well,
+    a match farther away than this contradicts it."""
     likely_sigmas: float = 2.0
-    """Where the graph does not know the relative pose well, a match farther away than this contradicts it: standard deviations of the
-    graph's own covariance."""
+    """Beyond this twice as many matches must agree."""
     certain_m: float = 0.25
     """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
     agree."""

@@ -123,12 +123,14 @@ def judged(
             score=result.score, distance=float("nan"), outcome=ClosureOutcome.NO_MATCH,
             confidence=result.confidence,
         )  # fmt: skip
+    rules = config.closures
     found = as_measurement(result)
     certain = is_certain(expected, config)
     is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
-    likely = (config.closures.likely_sigmas / config.noise.drift) ** 2
-    is_doubtful = distance > (config.closures.gate if certain else likely)
+    sigmas = math.sqrt(max(distance, 0.0)) * config.noise.drift  # of the graph's own covariance
+    is_against = distance > rules.gate if certain else sigmas > rules.sigmas
+    is_doubtful = is_unknown or is_against or (not certain and sigmas > rules.likely_sigmas)
     is_linked = j - i <= config.keyframes.n_linked
     if not is_confident(result, config):
         outcome = ClosureOutcome.LOW_CONFIDENCE
@@ -136,10 +138,10 @@ def judged(
         outcome = ClosureOutcome.DEGENERATE
     elif not certain and is_linked:
         outcome = ClosureOutcome.UNTESTABLE
-    elif is_doubtful:
+    elif is_against:
         off = found.pose - expected.pose
-        is_far = distance > config.closures.doubt * config.closures.gate
-        is_far |= math.hypot(off[0], off[1]) > config.closures.doubt_m
+        is_far = distance > rules.doubt * rules.gate
+        is_far |= math.hypot(off[0], off[1]) > rules.doubt_m
         is_open = result.degenerate_direction is not None
         outcome = (
             ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
@@ -149,7 +151,7 @@ def judged(
     return Closure(
         scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
         score=result.score, distance=distance, outcome=outcome,
-        is_doubtful=is_unknown or is_doubtful, confidence=result.confidence,
+        is_doubtful=is_doubtful, confidence=result.confidence,
     )  # fmt: skip
 
 
