@@ -17,6 +17,7 @@ from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
+from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.io.trajectories.exports import (
@@ -150,6 +151,7 @@ def run(
         opened, source = read_log(log), log
     else:
         opened = log
+    scans = HeldLog(opened)
     hint = "the configuration of the matcher is given as matcher="
     config = as_config(config, OdometryConfig.of_method(method), hint=hint)
     map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
@@ -170,20 +172,20 @@ def run(
         out, source
     ) as folder:  # first of all: a place that cannot be written costs no work
         shown.begin("looking for what is wrong with the log", 0)
-        sensor = judge_sensor(opened, is_order_needed=config.deskew)
-        issues = find_issues(inspect_log(opened, sensor))
-        odometry_poses = motion_prior(opened, sensor.rotation) if odometry_prior else None
+        sensor = judge_sensor(scans, is_order_needed=config.deskew)
+        issues = find_issues(inspect_log(scans, sensor))
+        odometry_poses = motion_prior(scans, sensor.rotation) if odometry_prior else None
         config = replace(config, deskew=config.deskew and sensor.can_deskew)
         odometry = Odometry(method, config=config, matcher=matcher)
         shown.begin("odometry", len(opened))
-        done = run_odometry(opened, odometry, odometry_poses=odometry_poses, on_step=on_step)
+        done = run_odometry(scans, odometry, odometry_poses=odometry_poses, on_step=on_step)
         verdict = judge_run(done, issues)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_run(
                 folder,
                 done,
-                opened,
+                scans,
                 odometry=odometry,
                 command=command,
                 source=None if source is None else Path(source),
@@ -194,7 +196,7 @@ def run(
             files = tuple(sorted(file.name for file in folder.iterdir()))
     if exports and out is not None:
         # on their own: what goes wrong here must not cost the results of the run
-        data = RunData(trajectory=done.trajectory, edges=graph.edges, scans=opened)
+        data = RunData(trajectory=done.trajectory, edges=graph.edges, scans=scans)
         shown.begin("exporting", 0)
         with _folder(out, source) as folder:
             assert folder is not None

@@ -14,6 +14,7 @@ from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.files.output import output_folder
+from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
@@ -99,6 +100,7 @@ def slam_log(
     """
     config = config or SlamConfig()
     shown = display or Silent()
+    log = HeldLog(log)
     left_out: tuple[str, ...] = ()
     kept = (*inputs, *(() if source is None else (source,)))
     with nullcontext() if out is None else output_folder(out, inputs=kept) as folder:

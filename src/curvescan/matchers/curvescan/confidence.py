@@ -10,8 +10,10 @@ ambiguous. The model and its fit: docs/design-notes/confidence.md.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -81,6 +83,14 @@ _FLOORS = {
     "log10_large": 0.2,
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
+_LOGARITHMS = tuple(zip(_COLUMNS, _FLOORS.values(), strict=True))
+_ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
+_WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
+_MOTION, _SEEN_THROUGH = _ROW["motion"], _ROW["log10_seen_through"]
+_DEGENERATE, _FEW_MOTION = _ROW["degenerate"], _ROW["few_motion"]
+_COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
+"""Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
+
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
@@ -127,52 +137,56 @@ class WeighedPoses:
             is_guessed=self.is_guessed[order],
         )
 
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        """Evidence of each pose."""
+        rows: list[list[float]] = self.evidence.tolist()
+        return rows
+
+    @cached_property
+    def _terms(self) -> list[list[float]]:
+        """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
+        motions, is_guessed = self.motions.tolist(), self.is_guessed.tolist()
+        return [_terms_of(*row) for row in zip(self._rows, motions, is_guessed, strict=True)]
+
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
         """Return what the model weighs of one pose, by the names of its coefficients."""
-        evidence = self.evidence[k].tolist()
-        columns = zip(_FLOORS.items(), _COLUMNS, strict=True)
-        terms = {
-            name: math.log10(max(evidence[column], 0.0) + floor)
-            for (name, floor), column in columns
-        }
-        motion = min(max(float(self.motions[k]) - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
-        # 1 where the pose rests on two walls alone, 0 from some more on
-        few = max(
-            1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0
-        )
-        return {
-            "constant": 1.0,
-            **terms,
-            "motion": motion,
-            "guessed": float(self.is_guessed[k]),
-            "degenerate": float(is_degenerate),
-            "few": few,
-            "few_motion": few * motion,
-            "few_seen_through": few * (terms["log10_seen_through"] + 1.0),
-        }
+        return dict(zip(COEFFICIENTS, self._terms_at(k, is_degenerate), strict=True))
 
     def log_odds(self, k: int, is_degenerate: bool = False) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        terms = self.terms(k, is_degenerate)
-        return sum(coefficient * terms[name] for name, coefficient in COEFFICIENTS.items())
+        return sum(map(operator.mul, _WEIGHTS, self._terms_at(k, is_degenerate)))
+
+    def _terms_at(self, k: int, is_degenerate: bool) -> list[float]:
+        if not is_degenerate:
+            return self._terms[k]
+        terms = self._terms[k].copy()
+        terms[_DEGENERATE] = 1.0
+        return terms
 
     def rank(self, k: int) -> float:
         """Return what poses are sorted by, the least first: the log odds, in which a motion counts for little.
 
         A large motion makes any pose less certain; which of two is right it hardly says.
         """
-        terms = self.terms(k)
         odds = self.log_odds(k)
-        for name in ("motion", "few_motion"):
-            odds -= (1.0 - _MOTION_OF_RANK) * COEFFICIENTS[name] * terms[name]
+        for row in (_MOTION, _FEW_MOTION):
+            odds -= (1.0 - _MOTION_OF_RANK) * _WEIGHTS[row] * self._terms[k][row]
         return -odds
 
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""
-        own, best = self.terms(k), self.terms(0)
-        terms = {name: own[name] - best[name] for name in RIVAL_COEFFICIENTS if name in own}
-        terms["motion"] = max(terms["motion"], -_MAX_NEARER)
-        return {**terms, "constant": 1.0, "repetition": self.repetition(k)}
+        return dict(zip(RIVAL_COEFFICIENTS, self._rival_terms_at(k), strict=True))
+
+    def rival_log_odds(self, k: int) -> tuple[float, float]:
+        """Return the log odds that pose k is right and not the first, and its repetition."""
+        terms = self._rival_terms_at(k)
+        return sum(map(operator.mul, _RIVAL_WEIGHTS, terms)), terms[-1]
+
+    def _rival_terms_at(self, k: int) -> list[float]:
+        own, best = self._terms[k], self._terms[0]
+        misfit, seen_through, motion = (own[row] - best[row] for row in _COMPARED)
+        return [1.0, misfit, seen_through, max(motion, -_MAX_NEARER), self.repetition(k)]
 
     def repetition(self, k: int) -> float:
         """Return how much of what supports the first pose the pose k explains as well, as a share.
@@ -181,7 +195,7 @@ class WeighedPoses:
         what is seen through there and not at the first. A pose that rests on two walls alone counts less the farther it
         is from where the sensor is expected, any other where that is much farther.
         """
-        own, best = self.evidence[k].tolist(), self.evidence[0].tolist()
+        own, best = self._rows[k], self._rows[0]
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
@@ -191,6 +205,16 @@ class WeighedPoses:
         if own[EXCESS] < _TWO_WALLS:
             share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
         return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
+
+
+def _terms_of(evidence: list[float], motion: float, is_guessed: bool) -> list[float]:
+    """Return what the model weighs of a pose, in the order of COEFFICIENTS."""
+    logs = [math.log10(max(evidence[column], 0.0) + floor) for column, floor in _LOGARITHMS]
+    motion = min(max(motion - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
+    # 1 where the pose rests on two walls alone, 0 from some more on
+    few = max(1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0)
+    few_seen_through = few * (logs[_SEEN_THROUGH - 1] + 1.0)
+    return [1.0, *logs, motion, float(is_guessed), 0.0, few, few * motion, few_seen_through]
 
 
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
@@ -208,9 +232,8 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
         motions=motions,
         is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
     )
-    if len(poses) < 2:
-        return weighed
-    return weighed.rows(sorted(range(len(poses)), key=weighed.rank))
+    order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]
+    return weighed if order == list(range(len(order))) else weighed.rows(order)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,12 +288,9 @@ def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool
     is_degenerate : bool
         Whether the scans leave a direction open at the first.
     """
-    terms = {k: weighed.rival_terms(k) for k in others}
+    found = {k: weighed.rival_log_odds(k) for k in others}
     return Support(
         log_odds=weighed.log_odds(0, is_degenerate),
-        rivals={
-            k: sum(RIVAL_COEFFICIENTS[name] * value for name, value in of.items())
-            for k, of in terms.items()
-        },
-        repetitions={k: of["repetition"] for k, of in terms.items()},
+        rivals={k: odds for k, (odds, _) in found.items()},
+        repetitions={k: repetition for k, (_, repetition) in found.items()},
     )
