@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from copy import copy
 
-from curvescan.io.log import GyroLog, Log, MountedLog, ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.log import GyroLog, Log, MountedLog, ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Trajectory
+from curvescan.types import Floats
 
 MAX_HELD_BYTES = 128 << 20
 """Most memory that the scans of a held log take; 45,000 scans of 361 beams. A larger log is read anew each time."""

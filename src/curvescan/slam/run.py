@@ -14,6 +14,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import OdometryRun
 from curvescan.odometry.run import RunRecorder, pose_at
 from curvescan.scan import LaserScan
+from curvescan.slam.odometry_process import OdometryInTurn, OdometryProcess
 from curvescan.slam.slam import Slam
 from curvescan.slam.step import SlamStep
 from curvescan.types import Pose
@@ -50,6 +51,7 @@ def run_slam(
     *,
     odometry_poses: Pose | None = None,
     on_step: Callable[[SlamStep], None] | None = None,
+    ahead: OdometryProcess | None = None,
 ) -> SlamRun:
     """Return SLAM over a sequence of scans.
 
@@ -65,20 +67,24 @@ def run_slam(
         Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Slam.add`.
     on_step : callable or None
         Called after each scan, for a progress bar say.
+    ahead : OdometryProcess or None
+        The odometry of these scans, made with ``slam.odometry``, in a process of its own; None to make it here.
     """
     slam = slam or Slam()
+    source = ahead or OdometryInTurn(slam.odometry, scans, odometry_poses)
     recorder, odom = RunRecorder(), array("d")
     with stoppable() as stop:
-        for k, scan in enumerate(scans):
+        for k, placed in enumerate(source):
             started = time.perf_counter()
-            step = slam.add(scan, pose_at(odometry_poses, k))
-            seconds = time.perf_counter() - started
+            step = slam.add_placed(placed.scan, placed.step, pose_at(odometry_poses, k))
+            seconds = placed.seconds + time.perf_counter() - started
             odom.extend(step.pose_odom)
             recorder.add(step, seconds)
             if on_step:
                 on_step(step)
             if stop.is_asked:
                 break
+    slam.odometry = source.odometry
     record = recorder.run(
         slam.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None
     )

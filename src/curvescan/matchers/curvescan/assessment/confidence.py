@@ -155,7 +155,7 @@ class WeighedPoses:
 
     def log_odds(self, k: int, is_degenerate: bool = False) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        return sum(map(operator.mul, _WEIGHTS, self._terms_at(k, is_degenerate)))
+        return _weighted(_WEIGHTS, self._terms_at(k, is_degenerate))
 
     def _terms_at(self, k: int, is_degenerate: bool) -> list[float]:
         if not is_degenerate:
@@ -181,7 +181,7 @@ class WeighedPoses:
     def rival_log_odds(self, k: int) -> tuple[float, float]:
         """Return the log odds that pose k is right and not the first, and its repetition."""
         terms = self._rival_terms_at(k)
-        return sum(map(operator.mul, _RIVAL_WEIGHTS, terms)), terms[-1]
+        return _weighted(_RIVAL_WEIGHTS, terms), terms[-1]
 
     def _rival_terms_at(self, k: int) -> list[float]:
         own, best = self._terms[k], self._terms[0]
@@ -205,6 +205,11 @@ class WeighedPoses:
         if own[EXCESS] < _TWO_WALLS:
             share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
         return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
+
+
+def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
+    total: float = sum(map(operator.mul, weights, terms))
+    return total
 
 
 def _terms_of(evidence: list[float], motion: float, is_guessed: bool) -> list[float]:
