@@ -6,6 +6,7 @@ part of the package that has kernels adds a function to `PARTS`.
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable
 
@@ -46,7 +47,8 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
     """Compile all kernels that matching, odometry, SLAM and maps need, or load them where they have been compiled before.
 
     The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
-    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels.
+    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels. Objects that are
+    there when it ends are left out of Python's later garbage collections (:func:`gc.freeze`).
 
     Parameters
     ----------
@@ -74,6 +76,9 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
             part(method)
         if slam:
             _warm_up_slam()
+    # the compiler leaves a million objects: to look through them takes the collector a tenth of a second, in the middle of a drive
+    gc.collect()
+    gc.freeze()
     return time.perf_counter() - started
 
 
@@ -203,6 +208,7 @@ def _warm_up_slam() -> None:
         squared_distances,
     )
     from curvescan.slam.pose_graph.sparse import block_pattern
+    from curvescan.slam.thinning import crowded_places
 
     ends, anchors = np.array([[0, 1], [1, 2], [0, 2]]), np.zeros(1, dtype=np.int64)
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 1.0, 1.0]])
@@ -216,6 +222,7 @@ def _warm_up_slam() -> None:
     marginal_covariances(pattern, data, anchors)
     largest_clique(np.ones((3, 3), dtype=np.bool_))
     cycle_distances(ends, poses, np.array([np.eye(3)] * 3), poses, np.ones(3), 0.5)
+    crowded_places(poses, np.zeros(3, dtype=np.int64), 3, 1.0, 1.0, 1)
     profile = range_profile(_scan(_room(0.0, 0.0)))
     foretold_overlap(profile[np.newaxis], anchors, poses[:1], profile)
     signature(np.zeros((2, 5)))
