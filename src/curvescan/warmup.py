@@ -106,7 +106,8 @@ def _warm_up_drive(method: str) -> None:
 def help_compile(k: int) -> None:
     """Compile what the process that is helped comes to last, each helper k something else first; see `_compilation`."""
     find_matcher(DEFAULT_METHOD, None)
-    for part in BACKWARDS[k:] + BACKWARDS[:k]:
+    begin = 2 * k % len(BACKWARDS)
+    for part in BACKWARDS[begin:] + BACKWARDS[:begin]:
         part(_no_features(), CurvescanConfig())
     warm_up()
 
@@ -152,15 +153,16 @@ def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None
 
 BACKWARDS = (
     _assess,
-    _pair_keypoints,
     _refine,
-    _weigh_movable,
     _weigh,
+    _weigh_movable,
+    _pair_keypoints,
     _search,
     _find_keypoints,
 )
-"""Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: the long one
-that it comes to last, then what it comes to after the features. Each runs without a scan, so that no other has to be compiled.
+"""Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: with one helper
+that is the half that comes last, for what both compile at the same time is compiled twice. Each runs without a scan, so that
+no other has to be compiled.
 """
 
 
