@@ -10,6 +10,7 @@ separates what moved from what only came into view.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
@@ -21,7 +22,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, valid_readings
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 MARGIN = 0.1
 """A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
@@ -95,48 +96,45 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
     """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
     if len(earlier) < 2:
         return np.zeros(len(current), dtype=np.bool_)
-    x, y = se2.transform(pose, current.points).T
-    distance, bearings = np.hypot(x, y), np.arctan2(y, x)
     if earlier.has_uniform_angles:
-        return _is_passed(
-            distance,
-            bearings,
-            current.valid,
-            _reach(earlier),
-            earlier.angle_min,
-            earlier.angle_increment,
-            MARGIN,
-        )
-    left, is_seen = _beam_before(earlier, bearings)
+        layout = earlier.angle_min, earlier.angle_increment
+        return _is_passed(current.points, current.valid, pose, _reach(earlier), *layout, MARGIN)
+    x, y = se2.transform(pose, current.points).T
+    left, is_seen = _beam_before(earlier, np.arctan2(y, x))
     is_seen &= current.valid
     reach = _reach(earlier)
-    was_free: Bools = is_seen & (np.minimum(reach[left], reach[left + 1]) > distance + MARGIN)
+    is_nearer = np.minimum(reach[left], reach[left + 1]) > np.hypot(x, y) + MARGIN
+    was_free: Bools = is_seen & is_nearer
     return was_free
 
 
 @kernel
 def _is_passed(
-    distance: Floats,
-    bearings: Floats,
+    points: Points,
     valid: Bools,
+    pose: Pose,
     reach: Floats,
     angle_min: float,
     step: float,
     margin: float,
 ) -> Bools:
-    """Return (n,) whether both beams of an evenly spaced scan on either side of each place passed it by more than a margin.
+    """Return (n,) whether both beams of an evenly spaced scan on either side of each reading passed it by more than a margin.
 
-    Beams are counted from the first, whatever the way the sensor turns and wherever it starts.
+    `pose` is that of the readings' scan in the other. Beams are counted from the first, whatever the way the sensor turns
+    and wherever it starts.
     """
     passed = np.zeros(valid.size, dtype=np.bool_)
     way = 1.0 if step > 0.0 else -1.0
+    c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(valid.size):
         if not valid[i]:
             continue
-        beam = (way * (bearings[i] - angle_min)) % (2.0 * np.pi) / (way * step)
+        x = c * points[i, 0] - s * points[i, 1] + pose[0]
+        y = s * points[i, 0] + c * points[i, 1] + pose[1]
+        beam = (way * (math.atan2(y, x) - angle_min)) % (2.0 * math.pi) / (way * step)
         if beam < reach.size - 1:
             left = int(beam)
-            passed[i] = min(reach[left], reach[left + 1]) > distance[i] + margin
+            passed[i] = min(reach[left], reach[left + 1]) > math.sqrt(x * x + y * y) + margin
     return passed
 
 
