@@ -18,10 +18,10 @@ from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
+from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.run import RunDisplay, Silent
 from curvescan.runs.slam import save_slam_run
 from curvescan.slam import Slam, SlamConfig, SlamMap, SlamRun, run_slam
-from curvescan.slam.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.types import Pose
 
 

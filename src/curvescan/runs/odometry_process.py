@@ -13,7 +13,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -21,10 +20,10 @@ from itertools import islice
 from pathlib import Path
 from queue import Full, Queue
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.run import pose_at
+from curvescan.odometry.run import OdometryInTurn, PlacedScan, placed, pose_at
 from curvescan.odometry.step import OdometryStep
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -45,14 +44,6 @@ _MIN_SCANS = 1000
 """Of a shorter log the process is not worth its start."""
 
 
-class PlacedScan(NamedTuple):
-    """A scan, where the odometry has it, and the seconds that took."""
-
-    scan: LaserScan
-    step: OdometryStep
-    seconds: float
-
-
 def can_run_ahead(n_scans: int) -> bool:
     """Return whether a process for the odometry of so many scans is worth it, and there is a core and a Python for it."""
     if hasattr(os, "sched_getaffinity"):
@@ -61,30 +52,6 @@ def can_run_ahead(n_scans: int) -> bool:
         n_cores = os.cpu_count() or 1
     is_python = "python" in Path(sys.executable or "").name
     return n_cores > 1 and is_python and n_scans >= _MIN_SCANS
-
-
-class OdometryInTurn:
-    """The odometry of scans in this process, each when it is wanted; iterate over it once.
-
-    Parameters
-    ----------
-    odometry : Odometry
-        Which is changed.
-    scans : iterable of LaserScan
-        A log, or any iterable.
-    odometry_poses : (n, 3) float64 or None
-        See :func:`curvescan.odometry.run_odometry`.
-    """
-
-    def __init__(
-        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
-    ) -> None:
-        self.odometry = odometry
-        self._scans, self._odometry_poses = scans, odometry_poses
-
-    def __iter__(self) -> Iterator[PlacedScan]:
-        for k, scan in enumerate(self._scans):
-            yield _placed(self.odometry, scan, pose_at(self._odometry_poses, k))
 
 
 class OdometryProcess:
@@ -201,8 +168,8 @@ def serve() -> None:
     with suppress(EOFError, OSError):
         odometry: Odometry = pickle.load(requests)
         while (batch := pickle.load(requests)) is not None:
-            placed = [_placed(odometry, scan, pose) for scan, pose in batch]
-            found = [(_without_trace(one.step), one.seconds) for one in placed]
+            done = [placed(odometry, scan, pose) for scan, pose in batch]
+            found = [(_without_trace(one.step), one.seconds) for one in done]
             pickle.dump(found, replies, pickle.HIGHEST_PROTOCOL)
             replies.flush()
         pickle.dump(odometry, replies, pickle.HIGHEST_PROTOCOL)
@@ -229,12 +196,6 @@ def _batches(
     left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
     while batch := list(islice(left, _BATCH)):
         yield batch
-
-
-def _placed(odometry: Odometry, scan: LaserScan, pose: Pose | None) -> PlacedScan:
-    started = time.perf_counter()
-    step = odometry.add(scan, pose)
-    return PlacedScan(scan, step, time.perf_counter() - started)
 
 
 def _without_trace(step: OdometryStep) -> OdometryStep:

@@ -7,8 +7,10 @@ import pytest
 
 import curvescan as cs
 from curvescan.errors import LogFormatError
-from curvescan.slam import Slam, odometry_process, run_slam
-from curvescan.slam.odometry_process import OdometryInTurn, OdometryProcess, can_run_ahead
+from curvescan.odometry.run import OdometryInTurn
+from curvescan.runs import odometry_process
+from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
+from curvescan.slam import Slam, run_slam
 
 pytestmark = pytest.mark.slow
 
