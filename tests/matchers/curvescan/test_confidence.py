@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from curvescan.matchers.curvescan.confidence import (
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -92,6 +95,32 @@ def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_
     assert support.confidence < alone.confidence
     # rows that the covariance holds speak for the first
     assert support.confidence < support.confidence_with([1]) < support.confidence_with([1, 2, 3])
+
+
+def test_a_contradicted_pose_rules_out_none_that_explains_more():
+    wrong = {**GOOD, SEEN_THROUGH: 1.0}
+    more = {**GOOD, AGREEING: 9.0, MISFIT: 0.6, SEEN_THROUGH: 3.0}
+    found = replace(poses(wrong, more), scores=np.array([0.4, 0.5]))
+    assert found.repetition(1) == 1.0
+    # not where it is contradicted alone, nor where less agrees, or worse, or in fewer readings
+    assert poses(wrong, more).repetition(1) == 0.0
+    for best, other in (
+        (GOOD, more),
+        (wrong, {**more, AGREEING: 7.0}),
+        (wrong, {**more, MISFIT: 0.9}),
+    ):
+        assert replace(poses(best, other), scores=np.array([0.4, 0.5])).repetition(1) == 0.0
+
+
+def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
+    assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0}, motions=[1.5]).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, MISSED: 0.5}).may_be_turned
+    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, motions=[1.5]).may_be_turned
+    # a guess decides
+    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, guessed=True).may_be_turned
+    assert not poses().may_be_turned
 
 
 def test_a_far_pose_counts_less_as_a_rival():

@@ -9,6 +9,7 @@ from curvescan.matchers.curvescan.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -17,7 +18,7 @@ from curvescan.matchers.curvescan.evidence import (
     SEEN_THROUGH,
     SMALL,
     WEAKEST,
-    excess_length,
+    excess_lengths,
     gather_evidence,
     large_length,
     may_move,
@@ -63,13 +64,27 @@ def evidence(ref, cur, *poses):
 def test_what_agrees_besides_two_walls_is_excess():
     two = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
     three = np.vstack([two, wall(-2, -2, 3, -2)])
-    assert excess_length(two, np.ones(len(two), dtype=np.uint8)) < 0.2
+    assert excess_lengths(two, np.ones(len(two), dtype=np.uint8))[0] < 0.2
     # both long walls run the same way: one of them, and the short one across it, do not count
-    assert excess_length(three, np.ones(len(three), dtype=np.uint8)) == pytest.approx(5.0, abs=0.3)
+    excess, beyond = excess_lengths(three, np.ones(len(three), dtype=np.uint8))
+    assert excess == pytest.approx(5.0, abs=0.3)
+    assert beyond < 0.2
     codes = np.ones(len(three), dtype=np.uint8)
     codes[80:] = 2  # what does not agree is no excess
-    assert excess_length(three, codes) < 0.2
-    assert excess_length(three, np.zeros(len(three), dtype=np.uint8)) == 0.0
+    assert excess_lengths(three, codes)[0] < 0.2
+    assert excess_lengths(three, np.zeros(len(three), dtype=np.uint8)) == (0.0, 0.0)
+
+
+def test_nothing_of_a_bare_room_lies_beyond_its_four_walls():
+    room = np.vstack(
+        [wall(3, -2, 3, 2), wall(-2, 2, 3, 2), wall(-2, -2, 3, -2), wall(-2, -2, -2, 2)]
+    )
+    assert excess_lengths(room, np.ones(len(room), dtype=np.uint8))[1] < 0.3
+    # a second wall that faces the same way, and one across a corner, are no sides of a rectangle
+    for more in (wall(1.5, 0.5, 1.5, 1.5), wall(2.2, 2.0, 3.0, 1.2)):
+        furnished = np.vstack([room, more])
+        beyond = excess_lengths(furnished, np.ones(len(furnished), dtype=np.uint8))[1]
+        assert beyond == pytest.approx(np.sum(more[:, LENGTH]), abs=0.4)
 
 
 def test_only_long_runs_within_one_surface_are_large():

@@ -17,6 +17,7 @@ import numpy as np
 
 from curvescan.matchers.curvescan.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -82,6 +83,10 @@ _FLOORS = {
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
+_DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
+_BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
+_BARE_MOTION = 1.3  # metres plus radians, 0.6 m and 40 degrees: a larger motion in a bare room may be another and half a turn
+_CONTRADICTED_BARE = 0.05  # of what agrees: so much of a bare room's walls is never contradicted where the pose is right
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
@@ -174,6 +179,33 @@ class WeighedPoses:
         terms["motion"] = max(terms["motion"], -_MAX_NEARER)
         return {**terms, "constant": 1.0, "repetition": self.repetition(k)}
 
+    @property
+    def may_be_turned(self) -> bool:
+        """Whether the first pose may as well be another, turned: only four walls agree, and a wall contradicts it or the motion is large.
+
+        A rectangle looks the same after half a turn, and two of its walls fit any corner. Of a sensor that sees half a circle the right
+        pose may share next to nothing with the reference, so that no other pose speaks against the first. A guess decides.
+        """
+        if not len(self.poses):
+            return False
+        best = self.evidence[0]
+        is_contradicted = best[SEEN_THROUGH] + best[MISSED] > _CONTRADICTED_BARE * best[AGREEING]
+        is_likely = is_contradicted or self.motions[0] > _BARE_MOTION
+        return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
+
+    def explains_more(self, k: int) -> bool:
+        """Return whether walls contradict the first pose, and more agrees at pose k, and better.
+
+        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door of an elevator.
+        """
+        own, best = self.evidence[k], self.evidence[0]
+        return bool(
+            best[SEEN_THROUGH] > _DOUBTFUL * best[AGREEING]
+            and own[AGREEING] > best[AGREEING]
+            and own[MISFIT] < best[MISFIT]
+            and self.scores[k] > self.scores[0]
+        )
+
     def repetition(self, k: int) -> float:
         """Return how much of what supports the first pose the pose k explains as well, as a share.
 
@@ -182,6 +214,8 @@ class WeighedPoses:
         is from where the sensor is expected, any other where that is much farther.
         """
         own, best = self.evidence[k].tolist(), self.evidence[0].tolist()
+        if self.explains_more(k):
+            return 1.0
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
