@@ -14,6 +14,7 @@ from curvescan.matchers.curvescan.confidence import (
     RIVAL_COEFFICIENTS,
     Support,
     WeighedPoses,
+    regular_rows,
     support_of,
     weigh,
 )
@@ -112,6 +113,19 @@ def test_a_contradicted_pose_rules_out_none_that_explains_more():
         assert replace(poses(best, other), scores=np.array([0.4, 0.5])).repetition(1) == 0.0
 
 
+def test_two_poses_to_either_side_make_a_row_of_equal_things():
+    shares = {1: 0.4, 2: 0.4}
+    row = np.array([[0.1, 0.2, 0.3], [1.3, 0.2, 0.3], [-1.0, 0.2, 0.3]])
+    assert regular_rows(row, shares) == (1, 2)
+    assert Support(log_odds=3.0, rivals={}, repetitions=shares, regular=(1, 2)).repeated() == [1, 2]
+    for k, change in ((2, [0.5, 0.0, 0.0]), (2, [0.0, 0.5, 0.0]), (1, [0.0, 0.0, 0.2])):
+        other = row.copy()
+        other[k] += change
+        assert regular_rows(other, shares) == ()
+    assert regular_rows(row * [0.3, 1.0, 1.0], shares) == ()  # too near to be another thing
+    assert regular_rows(row, {1: 0.4, 2: 0.2}) == ()
+
+
 def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
     assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0}, motions=[1.5]).may_be_turned
@@ -120,6 +134,8 @@ def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradic
     assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, motions=[1.5]).may_be_turned
     # a guess decides
     assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, guessed=True).may_be_turned
+    # a long third wall, and something that changed
+    assert not poses({**GOOD, BEYOND: 0.0, EXCESS: 4.0, SEEN_THROUGH: 0.5}).may_be_turned
     assert not poses().may_be_turned
 
 

@@ -9,7 +9,6 @@ from curvescan.matchers.curvescan.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.evidence import (
     AGREEING,
-    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,

@@ -9,6 +9,7 @@ ambiguous. The model and its fit: docs/design-notes/confidence.md.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,10 +84,23 @@ _FLOORS = {
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
+_REGULAR = (
+    0.33  # share that two others, as far to either side, explain of a pose in a row of equal things
+)
+_PITCH, _MIRRORED = (
+    0.5,
+    0.3,
+)  # metres: least distance of things in a row, and by how much the two may differ
+_SAME_TURN = 0.1  # radians: two poses that differ by less are turned alike
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
 _BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
-_BARE_MOTION = 1.3  # metres plus radians, 0.6 m and 40 degrees: a larger motion in a bare room may be another and half a turn
-_CONTRADICTED_BARE = 0.05  # of what agrees: so much of a bare room's walls is never contradicted where the pose is right
+_BARE_MOTION = 1.45  # metres plus radians, 1 m and 26 degrees: a larger motion in a bare room may be another and half a turn
+_CONTRADICTED_BARE = (
+    0.05  # of what agrees: no more of a bare room's walls is contradicted where the pose is right
+)
+_BARE_EXCESS = (
+    3.0  # metres beyond two walls: with more a contradiction is something else that changed
+)
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
@@ -189,8 +203,11 @@ class WeighedPoses:
         if not len(self.poses):
             return False
         best = self.evidence[0]
-        is_contradicted = best[SEEN_THROUGH] + best[MISSED] > _CONTRADICTED_BARE * best[AGREEING]
-        is_likely = is_contradicted or self.motions[0] > _BARE_MOTION
+        contradicted = best[SEEN_THROUGH] + best[MISSED]
+        is_wrong_somewhere = (
+            best[EXCESS] < _BARE_EXCESS and contradicted > _CONTRADICTED_BARE * best[AGREEING]
+        )
+        is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
         return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
 
     def explains_more(self, k: int) -> bool:
@@ -259,11 +276,15 @@ class Support:
         Log odds, for each other pose that may be right instead, by its row.
     repetitions : dict of int to float
         Share of what supports the first that each of them explains.
+    regular : tuple of int
+        Rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in a row, of which
+        the first lays those of one scan on the next ones of the other.
     """
 
     log_odds: float
     rivals: dict[int, float]
     repetitions: dict[int, float]
+    regular: tuple[int, ...] = ()
 
     @property
     def confidence(self) -> float:
@@ -284,7 +305,11 @@ class Support:
 
     def repeated(self) -> list[int]:
         """Return the rows of the poses that cannot be distinguished from the first."""
-        return [row for row, share in self.repetitions.items() if share > MAX_REPETITION]
+        return [
+            row
+            for row, share in self.repetitions.items()
+            if share > MAX_REPETITION or row in self.regular
+        ]
 
 
 def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
@@ -300,11 +325,30 @@ def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool
         Whether the scans leave a direction open at the first.
     """
     terms = {k: weighed.rival_terms(k) for k in others}
+    repetitions = {k: of["repetition"] for k, of in terms.items()}
     return Support(
         log_odds=weighed.log_odds(0, is_degenerate),
         rivals={
             k: sum(RIVAL_COEFFICIENTS[name] * value for name, value in of.items())
             for k, of in terms.items()
         },
-        repetitions={k: of["repetition"] for k, of in terms.items()},
+        repetitions=repetitions,
+        regular=regular_rows(weighed.poses, repetitions),
     )
+
+
+def regular_rows(poses: Floats, repetitions: dict[int, float]) -> tuple[int, ...]:
+    """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
+
+    `repetitions` has the rows to look at and the share of the first's support that each explains.
+    """
+    found = []
+    rows = [k for k, share in repetitions.items() if share > _REGULAR]
+    offsets = {k: difference(poses[k], poses[0]) for k in rows}
+    for i, j in itertools.combinations(rows, 2):
+        (x, y, turn), (x_other, y_other, turn_other) = offsets[i], offsets[j]
+        is_alike = max(abs(turn), abs(turn_other)) < _SAME_TURN
+        is_mirrored = math.hypot(x + x_other, y + y_other) < _MIRRORED
+        if is_alike and is_mirrored and math.hypot(x, y) > _PITCH:
+            found += [i, j]
+    return tuple(found)

@@ -198,7 +198,9 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
             count += 1
         seen += 1
     taken = np.zeros(count, dtype=np.bool_)
-    walls = np.full(4, -1)  # a reading of each: the longest, the longest across, those that face them
+    walls = np.full(
+        4, -1
+    )  # a reading of each: the longest, the longest across, those that face them
     excess, beyond = total, total
     for turn in range(4):
         length, walls[turn] = longest_wall(surfels, rows, taken, walls, turn)
