@@ -12,8 +12,9 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.movable import without_movable
+from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,

@@ -10,12 +10,8 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.confidence import (
     COEFFICIENTS,
-    MAX_REPETITION,
     RIVAL_COEFFICIENTS,
-    Support,
     WeighedPoses,
-    regular_rows,
-    support_of,
     weigh,
 )
 from curvescan.matchers.curvescan.assessment.evidence import (
@@ -29,6 +25,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SEEN_THROUGH,
     WEAKEST,
 )
+from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION, support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.proposal.search import Problem
 from tests.matchers.curvescan.scenes import MOTION, pair
@@ -113,19 +110,6 @@ def test_a_contradicted_pose_rules_out_none_that_explains_more():
         assert replace(poses(best, other), scores=np.array([0.4, 0.5])).repetition(1) == 0.0
 
 
-def test_two_poses_to_either_side_make_a_row_of_equal_things():
-    shares = {1: 0.4, 2: 0.4}
-    row = np.array([[0.1, 0.2, 0.3], [1.3, 0.2, 0.3], [-1.0, 0.2, 0.3]])
-    assert regular_rows(row, shares) == (1, 2)
-    assert Support(log_odds=3.0, rivals={}, repetitions=shares, regular=(1, 2)).repeated() == [1, 2]
-    for k, change in ((2, [0.5, 0.0, 0.0]), (2, [0.0, 0.5, 0.0]), (1, [0.0, 0.0, 0.2])):
-        other = row.copy()
-        other[k] += change
-        assert regular_rows(other, shares) == ()
-    assert regular_rows(row * [0.3, 1.0, 1.0], shares) == ()  # too near to be another thing
-    assert regular_rows(row, {1: 0.4, 2: 0.2}) == ()
-
-
 def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
     assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0}, motions=[1.5]).may_be_turned
@@ -148,15 +132,6 @@ def test_a_far_pose_counts_less_as_a_rival():
     assert shares[0] > shares[1] > shares[2] == 0.0
     furnished = poses(GOOD, GOOD, motions=[0.3, 2.0])
     assert furnished.repetition(1) == pytest.approx(1.0)
-
-
-def test_probabilities_sum_to_one():
-    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repetitions={1: 0.1, 2: 0.1})
-    best = support.confidence
-    nothing = best * np.exp(-1.0)
-    assert best + best * np.exp(0.0) + best * np.exp(-1.0) + nothing == pytest.approx(1.0)
-    assert support.is_related == pytest.approx(1.0 - nothing)
-    assert support.confidence_with([1, 2]) == pytest.approx(1.0 - nothing)
 
 
 def test_a_room_with_pillars_is_explained_by_its_pose_alone():

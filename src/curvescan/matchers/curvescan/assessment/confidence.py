@@ -9,9 +9,7 @@ ambiguous. The model and its fit: docs/design-notes/confidence.md.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +30,8 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
-MAX_REPETITION = 0.45
-"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
-
 GUESSED_REPETITION = 0.3
-"""The same for a guess to decide between the two."""
+"""Least share of what supports a pose that another explains for a guess to decide between the two."""
 
 COEFFICIENTS = {
     "constant": -1.15,
@@ -84,23 +79,15 @@ _FLOORS = {
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
-_REGULAR = (
-    0.33  # share that two others, as far to either side, explain of a pose in a row of equal things
-)
-_PITCH, _MIRRORED = (
-    0.5,
-    0.3,
-)  # metres: least distance of things in a row, and by how much the two may differ
-_SAME_TURN = 0.1  # radians: two poses that differ by less are turned alike
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
 _BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
-_BARE_MOTION = 1.45  # metres plus radians, 1 m and 26 degrees: a larger motion in a bare room may be another and half a turn
-_CONTRADICTED_BARE = (
-    0.05  # of what agrees: no more of a bare room's walls is contradicted where the pose is right
+_BARE_MOTION = (
+    1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
 )
-_BARE_EXCESS = (
-    3.0  # metres beyond two walls: with more a contradiction is something else that changed
+_BARE_CONTRADICTED = (
+    0.05  # of what agrees: more of a bare room is not contradicted at the right pose
 )
+_BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
@@ -108,7 +95,6 @@ _FADING_OF_TWO, _FADING = (
     0.5,
     0.25,
 )  # for each metre and radian: how fast the two kinds count less beyond that
-_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
@@ -205,7 +191,7 @@ class WeighedPoses:
         best = self.evidence[0]
         contradicted = best[SEEN_THROUGH] + best[MISSED]
         is_wrong_somewhere = (
-            best[EXCESS] < _BARE_EXCESS and contradicted > _CONTRADICTED_BARE * best[AGREEING]
+            best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
         )
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
         return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
@@ -262,93 +248,3 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     if len(poses) < 2:
         return weighed
     return weighed.rows(sorted(range(len(poses)), key=weighed.rank))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Support:
-    """What speaks for the first of some poses and against it.
-
-    Attributes
-    ----------
-    log_odds : float
-        That it is right and the scans have not nothing in common.
-    rivals : dict of int to float
-        Log odds, for each other pose that may be right instead, by its row.
-    repetitions : dict of int to float
-        Share of what supports the first that each of them explains.
-    regular : tuple of int
-        Rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in a row, of which
-        the first lays those of one scan on the next ones of the other.
-    """
-
-    log_odds: float
-    rivals: dict[int, float]
-    repetitions: dict[int, float]
-    regular: tuple[int, ...] = ()
-
-    @property
-    def confidence(self) -> float:
-        """Probability that the pose is right and no other."""
-        return self.confidence_with([])
-
-    def confidence_with(self, accepted: Sequence[int]) -> float:
-        """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
-        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
-        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
-        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
-        return right / (1.0 + sum(odds.values()) + nothing)
-
-    @property
-    def is_related(self) -> float:
-        """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
-
-    def repeated(self) -> list[int]:
-        """Return the rows of the poses that cannot be distinguished from the first."""
-        return [
-            row
-            for row, share in self.repetitions.items()
-            if share > MAX_REPETITION or row in self.regular
-        ]
-
-
-def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
-    """Return what speaks for the first of some poses.
-
-    Parameters
-    ----------
-    weighed : WeighedPoses
-        The poses.
-    others : sequence of int
-        Rows that may be right instead.
-    is_degenerate : bool
-        Whether the scans leave a direction open at the first.
-    """
-    terms = {k: weighed.rival_terms(k) for k in others}
-    repetitions = {k: of["repetition"] for k, of in terms.items()}
-    return Support(
-        log_odds=weighed.log_odds(0, is_degenerate),
-        rivals={
-            k: sum(RIVAL_COEFFICIENTS[name] * value for name, value in of.items())
-            for k, of in terms.items()
-        },
-        repetitions=repetitions,
-        regular=regular_rows(weighed.poses, repetitions),
-    )
-
-
-def regular_rows(poses: Floats, repetitions: dict[int, float]) -> tuple[int, ...]:
-    """Return the rows of poses that come in pairs, as far from the first to one side as to the other, turned as it is.
-
-    `repetitions` has the rows to look at and the share of the first's support that each explains.
-    """
-    found = []
-    rows = [k for k, share in repetitions.items() if share > _REGULAR]
-    offsets = {k: difference(poses[k], poses[0]) for k in rows}
-    for i, j in itertools.combinations(rows, 2):
-        (x, y, turn), (x_other, y_other, turn_other) = offsets[i], offsets[j]
-        is_alike = max(abs(turn), abs(turn_other)) < _SAME_TURN
-        is_mirrored = math.hypot(x + x_other, y + y_other) < _MIRRORED
-        if is_alike and is_mirrored and math.hypot(x, y) > _PITCH:
-            found += [i, j]
-    return tuple(found)
