@@ -20,6 +20,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     gather_evidence,
     large_length,
     may_move,
+    person_length,
 )
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
@@ -84,6 +85,40 @@ def test_nothing_of_a_bare_room_lies_beyond_its_four_walls():
         furnished = np.vstack([room, more])
         beyond = excess_lengths(furnished, np.ones(len(furnished), dtype=np.uint8))[1]
         assert beyond == pytest.approx(np.sum(more[:, LENGTH]), abs=0.4)
+
+
+def leaning(distance):
+    """Surfels of a wall at 3 m with a stretch of 0.3 m that stands so far before it, and the rows of that."""
+    surfels = wall(3, -2, 3, 2)
+    rows = np.arange(18, 21)
+    surfels[rows, X] -= distance
+    surfels[rows, CX] -= distance
+    surfels[:, RANGE] = np.hypot(surfels[:, X], surfels[:, Y])
+    return surfels, rows
+
+
+@pytest.mark.parametrize(
+    ("distance", "is_person"), [(0.3, True), (0.15, True), (0.05, False), (-0.3, False)]
+)
+def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distance, is_person):
+    surfels, rows = leaning(distance)
+    codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+    codes[rows] = DYNAMIC
+    bounds, nothing = np.array([0, len(surfels)]), np.zeros(len(surfels), dtype=np.bool_)
+    length = person_length(surfels, bounds, codes, nothing)
+    assert length == pytest.approx(0.3 if is_person else 0.0)
+    # what is a small thing already is not counted twice, and a long stretch is no person
+    assert person_length(surfels, bounds, codes, ~nothing) == 0.0
+    codes[10:21] = DYNAMIC
+    assert person_length(surfels, bounds, codes, nothing) == 0.0
+
+
+def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
+    corner = np.vstack([wall(3, -2, 3, 2), wall(2.6, 2, 3, 2, n=5)[::-1]])
+    codes = np.full(len(corner), INLIER, dtype=np.uint8)
+    codes[36:40] = DYNAMIC
+    nothing = np.zeros(len(corner), dtype=np.bool_)
+    assert person_length(corner, np.array([0, len(corner)]), codes, nothing) == 0.0
 
 
 def test_only_long_runs_within_one_surface_are_large():

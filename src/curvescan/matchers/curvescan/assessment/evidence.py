@@ -52,6 +52,7 @@ the two that face them, which are all of a bare room."""
 N_EVIDENCE = BEYOND + 1
 
 _IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
+_CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = (
     0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
@@ -152,6 +153,9 @@ def add_evidence(
     found[EXCESS] += excess
     found[BEYOND] += beyond
     found[LARGE] += large_length(surfels, bounds, codes)
+    before_wall = person_length(surfels, bounds, codes, is_small)
+    found[SEEN_THROUGH] -= before_wall
+    found[SMALL] += before_wall
     return n_misfits
 
 
@@ -179,6 +183,47 @@ def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
                 large += run if dx * dx + dy * dy > _LARGE_EXTENT * _LARGE_EXTENT else 0.0
                 run, first = 0.0, -1
     return large
+
+
+@kernel
+def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> float:
+    """Return the length of surface seen through in runs of no more than 0.5 m that stand before what is on both sides of them, metres.
+
+    A person who leans on a wall is of one surface with it.
+    """
+    total = 0.0
+    for k in range(bounds.size - 1):
+        run, first = 0.0, -1
+        for i in range(bounds[k], bounds[k + 1]):
+            is_in = codes[i] == DYNAMIC and not is_small[i]
+            if is_in:
+                first = i if first < 0 else first
+                run += surfels[i, LENGTH]
+            if first >= 0 and (not is_in or i == bounds[k + 1] - 1):
+                last = i if is_in else i - 1
+                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
+                if dx * dx + dy * dy <= _LARGE_EXTENT * _LARGE_EXTENT:
+                    middle = (first + last) // 2
+                    stands_free = stands_before(surfels, bounds, k, middle, first, -1)
+                    if stands_free and stands_before(surfels, bounds, k, middle, last, 1):
+                        total += run
+                run, first = 0.0, -1
+    return total
+
+
+@kernel
+def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, step: int) -> bool:
+    """Return whether a run of readings of surface k stands before what is beside its reading `edge`, on the side of `step`."""
+    beside = edge + step
+    if beside < 0 or beside >= surfels.shape[0]:
+        return True
+    if surfels[beside, RANGE] - surfels[edge, RANGE] > _IN_FRONT:
+        return True
+    if beside < bounds[k] or beside >= bounds[k + 1]:
+        return False
+    wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
+    dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
+    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > _IN_FRONT)
 
 
 @kernel
