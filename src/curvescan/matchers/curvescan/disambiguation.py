@@ -198,11 +198,13 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
     confidence = support.confidence_with(assessed.ties)
-    if not set(support.repeated()) <= set(assessed.ties) or assessed.weighed.may_be_turned:
+    if not set(support.repeated()) <= set(assessed.ties):
         return Verdict(outcome=Outcome.AMBIGUOUS)
     if confidence < least:
         is_any = support.is_related >= least
         return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
+    if assessed.weighed.may_be_turned:
+        return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,
