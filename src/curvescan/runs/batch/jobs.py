@@ -22,7 +22,7 @@ from curvescan.slam.config import SlamConfig
 if TYPE_CHECKING:
     from curvescan.diagnostics.verdict import Verdict
     from curvescan.io.log import Log
-    from curvescan.types import Trajectory
+    from curvescan.io.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
