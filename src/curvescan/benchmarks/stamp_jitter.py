@@ -14,10 +14,18 @@ import numpy as np
 from curvescan import se2
 from curvescan.odometry import Odometry, run_odometry
 from curvescan.scan import LaserScan
+from curvescan.simulation import SENSORS, Simulation, simulate
 from curvescan.types import Floats, Pose
 
-MILLISECOND = 1e-3
-"""A larger jitter, seconds: that of a common driver."""
+JITTERS = (0.0, 1e-3)
+"""Most that stamps are moved by, seconds: one unit in the last place, and what a common driver jitters by."""
+
+
+def timed_log(seed: int = 0) -> Simulation:
+    """Return a simulated drive whose sweeps take all the time between two scans, so that stamps count for deskewing."""
+    sensor = SENSORS["spinning-360"]
+    sweeping = replace(sensor, time_increment=sensor.period / sensor.n_beams)
+    return simulate("office-floor", sensor=sweeping, n_scans=300, seed=seed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,9 +101,7 @@ def measure_jitter(
         ends[k] = se2.between(own[-1], poses[-1])
         shares[k] = np.mean((poses != own).any(axis=1))
         on_run()
-    return JitterSpread(
-        log=name, n_scans=len(held), jitter=jitter, ends=ends, moved_shares=shares
-    )
+    return JitterSpread(log=name, n_scans=len(held), jitter=jitter, ends=ends, moved_shares=shares)
 
 
 def _jittered(

@@ -1,5 +1,5 @@
 "use strict";
-// What the server tells: about, status, path, map, closures, scan. Nothing is ever sent to it.
+// What the server sends: about, status, path, map, closures, scan. Nothing is ever sent to it.
 const $ = (id) => document.getElementById(id);
 const canvas = $("canvas"), pen = canvas.getContext("2d");
 const state = { path: [], map: null, image: null, closures: [], scan: null, times: [], isOver: false };
