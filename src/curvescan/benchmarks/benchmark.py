@@ -124,27 +124,70 @@ def run_benchmark(
     progress : callable
         Tells how far it is; silent by default.
     """
-    speeds, stages, growth = [], [], {}
+    speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
+    cells, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
+    n_turned = max(n_pairs // 5, 1)
+    turns = success_by_turn(
+        methods,
+        n_pairs=n_turned,
+        seed=seed + 2,
+        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
+    )
+    experiment_1 = _experiment_1(n_runs, seed, progress)
+    judged = [
+        evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
+        for log in logs
+        for method in methods
+    ]
+    reading = measure_reading(
+        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
+    )
+    return Benchmark(
+        n_pairs=n_pairs,
+        n_runs=n_runs,
+        speeds=speeds,
+        stages=stages,
+        growth=growth,
+        cells=cells,
+        open_worlds=open_worlds,
+        deceptions=deceptions,
+        turns=turns,
+        experiment_1=experiment_1,
+        logs=tuple(judged),
+        jitter=_jitter(logs, seed, progress),
+        reading=reading,
+    )
+
+
+def _times(
+    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
+) -> tuple[tuple[Speed, ...], tuple[StageTime, ...], dict[str, tuple[Speed, ...]]]:
+    """Return times of methods: a match, its stages, and how both grow with the beams."""
+    speeds: list[Speed] = []
+    stages: list[StageTime] = []
+    growth: dict[str, tuple[Speed, ...]] = {}
     for method in methods:
         advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
-        speeds.append(measure_speed(method, n_pairs=min(n_pairs, 200), seed=seed))
+        speeds.append(measure_speed(method, n_pairs=n_pairs, seed=seed))
         advance()
         if method in STAGED:
-            stages += measure_stages(method, n_pairs=min(n_pairs, 200), seed=seed)
+            stages += measure_stages(method, n_pairs=n_pairs, seed=seed)
         advance()
         series = []
         for n_beams in BEAM_COUNTS:
+            sensor = with_beams(n_beams)
             series.append(
-                measure_speed(
-                    method,
-                    sensor=with_beams(n_beams),
-                    n_pairs=min(n_pairs, 10),
-                    repeats=3,
-                    seed=seed,
-                )
+                measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed)
             )
             advance()
         growth[method] = tuple(series)
+    return tuple(speeds), tuple(stages), growth
+
+
+def _scores(
+    methods: Sequence[str], n_pairs: int, n_deceptive: int, seed: int, progress: Progress
+) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...], tuple[DeceptionScore, ...]]:
+    """Return how methods do on simulated pairs: cells, worlds with an open direction, deceptive worlds."""
     cells = [
         score
         for cell in SCENARIOS
@@ -169,14 +212,14 @@ def run_benchmark(
         for world in DECEPTIONS
         if DEFAULT_METHOD in methods
     ]
-    n_turned = max(n_pairs // 5, 1)
-    turns = success_by_turn(
-        methods,
-        n_pairs=n_turned,
-        seed=seed + 2,
-        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
-    )
-    experiment_1 = {
+    return tuple(cells), tuple(open_worlds), tuple(deceptions)
+
+
+def _experiment_1(
+    n_runs: int, seed: int, progress: Progress
+) -> dict[tuple[str, RandomTransformCondition], RandomTransformRuns]:
+    """Return the paper's experiment 1 in several worlds."""
+    return {
         (world, condition): run_random_transforms(
             condition,
             n_runs=n_runs,
@@ -188,12 +231,11 @@ def run_benchmark(
         for condition in CONDITIONS
         if condition.sensor == EXPERIMENT_1_SENSOR
     }
-    judged = [
-        evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
-        for log in logs
-        for method in methods
-    ]
-    jitter = [
+
+
+def _jitter(logs: Sequence[Log], seed: int, progress: Progress) -> tuple[JitterSpread, ...]:
+    """Return how far apart a simulated log and real ones end when their stamps are moved."""
+    return tuple(
         measure_jitter(
             log,
             name=log.name,
@@ -204,22 +246,4 @@ def run_benchmark(
         )
         for log in (timed_log(seed), *logs)
         for size in JITTERS
-    ]
-    reading = measure_reading(
-        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
-    )
-    return Benchmark(
-        n_pairs=n_pairs,
-        n_runs=n_runs,
-        speeds=tuple(speeds),
-        stages=tuple(stages),
-        growth=growth,
-        cells=tuple(cells),
-        open_worlds=tuple(open_worlds),
-        deceptions=tuple(deceptions),
-        turns=turns,
-        experiment_1=experiment_1,
-        logs=tuple(judged),
-        jitter=tuple(jitter),
-        reading=reading,
     )

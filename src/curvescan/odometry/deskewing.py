@@ -16,8 +16,9 @@ from curvescan.deskew import (
     sweep_shift,
     usual_period,
 )
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.types import Floats, Pose
 
 _N_STAMPS = 12
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan import __version__, se2
+from curvescan import se2
+from curvescan._version import __version__
 from curvescan.matchers import match
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.features import CfSmaFeatures

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import OdometryRun
@@ -18,7 +19,7 @@ from curvescan.plots.canvas import DARK, PAIRED, PATH, as_place
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Pose, Trajectory
+from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

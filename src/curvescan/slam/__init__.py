@@ -9,8 +9,7 @@ if TYPE_CHECKING:
     from curvescan.slam.config import SlamConfig
     from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
-    from curvescan.slam.map import SlamMap
-    from curvescan.slam.map_file import load_map
+    from curvescan.slam.map import SlamMap, load_map
     from curvescan.slam.run import SlamRun, run_slam
     from curvescan.slam.slam import Slam
     from curvescan.slam.step import SlamStep
@@ -26,7 +25,7 @@ _HOMES = {
     "SlamRun": "run",
     "SlamStep": "step",
     "ClosureOutcome": "loops.closures",
-    "load_map": "map_file",
+    "load_map": "map",
     "run_slam": "run",
 }
 

@@ -9,14 +9,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.job import Job, digest_of
 from curvescan.runs.batch.jobs import OdometryJob
 from curvescan.runs.batch.logs import LogState, find_logs
-from curvescan.runs.batch.manifest import BatchRecord
 from curvescan.runs.batch.processes import ProcessPool
-from curvescan.runs.batch.results import Results, open_results
+from curvescan.runs.batch.results.folder_results import open_results
+from curvescan.runs.batch.results.manifest import BatchRecord
+from curvescan.runs.batch.results.results import Results
 from curvescan.runs.batch.worker import Task
 from curvescan.runs.batch.workers import Done, WorkerPool, run_tasks
 
