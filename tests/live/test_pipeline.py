@@ -283,7 +283,7 @@ def test_the_viewer_keeps_no_scan_and_draws_the_map(log):
     assert viewer.picture.png.startswith(b"\x89PNG")
     viewer.stop()
     events = dict(viewer.events())
-    assert list(events) == ["about", "status", "path", "map", "scan"]
+    assert list(events) == ["about", "status", "path", "map", "times", "scan"]
     assert events["scan"]["index"] == len(log) - 1
     first, last = events["path"]["points"][:2], events["path"]["points"][-2:]
     assert first == [0.0, 0.0]

@@ -34,6 +34,9 @@ _HEARTBEAT = 5.0
 _MAX_CLOSURES = 1000
 """Loop closures that are drawn at most: the newest."""
 
+_N_TIMES = 120
+"""Times of scans that a new browser is sent: as many as the page draws."""
+
 _N_POINTS = 1500
 """Readings of a scan that are sent at most."""
 
@@ -73,6 +76,7 @@ class Viewer(MapSink):
         self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
         self._n_closures = 0
         self._recent: deque[float] = deque(maxlen=200)
+        self._times: tuple[float, ...] = ()
         self._stamps: deque[float] = deque(maxlen=50)
         self._length_m = 0.0
         self._last_pose: tuple[float, float] | None = None
@@ -162,6 +166,8 @@ class Viewer(MapSink):
             seen.closures = closures
             yield "closures", {"lines": self._closure_lines()}
         if self._scan_event is not None and self._scan_event is not seen.scan_event:
+            if seen.scan_event is None:  # the last one of them comes with the scan
+                yield "times", {"ms": [round(ms, 3) for ms in self._times[-_N_TIMES:-1]]}
             seen.scan_event = self._scan_event
             yield "scan", self._scan_event
 
@@ -171,7 +177,7 @@ class Viewer(MapSink):
             self._map.add(tracked)
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
-            self._scan_event = event
+            self._scan_event, self._times = event, tuple(self._recent)
             self._n_events += 1
             self._changed.notify_all()
         if time.monotonic() >= self._next_picture:
