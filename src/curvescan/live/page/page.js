@@ -71,7 +71,7 @@ function showPose(s) {
 }
 function showFigures(s) {
   showPose(s);
-  $("ms").textContent = `${s.ms_median.toFixed(1)} ms, max ${s.ms_max.toFixed(0)}`;
+  $("ms").textContent = `${s.ms_median.toFixed(1)}, max ${s.ms_max.toFixed(0)}`;
   $("scans").textContent = (s.index + 1).toLocaleString("en");
   $("rate").textContent = s.rate === null ? "–" : `${s.rate.toFixed(1)} Hz`;
   $("length").textContent = `${s.length.toFixed(1)} m`;
@@ -209,7 +209,7 @@ function drawRobot() {
 }
 
 function drawScale() {
-  const step = niceStep(70 / view.scale);
+  const step = niceStep((innerWidth > 640 ? 70 : 40) / view.scale);
   $("scale-bar").style.width = `${step * view.scale}px`;
   $("scale-label").textContent = step < 1 ? `${Math.round(100 * step)} cm` : `${step} m`;
 }
