@@ -1,7 +1,9 @@
 """Jittered stamps: what does not matter changes nothing, and the measure sees what does."""
 
 import numpy as np
+import pytest
 
+from curvescan import read_log
 from curvescan.benchmarks.report import jitter_table
 from curvescan.benchmarks.stamp_jitter import measure_jitter, timed_log
 
@@ -25,3 +27,12 @@ def test_stamps_that_say_something_else_are_seen():
     (row,) = jitter_table([spread]).rows
     assert row[2] == "up to 30 ms"
     assert row[4] == f"{1e3 * spread.spread_m:.3g} mm, {np.degrees(spread.spread_rad):.2g} deg"
+
+
+@pytest.mark.slow
+def test_a_real_log_ends_where_it_ends(real_data):
+    """Its steps alternate between 0.123 and 0.135 s; 0.24 us, the last place, once moved its end by 0.11 m."""
+    log = read_log(real_data / "turtlebot4-rplidar" / "macfirst_floor_take_2")
+    spread = measure_jitter(log[:200], name=log.name, n_runs=4)
+    assert spread.spread_m == 0.0
+    assert spread.moved_shares.max() == 0.0
