@@ -142,7 +142,7 @@ def run_batch(
                 pool.warm_up(job)
                 shown.begin("batch", len(tasks))
                 states = {log.input: log for log in logs}
-                _run_all(job, tasks, states, results, pool, timeout, shown)
+                _run_all(job, options, tasks, states, results, pool, timeout, shown)
         records = tuple(results.records[log.input] for log in logs)
         results.finish(records)
     return BatchResult(records=records, n_skipped=len(standing))
@@ -150,6 +150,7 @@ def run_batch(
 
 def _run_all(
     job: Job,
+    options: str,
     tasks: list[Task],
     states: dict[str, LogState],
     results: Results,
@@ -157,7 +158,6 @@ def _run_all(
     timeout: float,
     shown: BatchDisplay,
 ) -> None:
-    options = digest_of(job)
     with results.queue(tasks, options, shown.add) as queue:
         work = run_tasks(job, queue, pool=pool, timeout=timeout, log=results.workers_log)
         with closing(work):

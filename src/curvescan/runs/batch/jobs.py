@@ -68,6 +68,18 @@ class _LogJob:
     def _fill_in(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)  # the only way in a frozen dataclass
 
+    def _arguments(self, log: Path, folder: Path) -> dict[str, Any]:
+        """Return the arguments that the functions of both tasks have in common."""
+        return {
+            "out": folder,
+            "method": self.method,
+            "matcher": self.matcher,
+            "odometry_prior": self.odometry_prior,
+            "occupancy": self.occupancy,
+            "command": self.command,
+            "source": log,
+        }
+
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry, SLAM and maps."""
         from curvescan.warmup import warm_up
@@ -90,17 +102,7 @@ class OdometryJob(_LogJob):
         """Run the odometry of a log and write trajectory, maps and run.json."""
         from curvescan.runs.run import run
 
-        result = run(
-            self.logs.open(log),
-            out=folder,
-            method=self.method,
-            config=self.config,
-            matcher=self.matcher,
-            odometry_prior=self.odometry_prior,
-            occupancy=self.occupancy,
-            command=self.command,
-            source=log,
-        )
+        result = run(self.logs.open(log), config=self.config, **self._arguments(log, folder))
         return _result(result.verdict, result.trajectory)
 
 
@@ -121,17 +123,7 @@ class SlamJob(_LogJob):
 
         assert isinstance(self.config, SlamConfig)  # filled in
 
-        result = slam_log(
-            self.logs.open(log),
-            out=folder,
-            method=self.method,
-            config=self.config,
-            matcher=self.matcher,
-            odometry_prior=self.odometry_prior,
-            occupancy=self.occupancy,
-            command=self.command,
-            source=log,
-        )
+        result = slam_log(self.logs.open(log), config=self.config, **self._arguments(log, folder))
         return _result(result.verdict, result.run.revised.trajectory)
 
 
