@@ -6,6 +6,7 @@ for it, so a slow one misses scans, never a piece of the path, and holds up nobo
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import threading
@@ -16,10 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from curvescan.errors import MapTooLargeError
 from curvescan.live.live_map import MapPicture, picture_of
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyBuilder
+from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
@@ -71,6 +75,7 @@ class Viewer(MapSink):
     ) -> None:
         self._about = {"name": name, "mode": mode}
         self._status = {"kind": "loading", "text": "loading"}
+        self._occupancy = occupancy
         self._picture: MapPicture | None = None
         self._next_picture = 0.0
         self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
@@ -101,6 +106,13 @@ class Viewer(MapSink):
             self._status = {"kind": kind, "text": text}
             self._n_events += 1
             self._changed.notify_all()
+
+    def preview(self, scan: LaserScan) -> None:
+        """Show the map of the first scan alone: what there is to look at while kernels compile."""
+        builder = OccupancyBuilder(self._occupancy)
+        with contextlib.suppress(MapTooLargeError):  # said when the run begins
+            builder.add(scan, np.zeros(3))
+            self._show(picture_of(builder.grid(), version=0))
 
     @property
     def picture(self) -> MapPicture | None:
@@ -202,13 +214,15 @@ class Viewer(MapSink):
         started = time.monotonic()
         version = self._map.version
         if self._picture is None or self._picture.version != version:
-            picture = picture_of(self._map.grid(), version)
-            with self._changed:
-                self._picture = picture
-                self._n_events += 1
-                self._changed.notify_all()
+            self._show(picture_of(self._map.grid(), version))
         took = time.monotonic() - started
         self._next_picture = started + max(_PICTURE_PERIOD, took / _PICTURE_SHARE)
+
+    def _show(self, picture: MapPicture | None) -> None:
+        with self._changed:
+            self._picture = picture
+            self._n_events += 1
+            self._changed.notify_all()
 
     def _scan_event_of(self, tracked: TrackedScan) -> dict[str, Any]:
         """Return what is sent of a scan."""

@@ -148,6 +148,8 @@ def live(
             server = PageServer(viewer, host=host, port=_free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
             _open_browser(server.url)
+            if saved is None:
+                _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
         if foxglove:
             served = live_package.FoxgloveSink(
@@ -253,6 +255,14 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
         is_mirrored=laser.upside_down != laser.clockwise,
         ignore_beams=laser.ignore_beams,
     )
+
+
+def _preview(source: ScanSource, viewer: Viewer) -> None:
+    """Show the first scan of a source that can wait, before kernels are compiled."""
+    from curvescan.live import LogSource, SimulatedSource
+
+    if isinstance(source, LogSource | SimulatedSource) and (first := source.first()) is not None:
+        viewer.preview(first)
 
 
 def _engine(
