@@ -51,15 +51,15 @@ class Benchmark:
     Attributes
     ----------
     n_pairs, n_runs : int
-        Pairs of a cell, and runs of experiment 1.
+        Pairs of a scenario, and runs of experiment 1.
     speeds : tuple of Speed
         Of 361 beams, one a method.
     stages : tuple of StageTime
         Of the methods STAGED, stage by stage.
     growth : dict of str to tuple of Speed
         For each method, one a number of BEAM_COUNTS.
-    cells : tuple of ScenarioScore
-        Cell by cell, one a method.
+    scenarios : tuple of ScenarioScore
+        Scenario by scenario, one a method.
     open_worlds : tuple of OpenScore
         World by world, one a method.
     deceptions : tuple of DeceptionScore
@@ -79,7 +79,7 @@ class Benchmark:
     speeds: tuple[Speed, ...]
     stages: tuple[StageTime, ...]
     growth: dict[str, tuple[Speed, ...]]
-    cells: tuple[ScenarioScore, ...]
+    scenarios: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
     deceptions: tuple[DeceptionScore, ...]
     turns: dict[str, Floats]
@@ -105,7 +105,7 @@ def run_benchmark(
     methods : sequence of str
         Names of matchers.
     n_pairs : int
-        Pairs of each cell; times are taken on 200 at most.
+        Pairs of each scenario; times are taken on 200 at most.
     n_runs : int
         Runs of each variant and world of experiment 1.
     n_deceptive : int
@@ -118,7 +118,7 @@ def run_benchmark(
         Tells how far it is; silent by default.
     """
     speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
-    cells, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
+    scenarios, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
     n_turned = max(n_pairs // 5, 1)
     turns = success_by_turn(
         methods,
@@ -141,7 +141,7 @@ def run_benchmark(
         speeds=speeds,
         stages=stages,
         growth=growth,
-        cells=cells,
+        scenarios=scenarios,
         open_worlds=open_worlds,
         deceptions=deceptions,
         turns=turns,
@@ -179,12 +179,12 @@ def _times(
 def _scores(
     methods: Sequence[str], n_pairs: int, n_deceptive: int, seed: int, progress: Progress
 ) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...], tuple[DeceptionScore, ...]]:
-    """Return how methods do on simulated pairs: cells, worlds with an open direction, deceptive worlds."""
-    cells = [
+    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction, deceptive worlds."""
+    scenarios = [
         score
-        for cell in SCENARIOS
+        for one in SCENARIOS
         for score in score_scenario(
-            cell, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(cell.name, n_pairs)
+            one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs)
         )
     ]
     open_worlds = [
@@ -204,7 +204,7 @@ def _scores(
         for world in DECEPTIONS
         if DEFAULT_METHOD in methods
     ]
-    return tuple(cells), tuple(open_worlds), tuple(deceptions)
+    return tuple(scenarios), tuple(open_worlds), tuple(deceptions)
 
 
 def _experiment_1(

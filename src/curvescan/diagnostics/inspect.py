@@ -45,7 +45,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     Returns
     -------
     LogReport
-        The figures; :func:`curvescan.io.find_issues` says in sentences what they mean.
+        The figures; :func:`curvescan.diagnostics.issues.find_issues` says in sentences what they mean.
     """
     statistics = LogStatistics()
     for scan in log:

@@ -47,7 +47,7 @@ class Lds2dSource:
     model : str
         A name of ``lds2d.available_models()``: ``"LDROBOT-LD19"``.
     port : str
-        See :func:`curvescan.live.drivers.open_driver`.
+        See :func:`curvescan.live.drivers.opening.open_driver`.
     baud : int or None
         Bits a second; None for the model's.
     is_mirrored : bool

@@ -23,7 +23,7 @@ class RplidarSource:
     Parameters
     ----------
     port : str
-        See :func:`curvescan.live.drivers.open_driver`.
+        See :func:`curvescan.live.drivers.opening.open_driver`.
     baud : int
         Bits a second; 256000 for the A3.
     is_mirrored : bool
