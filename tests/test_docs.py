@@ -93,7 +93,7 @@ def test_the_commands_of_the_documents_are_there_with_their_flags(capsys):
         flags = {word.partition("=")[0] for word in rest if word.startswith("--")}
         wanted[name] = wanted.get(name, set()) | flags
     for name, flags in wanted.items():
-        with pytest.raises(SystemExit, match="^0$"):
+        with pytest.raises(SystemExit, match=r"^0$"):
             command([name, "--help-all"])
         known = set(re.findall(r"--[\w.-]+", capsys.readouterr().out))
         assert flags <= known, f"curvescan {name}"
