@@ -191,3 +191,9 @@ def test_what_the_scans_say_without_a_guess_counts_where_it_is_expected():
     far = UncertainPose(np.array([0.9, 0.0, 0.05]), seen.cov)
     gated = gate(result, EXPECTED, CONFIG, measured=far)
     assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_of_two_matches_where_nobody_expected_them_the_higher_score_counts():
+    low, high = (gate(matched((2.0, 0.0, 0.6), score=s), EXPECTED, CONFIG) for s in (0.6, 0.9))
+    assert high.is_better_than(low, 0.4)
+    assert not low.is_better_than(high, 0.4)

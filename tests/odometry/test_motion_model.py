@@ -224,3 +224,19 @@ def test_the_clock_is_averaged_before_a_step_is_long_and_a_pause_moves_it_little
     clock, n_periods = clock.ticked(clock.stamp + 10.0 * period, 20.0)
     assert n_periods == 10.0
     assert clock.period == pytest.approx(period * (1.0 + 2.0 / 20.0))  # as if it were three
+
+
+def test_a_change_of_the_motion_counts_along_both_axes():
+    config = MotionConfig()
+    model = steady()
+    moved = UncertainPose(SEEN.pose + np.array([0.01, 0.05, 0.0]), SEEN.cov)
+    square = 0.5 * (0.01**2 + 0.05**2)
+    before = model.variance_translation
+    after = updated(model, 0.1, moved).variance_translation
+    assert after == pytest.approx(before + (square - before) / config.memory)
+
+
+@pytest.mark.parametrize(("leap", "is_measured"), [(900.0, True), (1100.0, False)])
+def test_wheels_that_leap_by_a_kilometre_measure_nothing(leap, is_measured):
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    assert model.predict(0.2, np.array([leap, 0.0, 0.0])).is_measured == is_measured
