@@ -121,6 +121,19 @@ def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
     assert person_length(corner, np.array([0, len(corner)]), codes, nothing) == 0.0
 
 
+@pytest.mark.parametrize(("turn", "excess"), [(5.0, 0.0), (15.0, 0.5)])
+def test_what_faces_another_way_than_its_wall_is_excess(turn, excess):
+    """Readings within 0.12 m of a wall's line are of the wall where they face as it does, to 11 degrees."""
+    walls = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
+    corner = wall(3.02, -1, 3.02, -0.5, n=10)
+    angle = np.radians(180.0 + turn)
+    corner[:, NX], corner[:, NY] = np.cos(angle), np.sin(angle)
+    surfels = np.vstack([walls, corner])
+    found = excess_length(surfels, np.ones(len(surfels), dtype=np.uint8))
+    plain = excess_length(walls, np.ones(len(walls), dtype=np.uint8))
+    assert found - plain == pytest.approx(excess, abs=0.15)
+
+
 def test_only_long_runs_within_one_surface_are_large():
     surfels = wall(3, -2, 3, 2)  # 0.1 m a reading
     codes = np.full(40, INLIER, dtype=np.uint8)
@@ -128,6 +141,10 @@ def test_only_long_runs_within_one_surface_are_large():
     codes[30:] = DYNAMIC
     assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
     assert large_length(surfels, np.array([0, 35, 40]), codes) == 0.0  # a run ends with its surface
+    codes[:8] = DYNAMIC  # each run counts for itself
+    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.8)
+    codes[4:6] = INLIER
+    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
 
 
 def test_what_may_move_is_small_and_stands_before_something():
