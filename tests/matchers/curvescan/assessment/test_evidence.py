@@ -129,8 +129,8 @@ def test_what_faces_another_way_than_its_wall_is_excess(turn, excess):
     angle = np.radians(180.0 + turn)
     corner[:, NX], corner[:, NY] = np.cos(angle), np.sin(angle)
     surfels = np.vstack([walls, corner])
-    found = excess_length(surfels, np.ones(len(surfels), dtype=np.uint8))
-    plain = excess_length(walls, np.ones(len(walls), dtype=np.uint8))
+    found = excess_lengths(surfels, np.ones(len(surfels), dtype=np.uint8))[0]
+    plain = excess_lengths(walls, np.ones(len(walls), dtype=np.uint8))[0]
     assert found - plain == pytest.approx(excess, abs=0.15)
 
 
