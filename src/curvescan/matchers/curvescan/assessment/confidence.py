@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -32,11 +32,8 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
-MAX_REPETITION = 0.45
-"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
-
 GUESSED_REPETITION = 0.3
-"""The same for a guess to decide between the two."""
+"""Least share of what supports a pose that another explains for a guess to decide between the two."""
 
 COEFFICIENTS = {
     "constant": -1.15,
@@ -92,6 +89,15 @@ _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", 
 """Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
 
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
+_DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
+_BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
+_BARE_MOTION = (
+    1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
+)
+_BARE_CONTRADICTED = (
+    0.05  # of what agrees: more of a bare room is not contradicted at the right pose
+)
+_BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
@@ -99,7 +105,6 @@ _FADING_OF_TWO, _FADING = (
     0.5,
     0.25,
 )  # for each metre and radian: how fast the two kinds count less beyond that
-_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
@@ -188,6 +193,36 @@ class WeighedPoses:
         misfit, seen_through, motion = (own[row] - best[row] for row in _COMPARED)
         return [1.0, misfit, seen_through, max(motion, -_MAX_NEARER), self.repetition(k)]
 
+    @property
+    def may_be_turned(self) -> bool:
+        """Whether the first pose may as well be another, turned: only four walls agree, and a wall contradicts it or the motion is large.
+
+        A rectangle looks the same after half a turn, and two of its walls fit any corner. Of a sensor that sees half a circle the right
+        pose may share next to nothing with the reference, so that no other pose speaks against the first. A guess decides.
+        """
+        if not len(self.poses):
+            return False
+        best = self._rows[0]
+        contradicted = best[SEEN_THROUGH] + best[MISSED]
+        is_wrong_somewhere = (
+            best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
+        )
+        is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
+        return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
+
+    def explains_more(self, k: int) -> bool:
+        """Return whether walls contradict the first pose, and more agrees at pose k, and better.
+
+        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door of an elevator.
+        """
+        own, best = self._rows[k], self._rows[0]
+        return bool(
+            best[SEEN_THROUGH] > _DOUBTFUL * best[AGREEING]
+            and own[AGREEING] > best[AGREEING]
+            and own[MISFIT] < best[MISFIT]
+            and self.scores[k] > self.scores[0]
+        )
+
     def repetition(self, k: int) -> float:
         """Return how much of what supports the first pose the pose k explains as well, as a share.
 
@@ -196,6 +231,8 @@ class WeighedPoses:
         is from where the sensor is expected, any other where that is much farther.
         """
         own, best = self._rows[k], self._rows[0]
+        if self.explains_more(k):
+            return 1.0
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
@@ -239,63 +276,3 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     )
     order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]
     return weighed if order == list(range(len(order))) else weighed.rows(order)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Support:
-    """What speaks for the first of some poses and against it.
-
-    Attributes
-    ----------
-    log_odds : float
-        That it is right and the scans have not nothing in common.
-    rivals : dict of int to float
-        Log odds, for each other pose that may be right instead, by its row.
-    repetitions : dict of int to float
-        Share of what supports the first that each of them explains.
-    """
-
-    log_odds: float
-    rivals: dict[int, float]
-    repetitions: dict[int, float]
-
-    @property
-    def confidence(self) -> float:
-        """Probability that the pose is right and no other."""
-        return self.confidence_with([])
-
-    def confidence_with(self, accepted: Sequence[int]) -> float:
-        """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
-        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
-        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
-        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
-        return right / (1.0 + sum(odds.values()) + nothing)
-
-    @property
-    def is_related(self) -> float:
-        """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
-
-    def repeated(self) -> list[int]:
-        """Return the rows of the poses that cannot be distinguished from the first."""
-        return [row for row, share in self.repetitions.items() if share > MAX_REPETITION]
-
-
-def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
-    """Return what speaks for the first of some poses.
-
-    Parameters
-    ----------
-    weighed : WeighedPoses
-        The poses.
-    others : sequence of int
-        Rows that may be right instead.
-    is_degenerate : bool
-        Whether the scans leave a direction open at the first.
-    """
-    found = {k: weighed.rival_log_odds(k) for k in others}
-    return Support(
-        log_odds=weighed.log_odds(0, is_degenerate),
-        rivals={k: odds for k, (odds, _) in found.items()},
-        repetitions={k: repetition for k, (_, repetition) in found.items()},
-    )
