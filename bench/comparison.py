@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -76,10 +77,11 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
     else:
         trajectory = cs.run(scans, method=method, odometry_prior=wheels).trajectory
     errors = relation_errors(trajectory, cs.read_relations(data / f"{LOGS[log]}.relations"))
-    figures = {}
+    found = {}
     for prefix, which in (("", "all"), ("near_", "near")):
-        for name, spread in zip(("translation", "rotation"), errors.spreads(which), strict=True):
-            figures[prefix + name] = (float(spread.mean), float(spread.std))
+        translation, rotation = errors.spreads(which)
+        found[f"{prefix}translation"] = (translation.mean, translation.std)
+        found[f"{prefix}rotation"] = (math.degrees(rotation.mean), math.degrees(rotation.std))
     return Row(
         log=log,
         task=task,
@@ -87,7 +89,7 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
         wheels=wheels,
         n_relations=len(errors),
         version=cs.__version__,
-        **figures,
+        **found,
     )
 
 

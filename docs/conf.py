@@ -73,6 +73,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"plot_",
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
+    "write_computation_times": False,
     "remove_config_comments": True,
     "min_reported_time": 60,
     "backreferences_dir": "reference/generated/backreferences",

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 import curvescan as cs
+from curvescan.cli.command_line import COMMANDS
+from curvescan.cli.main import run as command
+from curvescan.evaluation.published import BENCHMARKS
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
@@ -70,6 +75,30 @@ def test_the_python_of_a_document_runs(path, logs, tmp_path, monkeypatch, capsys
     exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "__main__"})  # noqa: S102
 
 
+def _commands(path: Path) -> list[list[str]]:
+    """Return the words of each curvescan command in a document's blocks and sentences."""
+    text = path.read_text(encoding="utf-8").replace("\\\n", " ")
+    inline = re.findall(r"`(curvescan [a-z][^`\n]*)`", text)
+    lines = [line for line in text.splitlines() if line.startswith("curvescan ")] + inline
+    return [shlex.split(line, comments=True) for line in lines]
+
+
+def test_the_commands_of_the_documents_are_there_with_their_flags(capsys):
+    shown = [words for path in _documents() for words in _commands(path)]
+    assert len(shown) > 60
+    wanted: dict[str, set[str]] = {}
+    for _, name, *rest in shown:
+        if name not in COMMANDS:
+            continue  # a sentence that begins with the project's name
+        flags = {word.partition("=")[0] for word in rest if word.startswith("--")}
+        wanted[name] = wanted.get(name, set()) | flags
+    for name, flags in wanted.items():
+        with pytest.raises(SystemExit, match=r"^0$"):
+            command([name, "--help-all"])
+        known = set(re.findall(r"--[\w.-]+", capsys.readouterr().out))
+        assert flags <= known, f"curvescan {name}"
+
+
 @pytest.mark.parametrize("path", _documents(), ids=_name)
 def test_what_a_document_links_to_is_there(path):
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -97,3 +126,32 @@ def test_the_reference_lists_every_public_name():
     # constants and modules are described in sentences, not on pages of their own
     described = {name for name in ("MATCHERS", "plot", "se2") if re.search(rf"\b{name}``", text)}
     assert set(cs.__all__) - {"__version__"} <= listed | described
+
+
+def _figures_of_the_comparison() -> set[float]:
+    """Return every error in bench/comparison.jsonl and every published one, metres and degrees."""
+    text = (ROOT / "bench/comparison.jsonl").read_text(encoding="utf-8")
+    rows = [json.loads(line) for line in text.splitlines()]
+    assert {(row["log"], row["task"]) for row in rows} >= {("intel", "slam"), ("aces", "slam")}
+    pairs = [
+        row[name] for row in rows for name in row if name.endswith(("translation", "rotation"))
+    ]
+    for log in BENCHMARKS.values():
+        for error in log.errors:
+            pairs += [error.translation, error.rotation or ()]
+    return {figure for pair in pairs for figure in pair if figure is not None}
+
+
+def test_the_errors_in_the_texts_are_those_of_the_comparison():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    texts = re.findall(r"^- \*\*(?:SLAM|Odometry)\b.*?(?=^- |\n\n)", readme, re.M | re.S)
+    assert len(texts) == 2
+    slam = (DOCS / "slam.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\| (?:Intel|ACES) \|.*$", slam, re.M)
+    assert len(lines) == 2
+    known = _figures_of_the_comparison()
+    for figure in re.findall(r"\b\d\.\d+\b", "\n".join(texts + lines)):
+        n_digits = len(figure.partition(".")[2])
+        assert any(f"{one:.{n_digits}f}" == figure for one in known), (
+            f"{figure} is measured nowhere"
+        )

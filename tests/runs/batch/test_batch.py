@@ -113,6 +113,16 @@ def test_what_failed_is_run_again(tmp_path):
     assert cs.run_batch(logs, out=out, job=NamedJob(), workers=1, resume=True).n_skipped == 1
 
 
+def test_results_are_on_the_disk_before_the_record_that_lists_them(tmp_path, monkeypatch):
+    synced, fsync = [], os.fsync
+    monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_ino), fsync(n)))
+    logs, out = make_logs(tmp_path / "logs", "a.log"), tmp_path / "out"
+    cs.run_batch(logs, out=out, job=NamedJob(), workers=1)
+    places = (out / "a" / "result", out / "a", out, out / "manifest.jsonl")
+    order = [synced.index(place.stat().st_ino) for place in places]
+    assert order == sorted(order)
+
+
 _SUPERVISOR = """
 import signal
 

@@ -70,7 +70,9 @@ class FolderResults:
         yield ListedTasks(tasks)
 
     def append(self, record: BatchRecord) -> bool:
-        """Write a record, and wait until it is on the disk."""
+        """Write a record, and wait until the results, and then it, are on the disk."""
+        if not record.is_failed:
+            _sync(self._root / record.folder)
         self._manifest.append(record)
         return True
 
@@ -94,6 +96,20 @@ class ListedTasks:
     def n_left(self) -> int:
         """Return how many wait."""
         return len(self._waiting)
+
+
+def _sync(folder: Path) -> None:
+    """Wait until a folder of results is on the disk: a power cut must not leave a record without what it lists."""
+    is_windows = os.name == "nt"  # there a folder cannot be opened, and a file must be writable
+    for path in (*folder.rglob("*"), folder, folder.parent):
+        if is_windows and path.is_dir():
+            continue
+        with suppress(OSError):  # somebody else's file, or one that a system cannot wait for
+            number = os.open(path, os.O_RDWR if is_windows else os.O_RDONLY)
+            try:
+                os.fsync(number)
+            finally:
+                os.close(number)
 
 
 def _remove_leftovers(root: Path) -> None:
