@@ -116,11 +116,11 @@ def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
     chains = [head, *published(("scan matching",), logs), *measured(rows, "odometry", logs, "")]
     near = [head, *measured(rows, "odometry", logs, "near_")]
     return (
-        "### Loops closed\n\n"
+        "## Loops closed\n\n"
         + markdown(slam)
-        + "\n### Odometry: past poses are not revised\n\n"
+        + "\n## Odometry: past poses are not revised\n\n"
         + markdown(chains)
-        + "\n### Odometry, relations of scans less than 5 s apart\n\n"
+        + "\n## Odometry, relations of scans less than 5 s apart\n\n"
         + markdown(near)
     )
 
