@@ -6,6 +6,7 @@ part of the package that has kernels adds a function to `PARTS`.
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 
@@ -101,8 +102,14 @@ def _warm_up_drive(method: str) -> None:
 def help_compile(k: int) -> None:
     """Compile what the process that is helped comes to last, each helper k something else first; see `_compilation`."""
     find_matcher(DEFAULT_METHOD, None)
-    for part in BACKWARDS[k:] + BACKWARDS[:k]:
-        part(_no_features(), CurvescanConfig())
+    stages: list[Callable[[], None]] = [
+        functools.partial(part, _no_features(), CurvescanConfig()) for part in BACKWARDS
+    ]
+    stages.append(_warm_up_slam)
+    # one helper alone first does its share of what a match needs; the second begins with SLAM
+    first = (0, len(stages) - 1, 2)[k]
+    for stage in stages[first:] + stages[:first]:
+        stage()
     warm_up()
 
 
