@@ -22,6 +22,7 @@ demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
 
 test: lint
+	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
 
