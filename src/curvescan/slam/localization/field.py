@@ -146,8 +146,8 @@ def _agreement(
         px, py = points[k, 0], points[k, 1]
         reach = math.sqrt(px * px + py * py)
         dx, dy = (c * px - s * py) / reach, (s * px + c * py) / reach
-        column = int(math.floor((pose[0] + reach * dx - origin[0]) / resolution))
-        row = int(math.floor((pose[1] + reach * dy - origin[1]) / resolution))
+        column = math.floor((pose[0] + reach * dx - origin[0]) / resolution)
+        row = math.floor((pose[1] + reach * dy - origin[1]) / resolution)
         if 0 <= row < n_rows and 0 <= column < n_columns:
             if distance[row, column] <= ON_WALL_M:
                 n_on += 1
@@ -155,8 +155,8 @@ def _agreement(
                 n_new += 1
         along = 0.0
         while along < reach - _BEFORE_M:
-            column = int(math.floor((pose[0] + along * dx - origin[0]) / resolution))
-            row = int(math.floor((pose[1] + along * dy - origin[1]) / resolution))
+            column = math.floor((pose[0] + along * dx - origin[0]) / resolution)
+            row = math.floor((pose[1] + along * dy - origin[1]) / resolution)
             if not (0 <= row < n_rows and 0 <= column < n_columns):
                 break
             if distance[row, column] == 0.0:

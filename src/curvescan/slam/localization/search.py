@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.localization.correlative import (
     contour_length,
     likely_poses,
