@@ -87,8 +87,11 @@ test-fleet:
 		--editable '.[cloud,ray]' 'moto[server]' hypothesis pytest pyyaml
 	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
+# bench/bench.md and the figures of README, measured anew; ten minutes on an idle machine. LOGS are real logs
 bench: $(INSTALLED)
-	$(BIN)/curvescan bench --out bench $(if $(LOGS),--logs $(LOGS))
+	$(BIN)/curvescan bench --out .cache/bench $(if $(LOGS),--logs $(LOGS))
+	cp .cache/bench/bench.md .cache/bench/turns.png bench/
+	$(BIN)/python bench/readme_table.py
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

@@ -2,7 +2,7 @@
 
 Runs the matcher on every deceptive world, on the bench's scenarios, and, where CURVESCAN_DATA holds them, on the first half
 of the pairs of another generator and on keyframes of real logs (neighbours: right; far apart: nothing shared), without a
-guess and with a good or a made-up one. Prints the constants of `curvescan.matchers.curvescan.confidence`, a table of
+guess and with a good or a made-up one. Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of
 reliability with each family of sets left out of the fit in turn, and draws the diagram of the whole. Every set counts the
 same. With --check nothing is fitted: table and diagram are those of the constants as they are.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,7 @@ html_title = "curvescan"
 html_static_path = ["_static"]
 html_css_files = ["curvescan.css"]
 html_show_sourcelink = False
+html_sidebars = {"index": [], "start": []}  # no pages below them
 html_theme_options = {
     "navigation_with_keys": False,
     "header_links_before_dropdown": 6,
@@ -71,6 +73,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"plot_",
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
+    "write_computation_times": False,
     "remove_config_comments": True,
     "min_reported_time": 60,
     "backreferences_dir": "reference/generated/backreferences",
@@ -89,13 +92,12 @@ def write_commands(_app: object) -> None:
     for name in COMMANDS:
         done = subprocess.run(
             [sys.executable, "-m", "curvescan", name, "--help-all"],
-            capture_output=True,
+            stdout=subprocess.PIPE,
             text=True,
-            check=False,
-            env={"COLUMNS": "100", "PATH": "", "TERM": "dumb", "NO_COLOR": "1"},
+            check=True,
+            env=os.environ | {"COLUMNS": "80", "TERM": "dumb", "NO_COLOR": "1"},
         )
-        if done.returncode == 0:
-            parts += [f"## curvescan {name}", "", "```text", done.stdout.rstrip(), "```", ""]
+        parts += [f"## curvescan {name}", "", "```text", done.stdout.rstrip(), "```", ""]
     (DOCS / "reference" / "commands.md").write_text("\n".join(parts), encoding="utf-8")
 
 
@@ -109,5 +111,6 @@ def write_formula(translator: Any, node: Any) -> None:
 
 def setup(app: Any) -> None:
     """Have the commands' help written when the build begins, and formulas drawn by browsers."""
+    curvescan.warm_up()  # else a page of the gallery says how long its kernels took to compile
     app.connect("builder-inited", write_commands)
     app.add_html_math_renderer("mathml", (write_formula, None), (write_formula, None))

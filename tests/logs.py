@@ -6,8 +6,8 @@ import numpy as np
 
 from curvescan.io import MemoryLog
 from curvescan.io.log import Log
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
 
 FIELDS = ("angle_min", "angle_increment", "range_min", "range_max", "time_increment", "scan_time")
 CODES = (np.nan, np.inf, -np.inf, 0.0, -1.0, 81.91)

@@ -33,10 +33,10 @@ _MAX_SLOWER = (
     8.0  # a mutant may take so many times the processor time of the original, and hangs beyond
 )
 _ELSEWHERE = {  # files that others' tests are nearest to
-    f"{MATCHER}/assessment.py": "test_disambiguation.py",
+    f"{MATCHER}/assessment/assessment.py": "test_disambiguation.py",
     f"{MATCHER}/candidates.py": "test_disambiguation.py",
-    f"{MATCHER}/features/direction_histogram.py": "test_rotation_hypotheses.py",
-    f"{MATCHER}/normal_equations.py": "test_information.py",
+    f"{MATCHER}/features/direction_histogram.py": "proposal/test_rotation_hypotheses.py",
+    f"{MATCHER}/normal_equations.py": "assessment/test_information.py",
     "curvescan/odometry/config.py": "test_gating.py",
     "curvescan/odometry/gaps.py": "test_recovery.py",
     "curvescan/odometry/strategies.py": "test_recovery.py",
@@ -85,13 +85,13 @@ _MATCHER = "matchers/curvescan"
 NAMED = (
     _named(
         "agreement at 2 sigma instead of 3",
-        f"{_MATCHER}/labels.py",
+        f"{_MATCHER}/assessment/labels.py",
         "_AGREEING_SIGMAS = 3.0",
         "_AGREEING_SIGMAS = 2.0",
     ),
     _named(
         "a line's own noise 0.9 instead of 0.3",
-        f"{_MATCHER}/information.py",
+        f"{_MATCHER}/assessment/information.py",
         "_LINE_NOISE = 0.3",
         "_LINE_NOISE = 0.9",
     ),
@@ -129,19 +129,19 @@ NAMED = (
     ),
     _named(
         "residuals above the noise do not widen the covariance",
-        f"{_MATCHER}/information.py",
+        f"{_MATCHER}/assessment/information.py",
         "scale = 0.5 / max(",
         "scale = 0.5 / min(1.0, ",
     ),
     _named(
         "spurious information of tilted lines stays",
-        f"{_MATCHER}/information.py",
+        f"{_MATCHER}/assessment/information.py",
         "unit * (system[INFORMATION + k] - system[SPURIOUS + k])",
         "unit * system[INFORMATION + k]",
     ),
     _named(
         "poses across the pi seam are different ones",
-        f"{_MATCHER}/scoring.py",
+        f"{_MATCHER}/proposal/scoring.py",
         "min(turn, 2.0 * math.pi - turn)",
         "turn",
     ),

@@ -25,7 +25,7 @@ from curvescan.deskew import (
 from curvescan.io import read_log
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.simulation import SENSORS, World, simulate
-from curvescan.simulation.raycast import cast_rays
+from curvescan.simulation.sensing.raycast import cast_rays
 from tests.scenes import ROOM
 
 SPIN = replace(SENSORS["spinning-360"], sigma_range=0.0, dropout=0.0)

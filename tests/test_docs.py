@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import curvescan as cs
+from curvescan.evaluation.published import BENCHMARKS
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
@@ -97,3 +99,32 @@ def test_the_reference_lists_every_public_name():
     # constants and modules are described in sentences, not on pages of their own
     described = {name for name in ("MATCHERS", "plot", "se2") if re.search(rf"\b{name}``", text)}
     assert set(cs.__all__) - {"__version__"} <= listed | described
+
+
+def _figures_of_the_comparison() -> set[float]:
+    """Return every error in bench/comparison.jsonl and every published one, metres and degrees."""
+    text = (ROOT / "bench/comparison.jsonl").read_text(encoding="utf-8")
+    rows = [json.loads(line) for line in text.splitlines()]
+    assert {(row["log"], row["task"]) for row in rows} >= {("intel", "slam"), ("aces", "slam")}
+    pairs = [
+        row[name] for row in rows for name in row if name.endswith(("translation", "rotation"))
+    ]
+    for log in BENCHMARKS.values():
+        for error in log.errors:
+            pairs += [error.translation, error.rotation or ()]
+    return {figure for pair in pairs for figure in pair if figure is not None}
+
+
+def test_the_errors_in_the_texts_are_those_of_the_comparison():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    texts = re.findall(r"^- \*\*(?:SLAM|Odometry)\b.*?(?=^- |\n\n)", readme, re.M | re.S)
+    assert len(texts) == 2
+    slam = (DOCS / "slam.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\| (?:Intel|ACES) \|.*$", slam, re.M)
+    assert len(lines) == 2
+    known = _figures_of_the_comparison()
+    for figure in re.findall(r"\b\d\.\d+\b", "\n".join(texts + lines)):
+        n_digits = len(figure.partition(".")[2])
+        assert any(f"{one:.{n_digits}f}" == figure for one in known), (
+            f"{figure} is measured nowhere"
+        )

@@ -27,7 +27,7 @@ def test_the_module_that_is_loaded_is_the_mutant():
 
 
 def test_mutants_by_rule_change_one_place_each():
-    file = "curvescan/matchers/curvescan/labels.py"
+    file = "curvescan/matchers/curvescan/assessment/labels.py"
     found = list(mutants.mutants_of(file))
     assert len({(m.offset, m.old, m.new) for m in found}) == len(found) > 40
     original = (mutants.SOURCE / file).read_text()

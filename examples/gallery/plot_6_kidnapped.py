@@ -35,8 +35,8 @@ for k, step in zip(visited, steps, strict=True):
         print(f"scan {k}: found, {1000 * error:.0f} mm from the truth")
 
 # %%
-# Right after it was carried away the odometry goes on for a few scans (``PREDICTED``, orange) until they contradict the map. From then on
-# the sensor is searched for and has no pose, until it is found.
+# Between two matches with the map the odometry carries the pose on (``PREDICTED``, orange). Scans of a sensor that was carried away
+# contradict the map: from then on it is searched for and has no pose, until it is found.
 world = first.truth.poses[0]
 fig, ax = plt.subplots(figsize=(9, 6.5), layout="constrained")
 for pose, scan in zip(slam.trajectory().poses[::5], list(first)[::5], strict=True):
@@ -45,7 +45,7 @@ true = second.truth.poses
 ax.plot(*true[visited, :2].T, ".", color="0.2", ms=10, label="true positions")
 for names, colour, label in (
     (("PREDICTED",), "tab:orange", "carried on by the odometry"),
-    (("FOUND", "TRACKED"), "tab:red", "localized"),
+    (("FOUND", "TRACKED"), "tab:red", "matched with the map"),
 ):
     poses = [cs.se2.compose(world, s.pose) for s in steps if s.outcome.name in names]
     ax.plot(*np.reshape(poses, (-1, 3))[:, :2].T, ".", color=colour, ms=4, label=label)

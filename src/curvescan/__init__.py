@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from curvescan._version import __version__
 
 if TYPE_CHECKING:
     from curvescan import se2
@@ -46,10 +46,12 @@ if TYPE_CHECKING:
         write_log,
         write_tum,
     )
-    from curvescan.io.log import Log, LogSlice, ReadError
-    from curvescan.io.ros.odometry_export import write_odometry_mcap
+    from curvescan.io.files.read_errors import ReadError
+    from curvescan.io.log import Log, LogSlice
+    from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
     from curvescan.io.trajectories.g2o import write_g2o
-    from curvescan.io.trajectories.kitti import read_kitti, write_kitti
+    from curvescan.io.trajectories.kitti import write_kitti
+    from curvescan.io.trajectories.trajectory import Trajectory, read_kitti
     from curvescan.mapping.config import OccupancyConfig
     from curvescan.mapping.map_server import write_map
     from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
@@ -99,7 +101,7 @@ if TYPE_CHECKING:
         SlamStep,
         load_map,
     )
-    from curvescan.types import PoseEdge, Trajectory
+    from curvescan.types import PoseEdge
     from curvescan.warmup import warm_up
 
 _HOMES = {
@@ -147,7 +149,7 @@ _HOMES = {
     "PlIcpConfig": "curvescan.matchers.baselines.config",
     "PoseEdge": "curvescan.types",
     "PreparedScan": "curvescan.matchers",
-    "ReadError": "curvescan.io.log",
+    "ReadError": "curvescan.io.files.read_errors",
     "RefinementConfig": "curvescan.matchers.curvescan.config",
     "RunResult": "curvescan.runs.run",
     "ScoringConfig": "curvescan.matchers.curvescan.config",
@@ -162,7 +164,7 @@ _HOMES = {
     "SourceError": "curvescan.errors",
     "StorageError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
-    "Trajectory": "curvescan.types",
+    "Trajectory": "curvescan.io.trajectories.trajectory",
     "UnitWarning": "curvescan.errors",
     "WorkerError": "curvescan.errors",
     "find_issues": "curvescan.diagnostics.issues",
@@ -174,7 +176,7 @@ _HOMES = {
     "prepare": "curvescan.matchers",
     "read_config": "curvescan.io",
     "read_csv": "curvescan.io",
-    "read_kitti": "curvescan.io.trajectories.kitti",
+    "read_kitti": "curvescan.io.trajectories.trajectory",
     "read_log": "curvescan.io",
     "read_poses": "curvescan.io",
     "read_relations": "curvescan.io",
@@ -190,7 +192,7 @@ _HOMES = {
     "write_kitti": "curvescan.io.trajectories.kitti",
     "write_log": "curvescan.io",
     "write_map": "curvescan.mapping.map_server",
-    "write_odometry_mcap": "curvescan.io.ros.odometry_export",
+    "write_odometry_mcap": "curvescan.io.ros.writing.odometry_export",
     "write_tum": "curvescan.io",
 }
 

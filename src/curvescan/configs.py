@@ -51,8 +51,9 @@ def as_config(
     kind = type(default).__name__
     if not isinstance(given, Mapping):
         got = f"the class {given.__name__}" if isinstance(given, type) else type(given).__name__
+        article = "an" if kind[:1] in "AEIO" else "a"
         raise InvalidArgumentError(
-            f"{name} must be a {kind}, a mapping of its fields or None, got {got}"
+            f"{name} must be {article} {kind}, a mapping of its fields or None, got {got}"
             + (f": {hint}" if hint else "")
         )
     return changed(default, given, name)

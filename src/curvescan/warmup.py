@@ -15,8 +15,10 @@ from curvescan._compilation import watch
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
-from curvescan.matchers.curvescan.assessment import assess_pose
-from curvescan.matchers.curvescan.confidence import weigh
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose
+from curvescan.matchers.curvescan.assessment.confidence import weigh
+from curvescan.matchers.curvescan.assessment.information import covariance
+from curvescan.matchers.curvescan.assessment.movable import free_standing, information_without
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -24,13 +26,11 @@ from curvescan.matchers.curvescan.features.keypoints import find_corners, with_e
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS
-from curvescan.matchers.curvescan.hypotheses import most_voted, pair_keypoints
-from curvescan.matchers.curvescan.information import covariance
-from curvescan.matchers.curvescan.movable import free_standing, information_without
+from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import rotation_hypotheses
+from curvescan.matchers.curvescan.proposal.scoring import best_beside
+from curvescan.matchers.curvescan.proposal.search import Problem, search
 from curvescan.matchers.curvescan.refinement import refine_fully
-from curvescan.matchers.curvescan.rotation_hypotheses import rotation_hypotheses
-from curvescan.matchers.curvescan.scoring import best_beside
-from curvescan.matchers.curvescan.search import Problem, search
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
 from curvescan.se2 import between as between_poses

@@ -11,7 +11,7 @@ from curvescan import se2
 from curvescan.benchmarks.cramer_rao import median_error, pair_bound, range_gradient
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
 from curvescan.simulation import SENSORS, World, build_world, simulate_pairs
-from curvescan.simulation.raycast import cast_rays
+from curvescan.simulation.sensing.raycast import cast_rays
 
 LMS = SENSORS["sick-lms200"]
 

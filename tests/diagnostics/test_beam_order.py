@@ -12,7 +12,7 @@ from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order
 from curvescan.diagnostics.sensor import judge_sensor, odometry_for
 from curvescan.io import SensorSetup, apply_setup, read_log
 from curvescan.simulation import SENSORS
-from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.driving.pursuit import Drive
 
 SENSOR = SENSORS["spinning-360"]
 SWEPT = replace(SENSOR, time_increment=SENSOR.period / SENSOR.n_beams)

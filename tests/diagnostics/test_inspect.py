@@ -27,8 +27,9 @@ from curvescan.io import (
     read_log,
 )
 from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Trajectory
+from curvescan.types import Floats
 from tests.carmen_files import flaser, write
 
 

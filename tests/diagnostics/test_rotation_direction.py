@@ -11,8 +11,8 @@ import pytest
 from curvescan import LaserScan, simulate
 from curvescan.diagnostics.rotation_direction import compare_rotation, rotation_of_log, turn_between
 from curvescan.scan import mirrored
-from curvescan.simulation.catalogue import room
-from curvescan.simulation.raycast import cast_rays
+from curvescan.simulation.buildings.catalogue import room
+from curvescan.simulation.sensing.raycast import cast_rays
 
 STEP = math.radians(1.0)
 WORLD = room()

@@ -20,7 +20,7 @@ import pytest
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io import read_config, read_log, read_poses, read_relations, read_tum
-from curvescan.io.ros.limits import check_chunks
+from curvescan.io.ros.bags.limits import check_chunks
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from tests import bags, bombs, carmen_files
 
@@ -141,8 +141,8 @@ PAD = bytes(70 * MIB)
 def test_index_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(30)])
     assert len(read_log(path)) == 30
-    monkeypatch.setattr("curvescan.io.ros.limits.BYTES_A_MESSAGE", 1 << 20)
-    monkeypatch.setattr("curvescan.io.ros.limits.MIN_INDEX_LIMIT", 29)
+    monkeypatch.setattr("curvescan.io.ros.bags.limits.BYTES_A_MESSAGE", 1 << 20)
+    monkeypatch.setattr("curvescan.io.ros.bags.limits.MIN_INDEX_LIMIT", 29)
     with pytest.raises(LogFormatError, match="index lists more messages than fit into a file"):
         read_log(path)
 
@@ -189,8 +189,8 @@ def test_summary_of_a_small_file_that_unpacks(tmp_path: Path) -> None:
 
 def test_messages_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(30)])
-    monkeypatch.setattr("curvescan.io.ros.bag.MIN_UNPACKED_LIMIT", 1000)
-    monkeypatch.setattr("curvescan.io.ros.bag.MAX_UNPACKED_RATIO", 0)
+    monkeypatch.setattr("curvescan.io.ros.bags.bag.MIN_UNPACKED_LIMIT", 1000)
+    monkeypatch.setattr("curvescan.io.ros.bags.bag.MAX_UNPACKED_RATIO", 0)
     log = read_log(path)
     assert 0 < len(log) < 30
     assert "damaged from here on" in log.read_errors[0].rule

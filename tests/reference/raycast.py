@@ -1,4 +1,4 @@
-"""Slow twin of curvescan.simulation.raycast: every beam against every primitive, in the beam's own frame.
+"""Slow twin of curvescan.simulation.sensing.raycast: every beam against every primitive, in the beam's own frame.
 
 Each primitive is turned into the frame whose x axis is the beam; there a hit is a crossing of the line
 y = 0 at x >= 0. Nothing is shared with the fast version but the meaning of a world.

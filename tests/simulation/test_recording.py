@@ -14,7 +14,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, OdometryNoise, build_world, simulate
-from curvescan.simulation.raycast import cast_rays
+from curvescan.simulation.sensing.raycast import cast_rays
 
 N = 12
 CLEAN = replace(SENSORS["sick-lms200"], sigma_range=0.0, dropout=0.0)

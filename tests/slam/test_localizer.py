@@ -10,8 +10,12 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.benchmarks.localization import first_fixes, tracked
-from curvescan.benchmarks.localization_tasks import in_frame_of, task_of_floor, with_moved_things
+from curvescan.benchmarks.slam.localization import first_fixes, tracked
+from curvescan.benchmarks.slam.localization_tasks import (
+    in_frame_of,
+    task_of_floor,
+    with_moved_things,
+)
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.slam import LocalizerOutcome, SlamMap
 from tests.slam.map_example import FILE, ROOM, lap, scans

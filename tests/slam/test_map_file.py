@@ -10,8 +10,7 @@ import pytest
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
-from curvescan.slam.map import SlamMap
-from curvescan.slam.map_file import load_map
+from curvescan.slam.map import SlamMap, load_map
 
 
 def _map() -> SlamMap:

@@ -51,15 +51,15 @@ class Benchmark:
     Attributes
     ----------
     n_pairs, n_runs : int
-        Pairs of a cell, and runs of experiment 1.
+        Pairs of a scenario, and runs of experiment 1.
     speeds : tuple of Speed
         Of 361 beams, one a method.
     stages : tuple of StageTime
         Of the methods STAGED, stage by stage.
     growth : dict of str to tuple of Speed
         For each method, one a number of BEAM_COUNTS.
-    cells : tuple of ScenarioScore
-        Cell by cell, one a method.
+    scenarios : tuple of ScenarioScore
+        Scenario by scenario, one a method.
     open_worlds : tuple of OpenScore
         World by world, one a method.
     deceptions : tuple of DeceptionScore
@@ -79,7 +79,7 @@ class Benchmark:
     speeds: tuple[Speed, ...]
     stages: tuple[StageTime, ...]
     growth: dict[str, tuple[Speed, ...]]
-    cells: tuple[ScenarioScore, ...]
+    scenarios: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
     deceptions: tuple[DeceptionScore, ...]
     turns: dict[str, Floats]
@@ -105,7 +105,7 @@ def run_benchmark(
     methods : sequence of str
         Names of matchers.
     n_pairs : int
-        Pairs of each cell; times are taken on 200 at most.
+        Pairs of each scenario; times are taken on 200 at most.
     n_runs : int
         Runs of each variant and world of experiment 1.
     n_deceptive : int
@@ -117,32 +117,74 @@ def run_benchmark(
     progress : callable
         Tells how far it is; silent by default.
     """
-    speeds, stages, growth = [], [], {}
+    speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
+    scenarios, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
+    n_turned = max(n_pairs // 5, 1)
+    turns = success_by_turn(
+        methods,
+        n_pairs=n_turned,
+        seed=seed + 2,
+        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
+    )
+    experiment_1 = _experiment_1(n_runs, seed, progress)
+    judged = [
+        evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
+        for log in logs
+        for method in methods
+    ]
+    reading = measure_reading(
+        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
+    )
+    return Benchmark(
+        n_pairs=n_pairs,
+        n_runs=n_runs,
+        speeds=speeds,
+        stages=stages,
+        growth=growth,
+        scenarios=scenarios,
+        open_worlds=open_worlds,
+        deceptions=deceptions,
+        turns=turns,
+        experiment_1=experiment_1,
+        logs=tuple(judged),
+        reading=reading,
+    )
+
+
+def _times(
+    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
+) -> tuple[tuple[Speed, ...], tuple[StageTime, ...], dict[str, tuple[Speed, ...]]]:
+    """Return times of methods: a match, its stages, and how both grow with the beams."""
+    speeds: list[Speed] = []
+    stages: list[StageTime] = []
+    growth: dict[str, tuple[Speed, ...]] = {}
     for method in methods:
         advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
-        speeds.append(measure_speed(method, n_pairs=min(n_pairs, 200), seed=seed))
+        speeds.append(measure_speed(method, n_pairs=n_pairs, seed=seed))
         advance()
         if method in STAGED:
-            stages += measure_stages(method, n_pairs=min(n_pairs, 200), seed=seed)
+            stages += measure_stages(method, n_pairs=n_pairs, seed=seed)
         advance()
         series = []
         for n_beams in BEAM_COUNTS:
+            sensor = with_beams(n_beams)
             series.append(
-                measure_speed(
-                    method,
-                    sensor=with_beams(n_beams),
-                    n_pairs=min(n_pairs, 10),
-                    repeats=3,
-                    seed=seed,
-                )
+                measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed)
             )
             advance()
         growth[method] = tuple(series)
-    cells = [
+    return tuple(speeds), tuple(stages), growth
+
+
+def _scores(
+    methods: Sequence[str], n_pairs: int, n_deceptive: int, seed: int, progress: Progress
+) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...], tuple[DeceptionScore, ...]]:
+    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction, deceptive worlds."""
+    scenarios = [
         score
-        for cell in SCENARIOS
+        for one in SCENARIOS
         for score in score_scenario(
-            cell, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(cell.name, n_pairs)
+            one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs)
         )
     ]
     open_worlds = [
@@ -162,14 +204,14 @@ def run_benchmark(
         for world in DECEPTIONS
         if DEFAULT_METHOD in methods
     ]
-    n_turned = max(n_pairs // 5, 1)
-    turns = success_by_turn(
-        methods,
-        n_pairs=n_turned,
-        seed=seed + 2,
-        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
-    )
-    experiment_1 = {
+    return tuple(scenarios), tuple(open_worlds), tuple(deceptions)
+
+
+def _experiment_1(
+    n_runs: int, seed: int, progress: Progress
+) -> dict[tuple[str, RandomTransformCondition], RandomTransformRuns]:
+    """Return the paper's experiment 1 in several worlds."""
+    return {
         (world, condition): run_random_transforms(
             condition,
             n_runs=n_runs,
@@ -181,25 +223,3 @@ def run_benchmark(
         for condition in CONDITIONS
         if condition.sensor == EXPERIMENT_1_SENSOR
     }
-    judged = [
-        evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
-        for log in logs
-        for method in methods
-    ]
-    reading = measure_reading(
-        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
-    )
-    return Benchmark(
-        n_pairs=n_pairs,
-        n_runs=n_runs,
-        speeds=tuple(speeds),
-        stages=tuple(stages),
-        growth=growth,
-        cells=tuple(cells),
-        open_worlds=tuple(open_worlds),
-        deceptions=tuple(deceptions),
-        turns=turns,
-        experiment_1=experiment_1,
-        logs=tuple(judged),
-        reading=reading,
-    )

@@ -36,7 +36,7 @@ def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Fl
     gradient : (n, 3) float64
         Change of the range with x and y (of the sensor's own frame) and theta: 1, 1, m/rad; NaN where nothing is met.
     """
-    from curvescan.simulation.raycast import cast_rays  # Numba loads when something is cast
+    from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
 
     ranges, hit_idx = cast_rays(
         world,

@@ -30,7 +30,7 @@ def benchmark_tables(results: Benchmark) -> list[ResultTable]:
         _speed(results),
         _stages(results),
         _growth(results),
-        _cells(results),
+        _scenarios(results),
         _open_worlds(results),
     ]
     if results.deceptions:
@@ -110,23 +110,23 @@ def _growth(results: Benchmark) -> ResultTable:
     )
 
 
-def _cells(results: Benchmark) -> ResultTable:
+def _scenarios(results: Benchmark) -> ResultTable:
     return ResultTable(
-        title=f"Pairs of scans, {results.n_pairs:,} a cell, no guess: right within 0.1 m and 2 deg",
+        title=f"Pairs of scans, {results.n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
         columns=(
-            "cell",
+            "scenario",
             "method",
-            "right",
-            "ok but wrong",
-            "of these not flagged",
+            "success",
+            "false positives",
+            "without a degenerate direction",
             "median error",
-            "of bound",
+            "over the bound",
             "NEES",
             "in 95 %",
         ),
         rows=[
             (
-                score.cell,
+                score.scenario,
                 score.method,
                 f"{100 * score.success:.1f} %",
                 f"{100 * score.false_positives:.1f} %",
@@ -136,15 +136,15 @@ def _cells(results: Benchmark) -> ResultTable:
                 _figure(score.nees, ".2f"),
                 _figure(100 * score.inside_95, ".1f", " %"),
             )
-            for score in results.cells
+            for score in results.scenarios
         ],
     )
 
 
 def _open_worlds(results: Benchmark) -> ResultTable:
     return ResultTable(
-        title=f"Where a motion stays open, {results.n_pairs:,} pairs each",
-        columns=("world", "method", "ok", "names its weak direction", "NEES, median", "in 95 %"),
+        title=f"Where a direction is unobservable, {results.n_pairs:,} pairs each",
+        columns=("world", "method", "ok", "names the direction", "NEES, median", "in 95 %"),
         rows=[
             (
                 score.world,
@@ -161,8 +161,15 @@ def _open_worlds(results: Benchmark) -> ResultTable:
 
 def _deceptions(results: Benchmark) -> ResultTable:
     return ResultTable(
-        title="Worlds made to deceive, the default matcher, no guess but where the world gives one: share of pairs",
-        columns=("world", "pairs", "right", "sure and wrong", "flagged and wrong", "no match"),
+        title="Deceptive worlds, the default matcher, no guess but where the world gives one: share of pairs",
+        columns=(
+            "world",
+            "pairs",
+            "success",
+            "false positives",
+            "false positives with a degenerate direction",
+            "no match",
+        ),
         rows=[
             (
                 score.world,

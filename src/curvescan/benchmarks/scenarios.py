@@ -1,4 +1,4 @@
-"""Matchers on thousands of simulated pairs, cell by cell: how far the motion, how many people, which sensor."""
+"""Matchers on thousands of simulated pairs, scenario by scenario: how far the motion, how many people, which sensor."""
 
 from __future__ import annotations
 
@@ -83,18 +83,18 @@ SCENARIOS = (
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioScore:
-    """How one method did in one cell.
+    """How one method did in one scenario.
 
     Attributes
     ----------
-    method, cell : str
+    method, scenario : str
         Names.
     success : float
         Share of pairs matched within 0.1 m and 2 degrees.
     false_positives : float
         Share of pairs that are ``ok`` and not within.
     unflagged_false_positives : float
-        The same without those that name a weak direction, along which their covariance is wide.
+        The same without those that name a degenerate direction, along which their covariance is wide.
     median_error, bound : float
         Median translation error of the matches, and what the Cramér-Rao bound allows, metres.
     nees : float
@@ -104,7 +104,7 @@ class ScenarioScore:
     """
 
     method: str
-    cell: str
+    scenario: str
     success: float
     false_positives: float
     unflagged_false_positives: float
@@ -115,18 +115,18 @@ class ScenarioScore:
 
 
 def score_scenario(
-    cell: Scenario,
+    scenario: Scenario,
     methods: Sequence[str],
     *,
     n_pairs: int = 300,
     seed: int = 1,
     on_pair: Callable[[], None] | None = None,
 ) -> list[ScenarioScore]:
-    """Return how each method does on the same pairs of one cell, each pair in a fresh office, without a guess.
+    """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess.
 
     Parameters
     ----------
-    cell : Cell
+    scenario : Scenario
         Which pairs.
     methods : sequence of str
         Names of matchers.
@@ -137,16 +137,16 @@ def score_scenario(
     on_pair : callable or None
         Called after each pair.
     """
-    sensor = SENSORS[cell.sensor]
+    sensor = SENSORS[scenario.sensor]
     bounds = []
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in simulate_pairs(
         "office",
         sensor=sensor,
         n_pairs=n_pairs,
-        translation_max=cell.translation_max,
-        rotation_max=np.radians(cell.rotation_max_deg),
-        people_share=cell.people_share,
+        translation_max=scenario.translation_max,
+        rotation_max=np.radians(scenario.rotation_max_deg),
+        people_share=scenario.people_share,
         seed=seed,
     ):
         bounds.append(pair_bound(pair, sensor))
@@ -156,7 +156,7 @@ def score_scenario(
         if on_pair:
             on_pair()
     bound = median_error(bounds)
-    return [_score(method, cell.name, tried[method], bound) for method in methods]
+    return [_score(method, scenario.name, tried[method], bound) for method in methods]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +168,7 @@ class OpenScore:
     method, world : str
         Names.
     ok, flagged : float
-        Share of the pairs with a pose, and of these the share that names its weak direction.
+        Share of the pairs with a pose, and of these the share that names its degenerate direction.
     nees, nees_median, inside_95 : float
         As in :class:`ScenarioScore`, over all pairs with a pose; a motion along an arc is linear to first order only,
         so that a few large ones decide the mean.
@@ -264,14 +264,14 @@ class _Try:
         return bool(self.result.ok and np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
 
 
-def _score(method: str, cell: str, tries: list[_Try], bound: float) -> ScenarioScore:
+def _score(method: str, scenario: str, tries: list[_Try], bound: float) -> ScenarioScore:
     right = [one for one in tries if one.is_right]
     matched = [one for one in tries if one.result.ok]
     nees = np.array([one.nees for one in right])
     distance = [np.hypot(*one.error[:2]) for one in matched]
     return ScenarioScore(
         method=method,
-        cell=cell,
+        scenario=scenario,
         success=len(right) / len(tries),
         false_positives=(len(matched) - len(right)) / len(tries),
         unflagged_false_positives=sum(

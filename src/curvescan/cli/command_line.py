@@ -12,7 +12,7 @@ from typing import Any
 
 import tyro
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.cli.commands.batch import batch
 from curvescan.cli.commands.bench import bench
 from curvescan.cli.commands.calibrate import calibrate

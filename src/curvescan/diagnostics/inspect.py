@@ -12,7 +12,8 @@ from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
 from curvescan.io.log import Log, MountedLog
-from curvescan.types import Floats, Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Floats
 
 _MIN_CODE_SHARE = 0.001
 _MAX_CODES = 8
@@ -44,7 +45,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     Returns
     -------
     LogReport
-        The figures; :func:`curvescan.io.find_issues` says in sentences what they mean.
+        The figures; :func:`curvescan.diagnostics.issues.find_issues` says in sentences what they mean.
     """
     statistics = LogStatistics()
     for scan in log:

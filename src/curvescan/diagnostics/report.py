@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.diagnostics.rotation_direction import RotationDirection
-from curvescan.io.log import ReadError
+from curvescan.io.files.read_errors import ReadError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,13 +26,13 @@ class PublishedError:
         In words.
     translation : (float, float)
         Mean and standard deviation, metres.
-    rotation : (float, float) or None
-        Mean and standard deviation, degrees.
+    rotation : (float, float or None) or None
+        Mean and standard deviation, degrees, as far as they were published.
     """
 
     method: str
     translation: tuple[float, float]
-    rotation: tuple[float, float] | None = None
+    rotation: tuple[float, float | None] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +88,8 @@ def _cartographer(name: str) -> tuple[PublishedError, ...]:
     if name not in _CARTOGRAPHER:
         return ()
     metres, degrees = _CARTOGRAPHER[name]
-    method = f"Cartographer, ICRA 2016 (wheels, tuned; {degrees:.3f} deg)"
-    return (PublishedError(method=method, translation=metres),)
+    method = "Cartographer, ICRA 2016 (wheels, tuned)"
+    return (PublishedError(method=method, translation=metres, rotation=(degrees, None)),)
 
 
 BENCHMARKS: dict[str, BenchmarkLog] = {

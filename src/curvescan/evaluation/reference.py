@@ -19,8 +19,9 @@ from curvescan.evaluation.trajectory_errors import (
     rpe,
     trajectory_errors,
 )
-from curvescan.io.trajectories.poses import PoseFile
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.io.poses import PoseFile
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Floats, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

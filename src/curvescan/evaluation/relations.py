@@ -19,7 +19,8 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
-from curvescan.types import Bools, Floats, Ints, Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Bools, Floats, Ints
 
 __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_errors"]
 

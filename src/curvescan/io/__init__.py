@@ -9,12 +9,14 @@ from __future__ import annotations
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
 from curvescan.io.files.output import output_folder
-from curvescan.io.log import Log, ReadError, pick_scans
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.log import Log, pick_scans
+from curvescan.io.poses import PoseFile, read_poses
 from curvescan.io.reading import read_log
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
-from curvescan.io.trajectories.poses import PoseFile, read_poses
 from curvescan.io.trajectories.relations import Relations, read_relations
-from curvescan.io.trajectories.tum_csv import read_csv, read_tum, write_csv, write_tum
+from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
+from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.io.writers import WRITERS, write_log
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "ReadError",
     "Relations",
     "SensorSetup",
+    "Trajectory",
     "apply_setup",
     "log_from_arrays",
     "output_folder",

@@ -17,7 +17,7 @@ from curvescan.errors import LogFormatError
 from curvescan.io.arrays.coreslam import N_COLUMNS
 from curvescan.io.arrays.csv_layout import header_names, is_content
 from curvescan.io.log import Log
-from curvescan.io.ros.bag_files import BagKind
+from curvescan.io.ros.bags.bag_files import BagKind
 
 HEAD_BYTES = 1 << 16
 """How many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log."""

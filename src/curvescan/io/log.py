@@ -3,32 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol, cast, overload, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Pose, Trajectory
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadError:
-    """One kind of error met while reading a log: counted, reported, not fatal.
-
-    Attributes
-    ----------
-    rule : str
-        What was broken, as a phrase: ``"FLASER line cut short"``.
-    count : int
-        How often.
-    first : str
-        Where it was met first: ``"line 17"``.
-    """
-
-    rule: str
-    count: int
-    first: str
+from curvescan.types import Floats, Pose
 
 
 @runtime_checkable

@@ -9,7 +9,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.lines import read_head
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.log import Log
-from curvescan.io.ros.bag_files import storage_files
+from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 
 

@@ -13,9 +13,11 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import GyroLog, Log, MountedLog, ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.log import GyroLog, Log, MountedLog, ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan, mirrored, swept_backwards
-from curvescan.types import Floats, Trajectory
+from curvescan.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,11 +84,15 @@ WRITERS: dict[str, OutputFormat] = {
         suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True
     ),
     "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.arrays.npz_writer:write_npz"),
-    "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.ros.log_writer:write_ros1"),
-    "ros2": OutputFormat(
-        suffixes=("",), writer="curvescan.io.ros.log_writer:write_sqlite3", is_folder=True
+    "ros1": OutputFormat(
+        suffixes=(".bag",), writer="curvescan.io.ros.writing.log_writer:write_ros1"
     ),
-    "mcap": OutputFormat(suffixes=(".mcap",), writer="curvescan.io.ros.log_writer:write_mcap"),
+    "ros2": OutputFormat(
+        suffixes=("",), writer="curvescan.io.ros.writing.log_writer:write_sqlite3", is_folder=True
+    ),
+    "mcap": OutputFormat(
+        suffixes=(".mcap",), writer="curvescan.io.ros.writing.log_writer:write_mcap"
+    ),
 }
 """Name of each format that is written."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
-from curvescan.io.ros.message_building import MessageBuilder
+from curvescan.io.ros.writing.message_building import MessageBuilder
 from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
 from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan

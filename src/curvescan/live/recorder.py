@@ -9,8 +9,8 @@ from pathlib import Path
 
 from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.output import output_file
-from curvescan.io.ros.bag_files import BagKind
-from curvescan.io.ros.bag_writer import BagWriter, mcap_in_file
+from curvescan.io.ros.bags.bag_files import BagKind
+from curvescan.io.ros.writing.bag_writer import BagWriter, mcap_in_file
 from curvescan.live.ros_messages import TOPICS, LiveMessages
 from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan

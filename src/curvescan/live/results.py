@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from curvescan.io.log import Log, ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.log import Log, ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.live.pipeline import LiveReport
 from curvescan.live.sinks import MapSink
 from curvescan.live.tracker import TrackedScan
@@ -27,7 +29,7 @@ from curvescan.runs.odometry import save_run
 from curvescan.runs.slam import save_slam_run
 from curvescan.scan import LaserScan
 from curvescan.slam import SlamRun
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 _LONGEST_STEP_S = 2.0
 """What moved is looked for between scans that are kept at most so far apart, seconds."""

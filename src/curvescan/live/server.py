@@ -19,7 +19,7 @@ from importlib.resources import files
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.errors import OutputError
 from curvescan.live.viewer import Viewer, encoded
 

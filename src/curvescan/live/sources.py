@@ -13,12 +13,12 @@ import numpy as np
 
 from curvescan.errors import require
 from curvescan.scan import LaserScan
-from curvescan.simulation.catalogue import build_world
-from curvescan.simulation.motion import drive_route
-from curvescan.simulation.people import People, walk
-from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.buildings.catalogue import build_world
+from curvescan.simulation.driving.motion import drive_route
+from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.seeds import NOISE, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensors import Sensor, choose_sensor
+from curvescan.simulation.sensing.people import People, walk
+from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 
 if TYPE_CHECKING:
     from curvescan.io.log import Log

@@ -9,9 +9,10 @@ from enum import Enum
 from typing import Any, Protocol
 
 from curvescan.deskew import middle_of_sweep
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import MatchResult
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Pose, Trajectory
+from curvescan.types import Cov, Pose
 
 UNMATCHED = frozenset({"STARTED", "PREDICTED", "HELD", "SEARCHING"})
 """Names of the outcomes, of any engine, that stand on no match."""

@@ -11,7 +11,7 @@ from curvescan.live.live_map import LiveMap, picture_of
 from curvescan.live.tracker import Engine, Tracker
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.simulation.recording import simulate
-from curvescan.simulation.sensors import Sensor
+from curvescan.simulation.sensing.sensors import Sensor
 
 _N_SCANS = 20
 

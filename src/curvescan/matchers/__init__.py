@@ -99,9 +99,10 @@ def match(
 
     Parameters
     ----------
-    reference, current : LaserScan or PreparedScan
-        The earlier and the later scan. A scan prepared for another method or configuration is prepared
-        anew.
+    reference : LaserScan or PreparedScan
+        The earlier scan. One prepared for another method or configuration is prepared anew.
+    current : LaserScan or PreparedScan
+        The later scan.
     method : str
         Name of the matcher; see ``MATCHERS``.
     guess : (3,) array_like or None

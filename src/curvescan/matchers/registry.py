@@ -117,14 +117,27 @@ def find_matcher(
     InvalidArgumentError
         When the name is unknown, or the config is another matcher's or has an unknown key.
     """
+    _check_method(method)
+    if config is None:  # not left to _build: the hash of a configuration takes a while
+        return _with_defaults(method)
+    return _build(method, config_of(method, config, name=name))
+
+
+def config_of(
+    method: Method | str, config: MatcherConfig | None = None, *, name: str = "config"
+) -> Any:
+    """Return the whole configuration that :func:`find_matcher` uses; the arguments are the same."""
+    _check_method(method)
+    return as_config(
+        config, default_config(method), name=name, hint=f"method {method!r} takes no other"
+    )
+
+
+def _check_method(method: object) -> None:
     if not isinstance(method, str) or method not in MATCHERS:
         raise InvalidArgumentError(
             f"unknown method {method!r}: {nearest(method, MATCHERS)}known are {', '.join(sorted(MATCHERS))}"
         )
-    if config is None:  # not left to _build: the hash of a configuration takes a while
-        return _with_defaults(method)
-    hint = f"method {method!r} takes no other"
-    return _build(method, as_config(config, default_config(method), name=name, hint=hint))
 
 
 @lru_cache(maxsize=len(MATCHERS))

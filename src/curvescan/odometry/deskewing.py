@@ -9,8 +9,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.deskew import WORTH_AGAIN, deskew, predicted_velocity, step_seconds, sweep_shift
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.types import Floats, Pose
 
 _N_STAMPS = 12
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.matchers.curvescan.assessment import assess_pose
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.matcher import CurvescanTrace

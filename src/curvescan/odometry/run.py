@@ -8,15 +8,17 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from curvescan._interrupts import stoppable
-from curvescan.matchers import Outcome
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.matchers import MatchResult, Outcome
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Floats, Ints, Pose, Trajectory
+from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,6 +99,70 @@ class OdometryRun:
         return failed
 
 
+class _Step(Protocol):
+    """What a recorder takes of a step, of the odometry or of SLAM."""
+
+    @property
+    def stamp(self) -> float: ...
+    @property
+    def pose(self) -> Pose: ...
+    @property
+    def covariance(self) -> Cov: ...
+    @property
+    def outcome(self) -> StepOutcome: ...
+    @property
+    def match(self) -> MatchResult | None: ...
+
+
+class RunRecorder:
+    """Gathers the steps of a run in columns."""
+
+    def __init__(self) -> None:
+        self._stamps, self._poses, self._covariances, self._seconds = (array("d") for _ in range(4))
+        self._outcomes: list[StepOutcome] = []
+        self._n_matched, self._is_degenerate = array("q"), array("b")
+        self._n_rejected = self._n_prior_rejected = 0
+        self._failures: Counter[Outcome] = Counter()
+
+    def add(self, step: _Step, seconds: float, *, is_prior_rejected: bool = False) -> None:
+        """Take up a step, and how long it took."""
+        match = step.match
+        self._seconds.append(seconds)
+        self._stamps.append(step.stamp)
+        self._poses.extend(step.pose)
+        self._covariances.extend(step.covariance.ravel())
+        self._n_matched.append(match.n_matched if match else 0)
+        self._is_degenerate.append(match is not None and match.degenerate_direction is not None)
+        if match and step.outcome not in MATCHES:
+            if match.ok:
+                self._n_rejected += 1
+            else:
+                self._failures[match.outcome] += 1
+        self._n_prior_rejected += is_prior_rejected
+        self._outcomes.append(step.outcome)
+
+    def run(self, method: str, *, is_partial: bool, has_prior: bool) -> OdometryRun:
+        """Return the record of the run, with the poses as they were reported with each step."""
+        n = len(self._outcomes)  # a row that an interrupt left half-made is dropped
+        return OdometryRun(
+            method=method,
+            trajectory=Trajectory(
+                stamps=np.array(self._stamps[:n]),
+                poses=np.array(self._poses[: 3 * n]).reshape(n, 3),
+                covariances=np.array(self._covariances[: 9 * n]).reshape(n, 3, 3),
+            ),
+            outcomes=tuple(self._outcomes),
+            failures=dict(self._failures.most_common()),
+            n_rejected=self._n_rejected,
+            n_matched=np.array(self._n_matched[:n], dtype=np.int64),
+            is_degenerate=np.array(self._is_degenerate[:n], dtype=np.bool_),
+            seconds=np.array(self._seconds[:n]),
+            is_partial=is_partial,
+            has_prior=has_prior,
+            n_prior_rejected=self._n_prior_rejected,
+        )
+
+
 def run_odometry(
     scans: Iterable[LaserScan],
     odometry: Odometry | None = None,
@@ -125,51 +191,19 @@ def run_odometry(
         Of length 0 when there are no scans.
     """
     odometry = odometry or Odometry()
-    stamps, poses, covariances, seconds = (array("d") for _ in range(4))
-    outcomes: list[StepOutcome] = []
-    n_matched, is_degenerate = array("q"), array("b")
-    n_rejected = n_prior_rejected = 0
-    failures: Counter[Outcome] = Counter()
+    recorder = RunRecorder()
     with stoppable() as stop:
         for k, scan in enumerate(scans):
             started = time.perf_counter()
             step = odometry.add(scan, pose_at(odometry_poses, k))
-            seconds.append(time.perf_counter() - started)
-            stamps.append(step.stamp)
-            poses.extend(step.pose)
-            covariances.extend(step.covariance.ravel())
-            n_matched.append(step.match.n_matched if step.match else 0)
-            is_degenerate.append(
-                step.match is not None and step.match.degenerate_direction is not None
-            )
-            if step.match and step.outcome not in MATCHES:
-                if step.match.ok:
-                    n_rejected += 1
-                else:
-                    failures[step.match.outcome] += 1
-            n_prior_rejected += step.is_prior_rejected
-            outcomes.append(step.outcome)
+            seconds = time.perf_counter() - started
+            recorder.add(step, seconds, is_prior_rejected=step.is_prior_rejected)
             if on_step:
                 on_step(step)
             if stop.is_asked:
                 break
-    n = len(outcomes)  # a row that an interrupt left half-made is dropped
-    return OdometryRun(
-        method=odometry.method,
-        trajectory=Trajectory(
-            stamps=np.array(stamps[:n]),
-            poses=np.array(poses[: 3 * n]).reshape(n, 3),
-            covariances=np.array(covariances[: 9 * n]).reshape(n, 3, 3),
-        ),
-        outcomes=tuple(outcomes),
-        failures=dict(failures.most_common()),
-        n_rejected=n_rejected,
-        n_matched=np.array(n_matched[:n], dtype=np.int64),
-        is_degenerate=np.array(is_degenerate[:n], dtype=np.bool_),
-        seconds=np.array(seconds[:n]),
-        is_partial=stop.is_asked,
-        has_prior=odometry_poses is not None,
-        n_prior_rejected=n_prior_rejected,
+    return recorder.run(
+        odometry.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None
     )
 
 

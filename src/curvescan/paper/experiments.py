@@ -150,35 +150,13 @@ def run_experiments(
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
     owned = assign_relations(logs, relations)
-    share = 0.25 if is_quick else 1.0
-    n_methods = len(methods) + ("cfsma" in methods)
-    random_transforms = {}
-    for k, condition in enumerate(() if only_logs else CONDITIONS):
-        n_runs = 2 * N_BATCHES if is_quick else N_RUNS[k >= N_PAPER_CONDITIONS]
-        plain, consistent = run_random_transforms(
-            condition,
-            n_runs=n_runs,
-            seed=seed,
-            configs=(None, CfSmaConfig(consistency=True)),
-            on_run=progress(f"experiment 1, {condition.title}", n_runs),
-        )
-        random_transforms[condition] = plain, consistent
-    drives = []
-    for experiment in () if only_logs else DRIVES:
-        n_seeds = 1 if is_quick else N_SEEDS[experiment.condition]
-        advance = progress(
-            f"experiment {experiment.name}, {experiment.title}",
-            max(int(experiment.n_scans * share), 2) * n_methods * n_seeds,
-        )
-        logs_of_seeds = [experiment.simulate(seed=seed + k, share=share) for k in range(n_seeds)]
-        by_seed = [_run_all(log, methods, advance) for log in logs_of_seeds]
-        drives.append(
-            ScenarioComparison(
-                experiment=experiment,
-                log=logs_of_seeds[0],
-                results={m: tuple(one[m] for one in by_seed) for m in by_seed[0]},
-                people_shares=tuple(float(log.is_person.mean()) for log in logs_of_seeds),
-            )
+    random_transforms: dict[RandomTransformCondition, TransformResult] = {}
+    drives: tuple[ScenarioComparison, ...] = ()
+    if not only_logs:
+        random_transforms = _random_transforms(is_quick=is_quick, seed=seed, progress=progress)
+        drives = tuple(
+            _drive(experiment, methods, is_quick=is_quick, seed=seed, progress=progress)
+            for experiment in DRIVES
         )
     judged = [
         evaluate_log(
@@ -195,9 +173,53 @@ def run_experiments(
         seed=seed,
         is_quick=is_quick,
         random_transforms=random_transforms,
-        drives=tuple(drives),
+        drives=drives,
         n_parameters={method: count_parameters(find_matcher(method).config) for method in methods},
         logs=tuple(judged),
+    )
+
+
+def _random_transforms(
+    *, is_quick: bool, seed: int, progress: Progress
+) -> dict[RandomTransformCondition, TransformResult]:
+    """Return experiment 1 of each condition, without and with the consistency test."""
+    found = {}
+    for k, condition in enumerate(CONDITIONS):
+        n_runs = 2 * N_BATCHES if is_quick else N_RUNS[k >= N_PAPER_CONDITIONS]
+        plain, consistent = run_random_transforms(
+            condition,
+            n_runs=n_runs,
+            seed=seed,
+            configs=(None, CfSmaConfig(consistency=True)),
+            on_run=progress(f"experiment 1, {condition.title}", n_runs),
+        )
+        found[condition] = plain, consistent
+    return found
+
+
+def _drive(
+    experiment: DriveExperiment,
+    methods: Sequence[str],
+    *,
+    is_quick: bool,
+    seed: int,
+    progress: Progress,
+) -> ScenarioComparison:
+    """Return a drive of experiments 2 to 4 by every method, for all its seeds."""
+    share = 0.25 if is_quick else 1.0
+    n_seeds = 1 if is_quick else N_SEEDS[experiment.condition]
+    n_methods = len(methods) + ("cfsma" in methods)
+    advance = progress(
+        f"experiment {experiment.name}, {experiment.title}",
+        max(int(experiment.n_scans * share), 2) * n_methods * n_seeds,
+    )
+    logs = [experiment.simulate(seed=seed + k, share=share) for k in range(n_seeds)]
+    by_seed = [_run_all(log, methods, advance) for log in logs]
+    return ScenarioComparison(
+        experiment=experiment,
+        log=logs[0],
+        results={m: tuple(one[m] for one in by_seed) for m in by_seed[0]},
+        people_shares=tuple(float(log.is_person.mean()) for log in logs),
     )
 
 

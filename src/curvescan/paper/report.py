@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
 from curvescan.paper.figures import (
     draw_discarded,

@@ -11,6 +11,7 @@ from curvescan import se2
 from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors
 from curvescan.evaluation.trajectory_errors import travelled
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.canvas import (
     DARK,
     FAILED,
@@ -22,7 +23,7 @@ from curvescan.plots.canvas import (
     drawing,
     drawing_places,
 )
-from curvescan.types import Floats, Trajectory
+from curvescan.types import Floats
 
 _N_WORST = 10
 

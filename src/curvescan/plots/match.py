@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan import __version__, se2
+from curvescan import se2
+from curvescan._version import __version__
 from curvescan.matchers import match
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.cfsma.features import CfSmaFeatures
@@ -174,7 +175,7 @@ def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
 def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
     """Draw the points of both scans in one frame on axes: matched ones dark and green, others grey."""
     took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
-    axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="took no part")
+    axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="not matched")
     axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)
     if isinstance(result.trace, CfSmaTrace):
         # the one method that pairs reading with reading, once
@@ -185,4 +186,4 @@ def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur
         axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
     axes.plot(*points_ref[took_part[0]].T, ".", color=DARK, ms=4.0)
     axes.plot(*points_cur[took_part[1]].T, ".", color=PAIRED, ms=4.0)
-    axes.plot(0, 0, **_SENSOR, label="sensor of the first")
+    axes.plot(0, 0, **_SENSOR, label="sensor, reference")

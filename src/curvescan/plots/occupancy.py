@@ -1,4 +1,4 @@
-"""The occupancy map as a picture: white free, dark occupied, grey unknown, and the way of the sensor."""
+"""The occupancy map as a picture: white free, dark occupied, grey unknown, and the path of the sensor."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) 
     with drawing_places(path, np.stack([low, high])) as (figure, [axes]):
         as_place(axes, f"{title}, cells of {grid.resolution:g} m")
         draw_grid(axes, grid)
-        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="way of the sensor")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="path of the sensor")
         figure.legend(loc="outside lower center", ncols=4)
 
 

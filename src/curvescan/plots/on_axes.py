@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import Log
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import OdometryRun
@@ -18,7 +19,7 @@ from curvescan.plots.canvas import DARK, PAIRED, PATH, as_place
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
-from curvescan.types import Cov, Pose, Trajectory
+from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +80,7 @@ def match(
     points = se2.transform(result.pose, current.points) if result.ok else current.points
     draw_overlay(axes, result, reference.points, points)
     if result.ok:
-        axes.plot(*result.pose[:2], "o", color=PAIRED, ms=4.0, label="sensor of the second")
+        axes.plot(*result.pose[:2], "o", color=PAIRED, ms=4.0, label="sensor, current")
     axes.plot([], [], ".", color=DARK, label="first scan, matched")
     axes.plot([], [], ".", color=PAIRED, label="second scan, matched")
     title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
@@ -177,7 +178,7 @@ def map(  # noqa: A001 - its name in the public contract
     draw_grid(axes, grid)
     if trajectory is not None:
         poses = _poses(trajectory)[0]
-        axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="way of the sensor")
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="path of the sensor")
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize="small")
     return axes
 

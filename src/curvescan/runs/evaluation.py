@@ -10,11 +10,12 @@ from typing import get_args
 
 import numpy as np
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.evaluation.published import BenchmarkLog
 from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors, Which
 from curvescan.evaluation.trajectory_errors import Spread
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.evaluation import (
     draw_overlay,
     draw_reference_errors,
@@ -29,7 +30,6 @@ from curvescan.runs.evaluation_tables import (
     relation_tables,
 )
 from curvescan.runs.table import ResultTable
-from curvescan.types import Trajectory
 
 
 def save_relation_evaluation(

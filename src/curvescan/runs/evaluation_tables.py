@@ -127,7 +127,10 @@ def _published_table(errors: RelationErrors, benchmark: BenchmarkLog) -> ResultT
 
 def _published_row(one: PublishedError) -> tuple[str, str, str]:
     mean, std = one.translation
-    rotation = "-" if one.rotation is None else "{:.1f} ± {:.1f} deg".format(*one.rotation)
+    rotation = "-"
+    if one.rotation is not None:
+        degrees, spread = one.rotation
+        rotation = f"{degrees:g} deg" if spread is None else f"{degrees:g} ± {spread:g} deg"
     return (one.method, f"{mean:.3f} ± {std:.3f} m", rotation)
 
 

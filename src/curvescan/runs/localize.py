@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import __version__
 from curvescan._interrupts import stoppable
+from curvescan._version import __version__
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.odometry.run import pose_at
 from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
@@ -20,7 +21,7 @@ from curvescan.runs.results import write_record
 from curvescan.scan import LaserScan
 from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
 from curvescan.slam.localizer import Localizer
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.types import Floats, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.log import Log
-from curvescan.io.ros.bag_files import storage_files
+from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome

@@ -16,23 +16,24 @@ from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.output import output_folder
-from curvescan.io.log import Log
-from curvescan.io.reading import read_log
-from curvescan.io.trajectories.exports import (
+from curvescan.io.exports import (
     ExportName,
     RunData,
     check_exports,
     takes_edges,
     write_exports,
 )
+from curvescan.io.files.output import output_folder
+from curvescan.io.log import Log
+from curvescan.io.reading import read_log
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
-from curvescan.odometry.pose_graph import PoseGraph
 from curvescan.runs.odometry import save_run
+from curvescan.runs.pose_graph import PoseGraph
 from curvescan.runs.results import list_further_files
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 
 class RunDisplay(Protocol):
@@ -146,10 +147,7 @@ def run(
     OutputError
         When the results cannot be written.
     """
-    if isinstance(log, str | os.PathLike):
-        opened, source = read_log(log), log
-    else:
-        opened = log
+    opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (log, source)
     hint = "the configuration of the matcher is given as matcher="
     config = as_config(config, OdometryConfig.of_method(method), hint=hint)
     map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
@@ -157,59 +155,84 @@ def run(
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
     shown = display or Silent()
-    graph = PoseGraph()
-
-    def on_step(step: OdometryStep) -> None:
-        if takes_edges(exports):
-            graph.add(step)
-        shown.advance()
-
-    files: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
-    with _folder(
-        out, source
-    ) as folder:  # first of all: a place that cannot be written costs no work
-        shown.begin("looking for what is wrong with the log", 0)
-        sensor = judge_sensor(opened, is_order_needed=config.deskew)
-        issues = find_issues(inspect_log(opened, sensor))
-        odometry_poses = motion_prior(opened, sensor.rotation) if odometry_prior else None
-        config = replace(config, deskew=config.deskew and sensor.can_deskew)
-        odometry = Odometry(method, config=config, matcher=matcher)
-        shown.begin("odometry", len(opened))
-        done = run_odometry(opened, odometry, odometry_poses=odometry_poses, on_step=on_step)
-        verdict = judge_run(done, issues)
+    graph = PoseGraph() if takes_edges(exports) else None
+    # first of all: a place that cannot be written costs no work
+    with _folder(out, source) as folder:
+        result = _judged_run(
+            opened, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph
+        )
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_run(
                 folder,
-                done,
+                result.run,
                 opened,
-                odometry=odometry,
+                odometry=result.odometry,
                 command=command,
                 source=None if source is None else Path(source),
                 occupancy=map_config,
                 truth=truth,
-                verdict=verdict,
+                verdict=result.verdict,
             )
             files = tuple(sorted(file.name for file in folder.iterdir()))
+            result = replace(result, files=files, left_out=left_out)
     if exports and out is not None:
         # on their own: what goes wrong here must not cost the results of the run
-        data = RunData(trajectory=done.trajectory, edges=graph.edges, scans=opened)
         shown.begin("exporting", 0)
-        with _folder(out, source) as folder:
-            assert folder is not None
-            files += write_exports(folder, exports, data)
-            list_further_files(folder, Path(out))
+        edges = graph.edges if graph else ()
+        data = RunData(trajectory=result.trajectory, edges=edges, scans=opened)
+        exported = _write_exports(out, source, exports, data)
+        result = replace(result, files=(*result.files, *exported))
+    return result
+
+
+def _judged_run(
+    log: Log,
+    method: str,
+    config: OdometryConfig,
+    matcher: MatcherConfig | None,
+    *,
+    has_prior: bool,
+    shown: RunDisplay,
+    graph: PoseGraph | None,
+) -> RunResult:
+    """Return the odometry of a log, and what is to be thought of it; its steps go to the graph, and nothing is written."""
+
+    def on_step(step: OdometryStep) -> None:
+        if graph is not None:
+            graph.add(step)
+        shown.advance()
+
+    shown.begin("looking for what is wrong with the log", 0)
+    sensor = judge_sensor(log, is_order_needed=config.deskew)
+    issues = find_issues(inspect_log(log, sensor))
+    odometry_poses = motion_prior(log, sensor.rotation) if has_prior else None
+    config = replace(config, deskew=config.deskew and sensor.can_deskew)
+    odometry = Odometry(method, config=config, matcher=matcher)
+    shown.begin("odometry", len(log))
+    done = run_odometry(log, odometry, odometry_poses=odometry_poses, on_step=on_step)
     return RunResult(
-        log=opened,
+        log=log,
         run=done,
         odometry=odometry,
         sensor=sensor,
         issues=issues,
-        verdict=verdict,
-        files=files,
-        left_out=left_out,
+        verdict=judge_run(done, issues),
     )
+
+
+def _write_exports(
+    out: str | os.PathLike[str],
+    source: str | os.PathLike[str] | None,
+    exports: Sequence[ExportName],
+    data: RunData,
+) -> tuple[str, ...]:
+    """Write exports into the folder of a run's results, and return the names of the files."""
+    with _folder(out, source) as folder:
+        assert folder is not None
+        files = write_exports(folder, exports, data)
+        list_further_files(folder, Path(out))
+    return files
 
 
 @contextmanager

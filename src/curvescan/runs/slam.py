@@ -13,6 +13,7 @@ import numpy as np
 from curvescan.diagnostics.verdict import Verdict
 from curvescan.io.log import Log
 from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.trajectories.tum_csv import write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import RunMaps
@@ -24,7 +25,7 @@ from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",

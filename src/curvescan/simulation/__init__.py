@@ -5,14 +5,14 @@ Numba is loaded when the first ray is cast, not on import.
 
 from __future__ import annotations
 
-from curvescan.simulation.catalogue import WORLDS, build_world
+from curvescan.simulation.buildings.catalogue import WORLDS, build_world
+from curvescan.simulation.buildings.world import World
+from curvescan.simulation.driving.pursuit import Drive
+from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
 from curvescan.simulation.pairs import ScanPair, ScanPairs, simulate_pairs
-from curvescan.simulation.people import People
-from curvescan.simulation.pursuit import Drive
 from curvescan.simulation.recording import Simulation, simulate
-from curvescan.simulation.sensors import SENSORS, Sensor, measure
-from curvescan.simulation.wheels import OdometryNoise, wheel_odometry
-from curvescan.simulation.world import World
+from curvescan.simulation.sensing.people import People
+from curvescan.simulation.sensing.sensors import SENSORS, Sensor, measure
 
 __all__ = [
     "SENSORS",

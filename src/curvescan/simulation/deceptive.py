@@ -15,15 +15,15 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.simulation.building import building
-from curvescan.simulation.buildings import columns, corridor, room
-from curvescan.simulation.catalogue import look_up
-from curvescan.simulation.offices import office
-from curvescan.simulation.people import People, crowd
+from curvescan.simulation.buildings.catalogue import look_up
+from curvescan.simulation.buildings.floor import building
+from curvescan.simulation.buildings.offices import office
+from curvescan.simulation.buildings.rooms import columns, corridor, room
+from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe
 from curvescan.simulation.seeds import PAIR, child
-from curvescan.simulation.sensors import SENSORS, Sensor
-from curvescan.simulation.world import World
+from curvescan.simulation.sensing.people import People, crowd
+from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.types import Floats, Pose
 
 HALF, FULL = "sick-lms200", "spinning-360"

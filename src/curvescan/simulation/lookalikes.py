@@ -9,10 +9,10 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.simulation.floorplan import Door, Room, walls_of
-from curvescan.simulation.furniture import furnish
+from curvescan.simulation.buildings.floorplan import Door, Room, walls_of
+from curvescan.simulation.buildings.furniture import furnish
+from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import simulate
-from curvescan.simulation.world import World
 from curvescan.types import Pose
 
 Deceit: TypeAlias = Literal["offices", "corridors", "people", "moved", "storeys"]

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.simulation.catalogue import build_world
-from curvescan.simulation.people import People, crowd
+from curvescan.simulation.buildings.catalogue import build_world
+from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe
 from curvescan.simulation.seeds import PAIR, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensors import Sensor, choose_sensor
-from curvescan.simulation.world import World
+from curvescan.simulation.sensing.people import People, crowd
+from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 from curvescan.types import Bools, Floats, Pose
 
 _ATTEMPTS = 400  # places tried for one pair

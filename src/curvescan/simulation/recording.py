@@ -12,19 +12,20 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.simulation.catalogue import build_world
-from curvescan.simulation.motion import drive_home, drive_route
-from curvescan.simulation.people import People, walk
-from curvescan.simulation.pursuit import Drive
+from curvescan.simulation.buildings.catalogue import build_world
+from curvescan.simulation.buildings.world import World
+from curvescan.simulation.driving.motion import drive_home, drive_route
+from curvescan.simulation.driving.pursuit import Drive
+from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
 from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensors import Sensor, choose_sensor, measure, sight
-from curvescan.simulation.wheels import OdometryNoise, wheel_odometry
-from curvescan.simulation.world import World
-from curvescan.types import Bools, Floats, Pose, Trajectory
+from curvescan.simulation.sensing.people import People, walk
+from curvescan.simulation.sensing.sensors import Sensor, choose_sensor, measure, sight
+from curvescan.types import Bools, Floats, Pose
 
 if TYPE_CHECKING:
-    from curvescan.io.log import ReadError
+    from curvescan.io.files.read_errors import ReadError
 
 _DEFAULT_SCANS = 200
 
@@ -50,7 +51,7 @@ class Simulation(ScanAccess):
         What the sensor reports: metres, +inf, -inf or NaN as of :func:`curvescan.simulation.measure`.
     exact_ranges : (n_scans, n_beams) float64
         Metres without noise; +inf where nothing stands within reach, which is range_max and a little more
-        (:func:`curvescan.simulation.sensors.sight`).
+        (:func:`curvescan.simulation.sensing.sensors.sight`).
     is_person : (n_scans, n_beams) bool
         Which valid readings are of people.
     people : (n_scans, c, 3) float64
@@ -182,7 +183,7 @@ def observe(
     the sensor during each sweep; None: it stands still.
     """
     # Numba loads when something is cast
-    from curvescan.simulation.raycast import cast_rays, cast_sweep
+    from curvescan.simulation.sensing.raycast import cast_rays, cast_sweep
 
     shape = (len(poses), sensor.n_beams)
     ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)

@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
     from curvescan.slam.localizer import Localizer
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
-    from curvescan.slam.map import SlamMap
-    from curvescan.slam.map_file import load_map
+    from curvescan.slam.map import SlamMap, load_map
     from curvescan.slam.run import SlamRun, run_slam
     from curvescan.slam.slam import Slam
     from curvescan.slam.step import SlamStep
@@ -27,7 +26,7 @@ _HOMES = {
     "SlamRun": "run",
     "SlamStep": "step",
     "ClosureOutcome": "loops.closures",
-    "load_map": "map_file",
+    "load_map": "map",
     "run_slam": "run",
 }
 

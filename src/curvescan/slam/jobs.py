@@ -103,8 +103,6 @@ class Job:
     def __init__(
         self, problem: Problem, limit: float, pool: ThreadPoolExecutor, *, is_last: bool = False
     ) -> None:
-        self.n_poses = len(problem.poses)
-        self.n_edges = len(problem.ends)
         self._future: Future[Solution] = pool.submit(solve, problem, limit, is_last)
 
     def result(self) -> Solution:

@@ -11,6 +11,7 @@ import numpy as np
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.scan import LaserScan
+from curvescan.slam.map_file import MapContent, read_map_file, write_map_file
 from curvescan.types import Cov, Floats, Ints, Pose, PoseEdge
 
 
@@ -89,6 +90,35 @@ class SlamMap:
         OutputError
             When the file cannot be written.
         """
-        from curvescan.slam.map_file import write_map_file
+        content = MapContent(
+            scans=self.scans,
+            poses=self.poses,
+            covariances=self.covariances,
+            indices=self.indices,
+            sessions=self.sessions,
+            ends=self.ends,
+            measured=self.measured,
+            edge_covariances=self.edge_covariances,
+            kinds=self.kinds,
+            weights=self.weights,
+            grid=self.grid,
+        )
+        write_map_file(path, content)
 
-        write_map_file(path, self)
+
+def load_map(path: str | os.PathLike[str]) -> SlamMap:
+    """Return a map that was saved.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A .csmap file.
+
+    Raises
+    ------
+    LogFileError
+        When it cannot be opened.
+    LogFormatError
+        When it is damaged, no map, or of a later version.
+    """
+    return SlamMap(**read_map_file(path))

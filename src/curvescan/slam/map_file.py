@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from curvescan.io.files.output import output_file
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
-from curvescan.slam.map import SlamMap
-from curvescan.types import Cov, Floats
+from curvescan.types import Cov, Floats, Ints, Pose
 
 VERSION = 1
 """Of the format that is written; files of this version and of those before it are read."""
@@ -35,29 +34,45 @@ _REQUIRED = (
 )  # fmt: skip
 
 
-def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
-    """Write a map in one step; see :meth:`SlamMap.save`."""
-    scans = slam_map.scans
+class MapContent(TypedDict):
+    """What a file holds: the fields of a SlamMap, by their names."""
+
+    scans: tuple[LaserScan, ...]
+    poses: Pose
+    covariances: Cov
+    indices: Ints
+    sessions: Ints
+    ends: Ints
+    measured: Pose
+    edge_covariances: Cov
+    kinds: Ints
+    weights: Floats
+    grid: OccupancyGrid | None
+
+
+def write_map_file(path: str | os.PathLike[str], content: MapContent) -> None:
+    """Write a map in one step; see :meth:`curvescan.SlamMap.save`."""
+    scans = content["scans"]
     uneven = [s for s in scans if not s.has_uniform_angles]
     arrays: dict[str, Any] = {
         "csmap_version": np.array([VERSION], dtype=np.int64),
-        "poses": slam_map.poses,
-        "covariances": slam_map.covariances[:, _UPPER[0], _UPPER[1]],
-        "indices": slam_map.indices,
-        "sessions": slam_map.sessions,
+        "poses": content["poses"],
+        "covariances": content["covariances"][:, _UPPER[0], _UPPER[1]],
+        "indices": content["indices"],
+        "sessions": content["sessions"],
         "stamps": np.array([s.stamp for s in scans]),
         "n_beams": np.array([len(s) for s in scans], dtype=np.int64),
         "setups": np.array([_setup(s) for s in scans]).reshape(-1, len(_SETUP)),
         "ranges": np.concatenate([s.ranges for s in scans] or [np.empty(0)]).astype(np.float32),
         "angles": np.concatenate([s.angles for s in uneven] or [np.empty(0)]),
-        "edge_ends": slam_map.ends,
-        "edge_poses": slam_map.measured,
-        "edge_covariances": slam_map.edge_covariances[:, _UPPER[0], _UPPER[1]],
-        "edge_kinds": slam_map.kinds,
-        "edge_weights": slam_map.weights,
+        "edge_ends": content["ends"],
+        "edge_poses": content["measured"],
+        "edge_covariances": content["edge_covariances"][:, _UPPER[0], _UPPER[1]],
+        "edge_kinds": content["kinds"],
+        "edge_weights": content["weights"],
     }
-    if slam_map.grid is not None:
-        grid = slam_map.grid
+    grid = content["grid"]
+    if grid is not None:
         arrays["grid_log_odds"] = grid.log_odds
         arrays["grid_origin"] = grid.origin
         arrays["grid_config"] = np.array([float(getattr(grid.config, name)) for name in _GRID])
@@ -70,21 +85,8 @@ def write_map_file(path: str | os.PathLike[str], slam_map: SlamMap) -> None:
         raise OutputError(f"cannot write {os.fspath(path)!r}: {error.strerror or error}") from error
 
 
-def load_map(path: str | os.PathLike[str]) -> SlamMap:
-    """Return a map that was saved.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A .csmap file.
-
-    Raises
-    ------
-    LogFileError
-        When it cannot be opened.
-    LogFormatError
-        When it is damaged, no map, or of a later version.
-    """
+def read_map_file(path: str | os.PathLike[str]) -> MapContent:
+    """Return what a map file holds; see :func:`curvescan.load_map`."""
     path = Path(path)
     if not path.is_file():
         raise LogFileError(f"map {path} does not exist: check the path")
@@ -106,7 +108,7 @@ def load_map(path: str | os.PathLike[str]) -> SlamMap:
         raise LogFormatError(f"map {path} is damaged: {error}") from error
 
 
-def _map_of(arrays: dict[str, Floats]) -> SlamMap:
+def _map_of(arrays: dict[str, Floats]) -> MapContent:
     n, m = len(arrays["poses"]), len(arrays["edge_ends"])
     shapes = {
         "poses": (n, 3), "covariances": (n, 6), "indices": (n,), "sessions": (n,), "stamps": (n,),
@@ -121,7 +123,7 @@ def _map_of(arrays: dict[str, Floats]) -> SlamMap:
     ends = arrays["edge_ends"].astype(np.int64)
     if m and not (ends.min() >= 0 and ends.max() < n and (ends[:, 0] != ends[:, 1]).all()):
         raise ValueError("an edge joins keyframes that are not there")
-    return SlamMap(
+    return MapContent(
         scans=_scans_of(arrays),
         poses=arrays["poses"],
         covariances=_full(arrays["covariances"]),

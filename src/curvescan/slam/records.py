@@ -7,8 +7,9 @@ from array import array
 import numpy as np
 
 from curvescan import se2
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.se2.uncertain import UncertainPose, identity
-from curvescan.types import Cov, Floats, Ints, Pose, Trajectory
+from curvescan.types import Cov, Floats, Ints, Pose
 
 _UPPER = np.triu_indices(3)
 

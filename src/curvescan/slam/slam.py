@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import as_config
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
@@ -29,7 +30,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
 from curvescan.slam.records import Records
 from curvescan.slam.step import SlamStep
-from curvescan.types import Pose, Trajectory
+from curvescan.types import Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 

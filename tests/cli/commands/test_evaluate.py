@@ -10,7 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.cli.main import run
 from curvescan.io import write_csv, write_tum
-from curvescan.types import Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 import curvescan as cs
 from curvescan.io.files.decompression import Unpacker
-from curvescan.io.ros import limits, sqlite
+from curvescan.io.ros.bags import limits, sqlite
 from tests.bags import ROS1, ROS2, SECOND, build, scan, storage, write_bag
 
 N_SCANS = 5

@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.evaluation.published import BENCHMARKS, find_benchmark
 from curvescan.evaluation.relations import relation_errors
 from curvescan.io import Relations, read_poses, read_relations
-from curvescan.types import Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
 
 LINE = "100.5 99.0 0.1 -0.2 0 0 0 3.5\n"
 

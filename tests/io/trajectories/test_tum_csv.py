@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.io import read_csv, read_tum, write_csv, write_tum
-from curvescan.types import Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
 
 any_float = st.floats(width=64)
 in_tmp_path = settings(

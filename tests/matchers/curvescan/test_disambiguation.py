@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
+from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, WEAKEST
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
     prefer,
     search_degenerate_direction,
     top_candidates,
 )
-from curvescan.matchers.curvescan.confidence import Support, WeighedPoses
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import (
     along_weakest_direction,
@@ -22,10 +23,9 @@ from curvescan.matchers.curvescan.disambiguation import (
     nearest_of_ties,
     ties_of,
 )
-from curvescan.matchers.curvescan.evidence import AGREEING, EXCESS, N_EVIDENCE, WEAKEST
-from curvescan.matchers.curvescan.search import Candidates, Problem
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
+from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
-from tests.matchers.curvescan.test_rotation_hypotheses import hall_scan
 
 CONFIG = CurvescanConfig()
 POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])

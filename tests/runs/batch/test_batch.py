@@ -18,7 +18,7 @@ import curvescan as cs
 from curvescan.cli.main import run as command
 from curvescan.runs.batch.job import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
-from curvescan.runs.batch.manifest import open_manifest, read_manifest
+from curvescan.runs.batch.results.manifest import open_manifest, read_manifest
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 
@@ -111,6 +111,16 @@ def test_what_failed_is_run_again(tmp_path):
     logs, out = make_logs(tmp_path / "logs", "a.log", "b-raise.log"), tmp_path / "out"
     cs.run_batch(logs, out=out, job=NamedJob(), workers=1)
     assert cs.run_batch(logs, out=out, job=NamedJob(), workers=1, resume=True).n_skipped == 1
+
+
+def test_results_are_on_the_disk_before_the_record_that_lists_them(tmp_path, monkeypatch):
+    synced, fsync = [], os.fsync
+    monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_ino), fsync(n)))
+    logs, out = make_logs(tmp_path / "logs", "a.log"), tmp_path / "out"
+    cs.run_batch(logs, out=out, job=NamedJob(), workers=1)
+    places = (out / "a" / "result", out / "a", out, out / "manifest.jsonl")
+    order = [synced.index(place.stat().st_ino) for place in places]
+    assert order == sorted(order)
 
 
 _SUPERVISOR = """
@@ -344,6 +354,24 @@ def test_the_digest_is_of_the_options_alone():
     assert len({digest_of(job), *map(digest_of, others)}) == 5
 
 
+def test_what_is_left_to_the_defaults_is_filled_in():
+    given = {"config": cs.OdometryConfig(), "matcher": cs.CurvescanConfig()}
+    assert digest_of(cs.OdometryJob(**given)) == digest_of(cs.OdometryJob())
+    assert digest_of(cs.SlamJob(config=cs.SlamConfig())) == digest_of(cs.SlamJob())
+    wide = {"keyframes": {"distance": 2.0}}
+    assert cs.OdometryJob(config=wide).config.keyframes.distance == 2.0
+    assert digest_of(cs.OdometryJob(config=wide)) != digest_of(cs.OdometryJob())
+    assert cs.OdometryJob(method="plicp").config == cs.OdometryConfig.scan_to_scan()
+    with pytest.raises(
+        cs.InvalidArgumentError, match="unknown method 'plcp': did you mean 'plicp'"
+    ):
+        cs.OdometryJob(method="plcp")
+    with pytest.raises(cs.InvalidArgumentError, match=r"matcher must be a PlIcpConfig"):
+        cs.OdometryJob(method="plicp", matcher=cs.CurvescanConfig())
+    with pytest.raises(cs.InvalidArgumentError, match="unknown key 'keyframe'"):
+        cs.SlamJob(config={"keyframe": {}})
+
+
 @pytest.mark.parametrize("flags", [(), ("--slam",)])
 def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsys):
     log = tmp_path / "office.npz"
@@ -363,3 +391,6 @@ def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsy
     capsys.readouterr()
     assert command([*words, "--resume"]) == 0
     assert "1 logs (1 stood from before): 1 trusted" in capsys.readouterr().out
+    # the same options have one digest, from the command and from Python
+    job = cs.SlamJob() if flags else None
+    assert cs.run_batch(words[1], out=tmp_path / "out", job=job, resume=True).n_skipped == 1

@@ -32,7 +32,7 @@ from curvescan.matchers.registry import Method
 if TYPE_CHECKING:
     from curvescan.runs.batch.batch import BatchDisplay
     from curvescan.runs.batch.job import Job
-    from curvescan.runs.batch.manifest import BatchRecord
+    from curvescan.runs.batch.results.manifest import BatchRecord
 
 Patterns: TypeAlias = Annotated[
     tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")

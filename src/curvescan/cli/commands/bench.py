@@ -16,7 +16,7 @@ def bench(
 ) -> int:
     """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs, reading.
 
-    Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is right. The bound is the
+    Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is a success. The bound is the
     median translation error that the Cramér-Rao bound allows; NEES is 3 where covariances are right.
 
     Experiment 1: a scan matched with one moved by a random transform (0.1 m on each axis and 15 deg in the mean). Its
@@ -26,11 +26,11 @@ def bench(
     Parameters
     ----------
     pairs
-        Pairs of each cell; fewer than 200 are also what the times are taken on.
+        Pairs of each scenario; fewer than 200 are also what the times are taken on.
     runs
         Runs of each variant and world of experiment 1.
     deceptive
-        Pairs of each world made to deceive: places that look alike, scans that share nothing, people who keep pace.
+        Pairs of each deceptive world: places that look alike, scans that share nothing, people who keep pace.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs

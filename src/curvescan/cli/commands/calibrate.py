@@ -63,7 +63,7 @@ def calibrate(
     from curvescan.paper.drawings import draw_curvature, draw_geometry
     from curvescan.paper.sweep import SEED, sweep_table
     from curvescan.paper.sweep import sweep as sweep_parameters
-    from curvescan.simulation.sensors import choose_sensor
+    from curvescan.simulation.sensing.sensors import choose_sensor
 
     if log is None:
         source, planes = choose_sensor(sensor), None

@@ -241,7 +241,7 @@ def _simulation(scans: int | None, people: int, seed: int, speed: float) -> Scan
 
 
 def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
-    from curvescan.live.drivers import open_driver
+    from curvescan.live.drivers.opening import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")

@@ -19,7 +19,7 @@ from curvescan.cli.options import (
     Topic,
     open_log,
 )
-from curvescan.io.trajectories.exports import EXPORTS, ExportName
+from curvescan.io.exports import EXPORTS, ExportName
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError
+from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

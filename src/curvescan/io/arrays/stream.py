@@ -12,10 +12,10 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
+from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
 
 PoseRow: TypeAlias = tuple[float, float, float]
 """[x, y, theta]: metres, metres, radians; NaN where unknown."""

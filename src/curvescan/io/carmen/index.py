@@ -20,8 +20,7 @@ from curvescan.io.carmen.lines import (
 )
 from curvescan.io.files.lines import LineMark, read_lines
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError
+from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
 
 SICK_MM_END = 8.192
 """End of the scale of a SICK LMS that counts millimetres, metres."""

@@ -29,10 +29,10 @@ from curvescan.io.carmen.index import Index, build_index
 from curvescan.io.carmen.lines import SCAN_PARSERS, BrokenLineError, ScanRecord, tag_of
 from curvescan.io.files.lines import read_line_at, read_lines
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError, ScanAccess
+from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
+from curvescan.io.log import ScanAccess
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Trajectory
 
 _SICK_LIMITS = ((8.182, 8.192), (81.82, 81.92))
 """Largest reading below the codes, and end of the scale, of a SICK LMS: in mm mode, in cm mode."""

@@ -2,7 +2,26 @@
 
 from __future__ import annotations
 
-from curvescan.io.log import ReadError
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadError:
+    """One kind of error met while reading a log: counted, reported, not fatal.
+
+    Attributes
+    ----------
+    rule : str
+        What was broken, as a phrase: ``"FLASER line cut short"``.
+    count : int
+        How often.
+    first : str
+        Where it was met first: ``"line 17"``.
+    """
+
+    rule: str
+    count: int
+    first: str
 
 
 class ReadErrorCounter:
@@ -35,7 +54,7 @@ class ReadErrorCounter:
         self._first_numbers.setdefault(rule, number)
 
     def read_errors(self) -> tuple[ReadError, ...]:
-        """Return one Fault a rule, most frequent first, then in the order they were met."""
+        """Return one ReadError a rule, most frequent first, then in the order they were met."""
         rules = sorted(self._counts, key=lambda rule: -self._counts[rule])
         return tuple(
             ReadError(

@@ -7,7 +7,7 @@ from array import array
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.ros.bag import Bag
+from curvescan.io.ros.bags.bag import Bag
 from curvescan.io.ros.messages import IMU, BrokenMessageError, stamp_of
 from curvescan.types import Floats
 

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.ros.bag import Bag
+from curvescan.io.ros.bags.bag import Bag
 from curvescan.io.ros.messages import TRANSFORMS, BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree, frame_name, seven
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import LogFormatError
-from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import (
     ODOMETRY,
     TRANSFORMS,
@@ -28,7 +28,8 @@ from curvescan.io.ros.transforms import (
     planar,
     seven,
 )
-from curvescan.types import Floats, Pose, Trajectory
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Floats, Pose
 
 _USUAL_BASES = ("base_link", "base_footprint")
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import ReadError, ScanAccess
-from curvescan.io.ros.bag import Bag, Message
+from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
+from curvescan.io.log import ScanAccess
+from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
 from curvescan.io.ros.messages import (
@@ -35,8 +35,9 @@ from curvescan.io.ros.messages import (
 )
 from curvescan.io.ros.mount import laser_tilt, tilt_notes
 from curvescan.io.ros.odometry import BagOdometry, read_odometry
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Trajectory
+from curvescan.types import Floats
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
 

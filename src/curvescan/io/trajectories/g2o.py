@@ -13,8 +13,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.tum_csv import writing_text
-from curvescan.types import Bools, Cov, PoseEdge, Trajectory
+from curvescan.io.trajectories.rows import writing_text
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Bools, Cov, PoseEdge
 
 _UPPER = np.triu_indices(3)
 

@@ -7,8 +7,13 @@ import os
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.trajectories.tum_csv import numbers_of, reading_text, writing_text
-from curvescan.types import Trajectory
+from curvescan.io.trajectories.rows import (
+    PoseRows,
+    PosesInTime,
+    numbers_of,
+    reading_text,
+    writing_text,
+)
 
 N_NUMBERS = 12
 """Numbers a line: three rows of four."""
@@ -17,7 +22,7 @@ _LEAST_UPRIGHT = 0.996
 """Cosine of the largest tilt of a planar pose, 5 deg."""
 
 
-def write_kitti(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
+def write_kitti(path: str | os.PathLike[str], trajectory: PosesInTime) -> None:
     """Write the poses of a trajectory, one line each; the stamps are not in it.
 
     The plane of motion is x, y; z is up and 0 (KITTI's own cameras look along z: no axis is turned here). Numbers have as many
@@ -42,26 +47,8 @@ def write_kitti(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
         file.writelines(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
 
 
-def read_kitti(path: str | os.PathLike[str]) -> Trajectory:
-    """Return the trajectory of a file that :func:`write_kitti` wrote, or of another whose motion is in the plane x, y.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file; blank lines are skipped.
-
-    Returns
-    -------
-    Trajectory
-        In file order; the format has no stamps, and they are 0, 1, 2, ...
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When a line does not hold 12 numbers, the motion leaves the plane, or there is no line.
-    """
+def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
+    """Return the poses of a KITTI file; see :func:`curvescan.read_kitti`."""
     rows: list[list[float]] = []
     with reading_text(path) as file:
         for number, line in enumerate(file, start=1):
@@ -84,7 +71,6 @@ def read_kitti(path: str | os.PathLike[str]) -> Trajectory:
         raise LogFormatError(f"{path} holds no pose: a KITTI line is a matrix of 3x4 numbers")
     table = np.array(rows)
     theta = np.arctan2(table[:, 4], table[:, 0])
-    return Trajectory(
-        stamps=np.arange(len(rows), dtype=np.float64),
-        poses=np.column_stack([table[:, 3], table[:, 7], theta]),
+    return PoseRows(
+        np.arange(len(rows), dtype=np.float64), np.column_stack([table[:, 3], table[:, 7], theta])
     )

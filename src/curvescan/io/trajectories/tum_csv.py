@@ -11,24 +11,19 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TextIO
+from collections.abc import Sequence
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import (
-    CurvescanError,
-    InvalidArgumentError,
-    LogFileError,
-    LogFormatError,
-    OutputError,
+from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.io.trajectories.rows import (
+    PoseRows,
+    PosesInTime,
+    numbers_of,
+    reading_text,
+    writing_text,
 )
-from curvescan.io.files.output import output_file
-from curvescan.io.files.printable import printable
-from curvescan.types import Trajectory
 
 CSV_HEADER = (
     "stamp", "x", "y", "theta",
@@ -40,7 +35,7 @@ _UPPER = np.triu_indices(3)
 _MAX_TILT = math.radians(5.0)
 
 
-def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
+def write_tum(path: str | os.PathLike[str], trajectory: PosesInTime) -> None:
     """Write a trajectory as TUM text, one line a pose, in its own order.
 
     Parameters
@@ -62,29 +57,8 @@ def write_tum(path: str | os.PathLike[str], trajectory: Trajectory) -> None:
             file.write(f"{stamp!r} {x!r} {y!r} 0.0 0.0 0.0 {qz!r} {qw!r}\n")
 
 
-def read_tum(path: str | os.PathLike[str]) -> Trajectory:
-    """Return the trajectory of a TUM file whose motion is in the plane.
-
-    Blank lines and lines that start with ``#`` are skipped. z is dropped; the angle is the yaw of the quaternion, which need not
-    be normalised.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Returns
-    -------
-    Trajectory
-        In file order, without covariances.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When a line does not hold 8 numbers, a quaternion is zero or tilts by more than 5 deg out of the plane, or there is no line.
-    """
+def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
+    """Return the poses of a TUM file; see :func:`curvescan.read_tum`."""
     stamps: list[float] = []
     poses: list[tuple[float, float, float]] = []
     with reading_text(path) as file:
@@ -102,11 +76,11 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
             poses.append((x, y, _yaw(quaternion, where)))
     if not stamps:
         raise LogFormatError(f"{path} holds no pose: a TUM line is stamp x y z qx qy qz qw")
-    return Trajectory(stamps=np.array(stamps), poses=np.array(poses))
+    return PoseRows(np.array(stamps), np.array(poses))
 
 
 def write_csv(
-    path: str | os.PathLike[str], trajectory: Trajectory, outcomes: Sequence[str]
+    path: str | os.PathLike[str], trajectory: PosesInTime, outcomes: Sequence[str]
 ) -> None:
     """Write a trajectory with covariances and outcomes as CSV, one line a pose, in its own order.
 
@@ -126,9 +100,9 @@ def write_csv(
     OutputError
         When the file cannot be written.
     """
-    if len(outcomes) != len(trajectory):
+    if len(outcomes) != len(trajectory.stamps):
         raise InvalidArgumentError(
-            f"outcomes must have one name a pose ({len(trajectory)}), got {len(outcomes)}"
+            f"outcomes must have one name a pose ({len(trajectory.stamps)}), got {len(outcomes)}"
         )
     with writing_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -142,28 +116,8 @@ def write_csv(
             writer.writerow([stamp, *pose.tolist(), *cov, outcome])
 
 
-def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]:
-    """Return the trajectory and the outcomes that write_csv wrote.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Returns
-    -------
-    trajectory : Trajectory
-        In file order; without covariances when their fields are empty on every line.
-    outcomes : tuple of str
-        One a pose.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When the header is another or a line does not fit it.
-    """
+def csv_rows(path: str | os.PathLike[str]) -> tuple[PoseRows, tuple[str, ...]]:
+    """Return poses and outcomes that write_csv wrote; see :func:`curvescan.read_csv`."""
     numbers: list[list[float]] = []
     outcomes: list[str] = []
     is_any_cov = False
@@ -189,8 +143,7 @@ def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]
         covariances = np.empty((len(table), 3, 3))
         covariances[:, _UPPER[0], _UPPER[1]] = table[:, 4:]
         covariances[:, _UPPER[1], _UPPER[0]] = table[:, 4:]
-    trajectory = Trajectory(stamps=table[:, 0], poses=table[:, 1:4], covariances=covariances)
-    return trajectory, tuple(outcomes)
+    return PoseRows(table[:, 0], table[:, 1:4], covariances), tuple(outcomes)
 
 
 def _yaw(quaternion: list[float], where: str) -> float:
@@ -206,41 +159,3 @@ def _yaw(quaternion: list[float], where: str) -> float:
             f"{math.degrees(tilt):.1f} deg: project the trajectory onto the plane first"
         )
     return float(se2.wrap(2.0 * math.atan2(qz, qw)))
-
-
-def numbers_of(fields: Iterable[str], where: str) -> list[float]:
-    """Return the numbers of a line; raise LogFormatError where a field is none."""
-    try:
-        return [float(field) for field in fields]
-    except ValueError as error:
-        raise LogFormatError(
-            f"{where}: a field is not a number ({printable(str(error), 120)})"
-        ) from None
-
-
-@contextmanager
-def writing_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
-    """Yield a text file that replaces `path` in one step when the block ends; raise OutputError where it cannot."""
-    try:
-        with output_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
-            yield file
-    except CurvescanError:
-        raise
-    except (OSError, ValueError) as error:
-        raise OutputError(f"cannot write {path}: {error}") from error
-
-
-@contextmanager
-def reading_text(path: str | os.PathLike[str]) -> Iterator[TextIO]:
-    """Yield a text file to read; raise LogFileError or LogFormatError where it cannot be read."""
-    try:
-        with Path(path).open(encoding="utf-8", errors="replace", newline="") as file:
-            yield file
-    except (LogFileError, LogFormatError):
-        raise
-    except FileNotFoundError as error:
-        raise LogFileError(f"trajectory {path} does not exist: check the path") from error
-    except csv.Error as error:
-        raise LogFormatError(f"{path} is not a CSV file: {error}") from error
-    except (OSError, ValueError) as error:
-        raise LogFileError(f"cannot read {path}: {error}") from error

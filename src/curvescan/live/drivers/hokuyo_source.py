@@ -11,8 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers import PIP_COMMAND
-from curvescan.live.drivers.transport import SILENCE
+from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE
 from curvescan.live.drivers.turns import TurnClock, to_unix
 from curvescan.scan import LaserScan
 

@@ -13,8 +13,7 @@ from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers import PIP_COMMAND
-from curvescan.live.drivers.transport import EndOfSource, Transport
+from curvescan.live.drivers.transport import PIP_COMMAND, EndOfSource, Transport
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
 from curvescan.scan import LaserScan
 
@@ -48,7 +47,7 @@ class Lds2dSource:
     model : str
         A name of ``lds2d.available_models()``: ``"LDROBOT-LD19"``.
     port : str
-        See :func:`curvescan.live.drivers.open_driver`.
+        See :func:`curvescan.live.drivers.opening.open_driver`.
     baud : int or None
         Bits a second; None for the model's.
     is_mirrored : bool

@@ -8,8 +8,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from curvescan.errors import MissingPackageError, SourceError
-from curvescan.live.drivers import PIP_COMMAND
-from curvescan.live.drivers.transport import EndOfSource, Transport
+from curvescan.live.drivers.transport import PIP_COMMAND, EndOfSource, Transport
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
 from curvescan.scan import LaserScan
 
@@ -24,7 +23,7 @@ class RplidarSource:
     Parameters
     ----------
     port : str
-        See :func:`curvescan.live.drivers.open_driver`.
+        See :func:`curvescan.live.drivers.opening.open_driver`.
     baud : int
         Bits a second; 256000 for the A3.
     is_mirrored : bool

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from curvescan.errors import MissingPackageError, SourceError
-from curvescan.live.drivers import PIP_COMMAND
+
+PIP_COMMAND = "pip install 'curvescan[lidar]'"
 
 SILENCE = 2.0
 """A port from which nothing comes for so long is silent, seconds."""

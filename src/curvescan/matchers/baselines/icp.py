@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan import se2
+from curvescan.errors import MissingPackageError
 from curvescan.matchers.baselines.config import IcpConfig
 from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
-from curvescan.matchers.baselines.neighbours import plant_tree
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.cfsma.alignment import align
@@ -49,7 +49,7 @@ class IcpMatcher:
     def prepare(self, scan: LaserScan) -> IcpFeatures:
         """Return the readings of a scan and their tree."""
         points = sweep_of(scan)
-        return IcpFeatures(points=points, tree=plant_tree(points.points))
+        return IcpFeatures(points=points, tree=_plant_tree(points.points))
 
     def can_be_reference(self, features: IcpFeatures) -> bool:
         """Return whether the scan has a surface at all."""
@@ -99,3 +99,12 @@ def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
     """
     apart = se2.transform(pose, points_cur) - points_ref
     return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))
+
+
+def _plant_tree(points: Points) -> cKDTree:
+    """Return a k-d tree of (n, 2) points; SciPy is loaded when it is used, for the other matchers need none."""
+    try:
+        from scipy.spatial import cKDTree
+    except ImportError as error:
+        raise MissingPackageError('method "icp" needs SciPy: pip install scipy') from error
+    return cKDTree(points)

@@ -10,15 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.matchers.curvescan.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.confidence import GUESSED_REPETITION, WeighedPoses, weigh
+from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
+from curvescan.matchers.curvescan.assessment.confidence import (
+    GUESSED_REPETITION,
+    WeighedPoses,
+    weigh,
+)
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.proposal.scoring import select
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
 from curvescan.matchers.curvescan.refinement import refine_fully
-from curvescan.matchers.curvescan.scoring import select
-from curvescan.matchers.curvescan.search import Candidates, Problem
 from curvescan.types import Floats, Pose
 
 _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one

@@ -6,25 +6,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matchers.curvescan.assessment import (
+from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
     assess_pose,
     degenerate_directions,
     without_dynamic,
 )
+from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
+from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,
     wide_range_images,
 )
-from curvescan.matchers.curvescan.confidence import Support, WeighedPoses, support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.movable import without_movable
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
+from curvescan.matchers.curvescan.proposal.scoring import select
+from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.matchers.curvescan.scoring import select
-from curvescan.matchers.curvescan.search import Problem
 from curvescan.matchers.result import Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 

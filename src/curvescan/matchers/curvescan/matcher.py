@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
 from curvescan.matchers.curvescan.candidates import refine_candidates
-from curvescan.matchers.curvescan.confidence import WeighedPoses
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, disambiguate
-from curvescan.matchers.curvescan.evidence import N_EVIDENCE
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
-from curvescan.matchers.curvescan.search import Candidates, Problem, propose
+from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Codes, Floats, Pose

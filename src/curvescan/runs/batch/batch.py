@@ -9,14 +9,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.job import Job, digest_of
 from curvescan.runs.batch.jobs import OdometryJob
 from curvescan.runs.batch.logs import LogState, find_logs
-from curvescan.runs.batch.manifest import BatchRecord
 from curvescan.runs.batch.processes import ProcessPool
-from curvescan.runs.batch.results import Results, open_results
+from curvescan.runs.batch.results.folder_results import open_results
+from curvescan.runs.batch.results.manifest import BatchRecord
+from curvescan.runs.batch.results.results import Results
 from curvescan.runs.batch.worker import Task
 from curvescan.runs.batch.workers import Done, WorkerPool, run_tasks
 
@@ -141,7 +142,7 @@ def run_batch(
                 pool.warm_up(job)
                 shown.begin("batch", len(tasks))
                 states = {log.input: log for log in logs}
-                _run_all(job, tasks, states, results, pool, timeout, shown)
+                _run_all(job, options, tasks, states, results, pool, timeout, shown)
         records = tuple(results.records[log.input] for log in logs)
         results.finish(records)
     return BatchResult(records=records, n_skipped=len(standing))
@@ -149,6 +150,7 @@ def run_batch(
 
 def _run_all(
     job: Job,
+    options: str,
     tasks: list[Task],
     states: dict[str, LogState],
     results: Results,
@@ -156,7 +158,6 @@ def _run_all(
     timeout: float,
     shown: BatchDisplay,
 ) -> None:
-    options = digest_of(job)
     with results.queue(tasks, options, shown.add) as queue:
         work = run_tasks(job, queue, pool=pool, timeout=timeout, log=results.workers_log)
         with closing(work):

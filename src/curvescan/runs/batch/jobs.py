@@ -5,14 +5,16 @@ Kernels and figures are loaded when a job runs: a batch that has nothing left to
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from curvescan.configs import as_config
 from curvescan.io.reading import read_log
 from curvescan.io.sensor_setup import SensorSetup
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig
+from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, config_of
 from curvescan.odometry.config import OdometryConfig
 from curvescan.runs.batch.job import JobResult
 from curvescan.slam.config import SlamConfig
@@ -20,7 +22,7 @@ from curvescan.slam.config import SlamConfig
 if TYPE_CHECKING:
     from curvescan.diagnostics.verdict import Verdict
     from curvescan.io.log import Log
-    from curvescan.types import Trajectory
+    from curvescan.io.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +44,15 @@ class LogOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class _LogJob:
-    """What odometry and SLAM of a log have in common."""
+    """What odometry and SLAM of a log have in common.
+
+    What is left to the defaults is filled in: the same options are equal, and have one digest, however they were given.
+    """
 
     method: str = DEFAULT_METHOD
     """Name of the matcher."""
     matcher: MatcherConfig | None = None
-    """Configuration of the matcher."""
+    """Configuration of the matcher; a mapping of the fields that differ; None for the defaults."""
     odometry_prior: bool = False
     """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
@@ -56,6 +61,24 @@ class _LogJob:
     """How each log is opened."""
     command: tuple[str, ...] = field(default=(), metadata={"is_option": False})
     """The command line behind the batch, for run.json."""
+
+    def __post_init__(self) -> None:
+        self._fill_in("matcher", config_of(self.method, self.matcher, name="matcher"))
+
+    def _fill_in(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)  # the only way in a frozen dataclass
+
+    def _arguments(self, log: Path, folder: Path) -> dict[str, Any]:
+        """Return the arguments that the functions of both tasks have in common."""
+        return {
+            "out": folder,
+            "method": self.method,
+            "matcher": self.matcher,
+            "odometry_prior": self.odometry_prior,
+            "occupancy": self.occupancy,
+            "command": self.command,
+            "source": log,
+        }
 
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry, SLAM and maps."""
@@ -68,24 +91,18 @@ class _LogJob:
 class OdometryJob(_LogJob):
     """Odometry and maps of each log, as :func:`curvescan.run`."""
 
-    config: OdometryConfig | None = None
-    """Configuration of the odometry; None for what suits the method."""
+    config: OdometryConfig | Mapping[str, Any] | None = None
+    """Configuration of the odometry; a mapping of the fields that differ; None for what suits the method."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fill_in("config", as_config(self.config, OdometryConfig.of_method(self.method)))
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run the odometry of a log and write trajectory, maps and run.json."""
         from curvescan.runs.run import run
 
-        result = run(
-            self.logs.open(log),
-            out=folder,
-            method=self.method,
-            config=self.config,
-            matcher=self.matcher,
-            odometry_prior=self.odometry_prior,
-            occupancy=self.occupancy,
-            command=self.command,
-            source=log,
-        )
+        result = run(self.logs.open(log), config=self.config, **self._arguments(log, folder))
         return _result(result.verdict, result.trajectory)
 
 
@@ -93,24 +110,20 @@ class OdometryJob(_LogJob):
 class SlamJob(_LogJob):
     """SLAM of each log, as ``curvescan slam``."""
 
-    config: SlamConfig = field(default_factory=SlamConfig)
-    """Configuration of SLAM."""
+    config: SlamConfig | Mapping[str, Any] | None = None
+    """Configuration of SLAM; a mapping of the fields that differ; None for the defaults."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._fill_in("config", as_config(self.config, SlamConfig()))
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run SLAM of a log and write trajectories, graph, maps and run.json."""
         from curvescan.runs.slam_log import slam_log
 
-        result = slam_log(
-            self.logs.open(log),
-            out=folder,
-            method=self.method,
-            config=self.config,
-            matcher=self.matcher,
-            odometry_prior=self.odometry_prior,
-            occupancy=self.occupancy,
-            command=self.command,
-            source=log,
-        )
+        assert isinstance(self.config, SlamConfig)  # filled in
+
+        result = slam_log(self.logs.open(log), config=self.config, **self._arguments(log, folder))
         return _result(result.verdict, result.run.revised.trajectory)
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from curvescan.errors import LogFileError, StorageError
 from curvescan.runs.batch.job import Job, JobResult
-from curvescan.runs.batch.locks import lock
 from curvescan.runs.batch.logs import BAG_MARK
-from curvescan.runs.batch.object_store import Bucket, StoredObject, is_url, split_url
+from curvescan.runs.batch.storage.locks import lock
+from curvescan.runs.batch.storage.object_store import Bucket, StoredObject, is_url, split_url
 
 SCRATCH_PREFIX = "curvescan-batch-"
 _LOCK = ".in-use"

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import BinaryIO, TypeAlias
 
-from curvescan import __version__
+from curvescan._version import __version__
 from curvescan.errors import CurvescanError
 from curvescan.runs.batch.job import Job, JobResult
 from curvescan.runs.batch.transfer import run_job

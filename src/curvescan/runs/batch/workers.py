@@ -16,11 +16,11 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Protocol, TypeAlias
 
-from curvescan import __version__
 from curvescan._interrupts import cleaned_up_by
+from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.job import Job, JobResult
-from curvescan.runs.batch.results import TaskQueue
+from curvescan.runs.batch.results.results import TaskQueue
 from curvescan.runs.batch.worker import Failure, Ready, Reply, Task
 
 _MAX_FALSE_STARTS = 3

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
+from curvescan.slam.config import ClosuresConfig
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
-from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.types import Floats, Ints, Pose
 
@@ -20,6 +21,16 @@ _N_LEAST = 100
 
 _SLIP_SHARE = 0.01
 """Share of the steps that may err by any amount: where the odometry slipped and a closure put it right."""
+
+
+def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
+    """Return whether the closures of a graph bend the odometry more than it can err."""
+    rows = np.flatnonzero((graph.kinds == EdgeKind.MOTION) | (graph.kinds == EdgeKind.MATCH))
+    edges = Edges.of(graph.ends[rows], graph.measured[rows], graph.covariances[rows])
+    kinds = graph.kinds[rows]
+    if bending(graph.poses, edges, kinds) > rules.max_bend:
+        return True
+    return greatest_turn(graph.poses, edges, kinds) > rules.max_turn
 
 
 def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:

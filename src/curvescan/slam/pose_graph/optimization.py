@@ -153,6 +153,44 @@ def _distances(poses: Pose, ends: Ints, measured: Pose, information: Cov) -> Flo
 
 
 @kernel
+def _set_jacobians(
+    theta: float, error: Floats, measured: Pose, jac_i: Floats, jac_j: Floats
+) -> None:
+    """Set the elements that vary of A = de/dx_i and B = de/dx_j."""
+    c, s = math.cos(theta), math.sin(theta)
+    jac_i[0, 0], jac_i[0, 1], jac_i[0, 2] = -c, -s, error[1] + measured[1]
+    jac_i[1, 0], jac_i[1, 1], jac_i[1, 2] = s, -c, -error[0] - measured[0]
+    jac_j[0, 0], jac_j[0, 1] = c, s
+    jac_j[1, 0], jac_j[1, 1] = -s, c
+
+
+@kernel
+def _set_weighted(
+    weight: float,
+    information: Floats,
+    error: Floats,
+    jac_i: Floats,
+    jac_j: Floats,
+    pull: Floats,
+    half_i: Floats,
+    half_j: Floats,
+) -> float:
+    """Set W e, W A and W B, and return e^T W e."""
+    cost = 0.0
+    for r in range(3):
+        pull[r] = 0.0
+        for k in range(3):
+            pull[r] += weight * information[r, k] * error[k]
+        cost += error[r] * pull[r]
+        for k in range(3):
+            half_i[r, k] = half_j[r, k] = 0.0
+            for q in range(3):
+                half_i[r, k] += weight * information[r, q] * jac_i[q, k]
+                half_j[r, k] += weight * information[r, q] * jac_j[q, k]
+    return cost
+
+
+@kernel
 def _accumulate(
     poses: Pose,
     is_held: Bools,
@@ -182,21 +220,8 @@ def _accumulate(
         if weight == 0.0:
             continue
         error[0], error[1], error[2] = _residual(poses[i], poses[j], measured[e])
-        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
-        jac_i[0, 0], jac_i[0, 1], jac_i[0, 2] = -c, -s, error[1] + measured[e, 1]
-        jac_i[1, 0], jac_i[1, 1], jac_i[1, 2] = s, -c, -error[0] - measured[e, 0]
-        jac_j[0, 0], jac_j[0, 1] = c, s
-        jac_j[1, 0], jac_j[1, 1] = -s, c
-        for r in range(3):
-            pull[r] = 0.0
-            for k in range(3):
-                pull[r] += weight * information[e, r, k] * error[k]
-            cost += error[r] * pull[r]
-            for k in range(3):
-                half_i[r, k] = half_j[r, k] = 0.0
-                for q in range(3):
-                    half_i[r, k] += weight * information[e, r, q] * jac_i[q, k]
-                    half_j[r, k] += weight * information[e, r, q] * jac_j[q, k]
+        _set_jacobians(poses[i, 2], error, measured[e], jac_i, jac_j)
+        cost += _set_weighted(weight, information[e], error, jac_i, jac_j, pull, half_i, half_j)
         ii, jj, ij, ji = diagonal[i], diagonal[j], upper[e], lower[e]
         has_i, has_j = not is_held[i], not is_held[j]
         for r in range(3):

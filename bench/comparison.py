@@ -1,0 +1,184 @@
+"""Measure the rows of docs/comparison.md: `python bench/comparison.py [--data FOLDER] [--logs intel] [--methods plicp] [--left]`.
+
+Runs SLAM with the default matcher and the odometry of every method over the logs of the Freiburg benchmark whose checked
+relations are at hand, the laser alone and with the log's wheel odometry as prior, each with its default parameters. Each
+row is kept in bench/comparison.jsonl as soon as it is measured, in place of the one before; bench/comparison.md has the
+tables, beside what others publish. With --left only rows that are missing are measured, with --tables none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import curvescan as cs
+from curvescan.evaluation.published import BENCHMARKS
+from curvescan.evaluation.relations import relation_errors
+from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS
+from curvescan.runs.slam_log import slam_log
+
+HERE = Path(__file__).parent
+ROWS, TABLES = HERE / "comparison.jsonl", HERE / "comparison.md"
+LOGS = {"intel": "intel-lab/intel", "aces": "aces/aces"}
+SENSORS = {False: "laser", True: "laser, wheels"}
+RUN_BY_US = {"Karto in slam_toolbox, defaults": {"intel": "0.057 (1.9)", "aces": "0.090 (1.0)"}}
+"""What was built and run beside curvescan, once, with wheels: metres (degrees)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One method over one log: errors of all its relations, mean and standard deviation, metres and degrees."""
+
+    log: str
+    task: str
+    method: str
+    wheels: bool
+    translation: tuple[float, float]
+    rotation: tuple[float, float]
+    near_translation: tuple[float, float]
+    near_rotation: tuple[float, float]
+    n_relations: int
+    version: str
+
+    @property
+    def key(self) -> tuple[str, str, str, bool]:
+        """What tells the row from others."""
+        return (self.log, self.task, self.method, self.wheels)
+
+    @property
+    def command(self) -> str:
+        """The command that gives the trajectory."""
+        flags = f" --method {self.method}" * (self.method != DEFAULT_METHOD)
+        return f"curvescan {self.task} {self.log}.clf --out out{flags}" + (
+            " --odometry-prior" * self.wheels
+        )
+
+
+def rows_wanted(logs: list[str], methods: list[str]) -> Iterator[tuple[str, str, str, bool]]:
+    """Yield log, task, method and whether the wheels are used, of each row."""
+    for log in logs:
+        for wheels in (False, True):
+            if DEFAULT_METHOD in methods:
+                yield log, "slam", DEFAULT_METHOD, wheels
+            for method in methods:
+                yield log, "odometry", method, wheels
+
+
+def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
+    """Run a method over a log and return the errors of its relations."""
+    scans = cs.read_log(data / f"{LOGS[log]}.clf.gz")
+    if task == "slam":
+        trajectory = slam_log(scans, method=method, odometry_prior=wheels).run.revised.trajectory
+    else:
+        trajectory = cs.run(scans, method=method, odometry_prior=wheels).trajectory
+    errors = relation_errors(trajectory, cs.read_relations(data / f"{LOGS[log]}.relations"))
+    found = {}
+    for prefix, which in (("", "all"), ("near_", "near")):
+        translation, rotation = errors.spreads(which)
+        found[f"{prefix}translation"] = (translation.mean, translation.std)
+        found[f"{prefix}rotation"] = (math.degrees(rotation.mean), math.degrees(rotation.std))
+    return Row(
+        log=log,
+        task=task,
+        method=method,
+        wheels=wheels,
+        n_relations=len(errors),
+        version=cs.__version__,
+        **found,
+    )
+
+
+def read_rows() -> dict[tuple[str, str, str, bool], Row]:
+    """Return the rows that were measured, by log, task, method and wheels."""
+    lines = ROWS.read_text("utf-8").splitlines() if ROWS.exists() else []
+    return {row.key: row for row in (Row(**json.loads(line)) for line in lines)}
+
+
+def write_rows(rows: dict[tuple[str, str, str, bool], Row]) -> None:
+    """Write all rows, and the tables made of them."""
+    ordered = [rows[key] for key in sorted(rows)]
+    ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
+    TABLES.write_text(tables(rows), "utf-8")
+
+
+def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
+    """Return the tables as Markdown: maps with loops closed, trajectories without, relations of near scans."""
+    logs = [log for log in LOGS if any(row.log == log for row in rows.values())]
+    head = ["", "sensors", *(BENCHMARKS[log].name for log in logs)]
+    slam = [head, *published(("RBPF", "graph mapping", "Cartographer"), logs)]
+    slam += [[name, SENSORS[True], *map(by.get, logs)] for name, by in RUN_BY_US.items()]
+    slam += [[f"**{one[0]}**", *one[1:]] for one in measured(rows, "slam", logs, "")]
+    chains = [head, *published(("scan matching",), logs), *measured(rows, "odometry", logs, "")]
+    near = [head, *measured(rows, "odometry", logs, "near_")]
+    return (
+        "### Loops closed\n\n"
+        + markdown(slam)
+        + "\n### Odometry: past poses are not revised\n\n"
+        + markdown(chains)
+        + "\n### Odometry, relations of scans less than 5 s apart\n\n"
+        + markdown(near)
+    )
+
+
+def published(methods: tuple[str, ...], logs: list[str]) -> Iterator[list[str]]:
+    """Yield what was published of methods, a row each."""
+    for method in methods:
+        cells = []
+        for log in logs:
+            (error,) = [one for one in BENCHMARKS[log].errors if one.method.startswith(method)]
+            degrees = "" if error.rotation is None else f" ({error.rotation[0]:g})"
+            cells.append(f"{error.translation[0]:g}{degrees}")
+        source = "Hess et al. 2016, tuned" if method == "Cartographer" else "Kümmerle et al. 2009"
+        yield [f"{method}, {source}", SENSORS[True], *cells]
+
+
+def measured(
+    rows: dict[tuple[str, str, str, bool], Row], task: str, logs: list[str], prefix: str
+) -> Iterator[list[str]]:
+    """Yield the rows that were measured of one task, in the order of the table of methods."""
+    for wheels in (False, True):
+        for method in MATCHERS:
+            found = [rows.get((log, task, method, wheels)) for log in logs]
+            if any(found):
+                cells = [figures(row, prefix) if row else "" for row in found]
+                name = "curvescan" if method == DEFAULT_METHOD else f"`{method}`"
+                yield [name, SENSORS[wheels], *cells]
+
+
+def figures(row: Row, prefix: str) -> str:
+    """Return a row's mean errors: metres (degrees)."""
+    metres, degrees = getattr(row, f"{prefix}translation")[0], getattr(row, f"{prefix}rotation")[0]
+    return f"{metres:.4f} ({degrees:.3f})" if metres < 0.1 else f"{metres:.3f} ({degrees:.2f})"
+
+
+def markdown(lines: list[list[str]]) -> str:
+    """Return a table."""
+    rule = ["---", "---", *["---:"] * (len(lines[0]) - 2)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in (lines[0], rule, *lines[1:]))
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    default = os.environ.get("CURVESCAN_DATA", "../shared/data")
+    parser.add_argument("--data", type=Path, default=Path(default), help="folder of the logs")
+    parser.add_argument("--logs", nargs="+", default=list(LOGS), choices=list(LOGS))
+    parser.add_argument("--methods", nargs="+", default=list(MATCHERS), choices=list(MATCHERS))
+    parser.add_argument("--left", action="store_true", help="only rows that are missing")
+    parser.add_argument("--tables", action="store_true", help="no row: the tables anew")
+    options = parser.parse_args()
+    for wanted in [] if options.tables else rows_wanted(options.logs, options.methods):
+        if not (options.left and wanted in read_rows()):
+            row = measure(options.data, *wanted)
+            print(*wanted, figures(row, ""), flush=True)
+            write_rows(read_rows() | {row.key: row})
+    write_rows(read_rows())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,296 @@
+"""Bag: the topics and the messages of a ROS bag, read by the library rosbags.
+
+Whatever rosbags raises leaves here as an error of ours in one sentence: on damaged files its parsers raise their own
+errors and nearly every builtin one (assertions, struct errors, those of the decompressors).
+"""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import sqlite3
+import tempfile
+import weakref
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import ReaderError as Ros1Error
+from rosbags.rosbag1 import WriterError as RosbagsWriterError
+from rosbags.rosbag2 import ReaderError as Ros2Error
+
+from curvescan.errors import CurvescanError, LogFileError, LogFormatError
+from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
+from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.printable import printable
+from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, storage_files
+from curvescan.io.ros.bags.limits import CheckedMcapReader, CheckedRos1Reader
+from curvescan.io.ros.bags.salvage import salvage, with_its_journal
+from curvescan.io.ros.bags.sqlite import sqlite_reader, unfinished
+from curvescan.io.ros.messages import Decoder
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What a bag says of a topic.
+
+    Attributes
+    ----------
+    msgtype : str
+        Type of its messages, ``"sensor_msgs/msg/LaserScan"`` for ROS 1 as for ROS 2.
+    count : int
+        Messages, by the bag's own count.
+    """
+
+    msgtype: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message as it stands in the bag.
+
+    Attributes
+    ----------
+    topic, msgtype : str
+        Where it belongs.
+    received : int
+        When the recorder received it, nanoseconds.
+    data : bytes
+        Not yet decoded; see Bag.decode.
+    """
+
+    topic: str
+    msgtype: str
+    received: int
+    data: bytes
+
+
+class Bag:
+    """A ROS bag that can be read again and again; no file stays open between the readings.
+
+    Parameters
+    ----------
+    path : Path
+        A file, plain or gzip-compressed, or the folder of a ROS 2 bag. A compressed one is unpacked to a
+        temporary folder, which goes with this object.
+
+    Raises
+    ------
+    LogFileError
+        When a file cannot be read.
+    LogFormatError
+        When it is no bag, or one that cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.is_whole = True
+        stored = storage_files(path) if path.is_dir() else (path,)
+        kind = bag_kind(stored[0])
+        if kind is None:
+            raise LogFormatError(f"{path} is no ROS bag")
+        self.kind = kind
+        self._files = [self._unpacked(file) for file in stored]
+        self._n_given = {}
+        for file, given in zip(self._files, stored, strict=True):
+            self._n_given[file] = given.stat().st_size
+        self._journal_notes: list[str] = []
+        if kind is BagKind.SQLITE:
+            self._files = [
+                self._with_its_journal(file) if unfinished(file) else file for file in self._files
+            ]
+        self.is_cut = False
+        connections: list[Connection] = []
+        for k, file in enumerate(self._files):
+            connections += self._connections_of(k, file)
+        self.topics = _topics(connections)
+        self._decoder = Decoder(connections, is_ros1=kind is BagKind.ROS1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed to read the bag, a sentence each."""
+        cut = (
+            "its compressed data break off or are damaged: what could be unpacked of them is read",
+        )
+        return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
+
+    def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
+        """Yield the messages of these topics in the order they were received, one in memory at a time.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Names of topics.
+        received : int or None
+            Only those received at this time, nanoseconds, found by the bag's own index; None for all.
+
+        Raises
+        ------
+        LogFormatError
+            Where the bag is damaged, after what stands before.
+        """
+        for file in self._files:
+            limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]
+            with self._opened(file) as reader:
+                wanted = [
+                    c
+                    for c in reader.connections
+                    if c.topic in topics and c.msgtype == self.topics[c.topic].msgtype
+                ]
+                stop = None if received is None else received + 1
+                stream = iter(reader.messages(wanted, received, stop) if wanted else ())
+                while True:
+                    with self._own_errors():
+                        item = next(stream, None)
+                    if item is None:
+                        break
+                    connection, when, data = item
+                    if (
+                        connection.topic not in topics
+                    ):  # a damaged table may give two topics one number
+                        continue
+                    limit -= len(data) if isinstance(data, bytes) else 0
+                    if limit < 0:  # an index may lead to the same bytes again and again
+                        raise self._unreadable(
+                            "its messages are longer than a file of its size can hold"
+                        )
+                    # a column of SQLite holds values of any type, whatever its declaration
+                    yield Message(
+                        connection.topic,
+                        connection.msgtype,
+                        when if isinstance(when, int) else 0,
+                        data if isinstance(data, bytes) else b"",
+                    )
+
+    def decode(self, message: Message) -> Any:
+        """Return a message with its fields as attributes.
+
+        Raises
+        ------
+        BrokenMessageError
+            When its bytes do not follow its type.
+        """
+        return self._decoder.decode(message.data, message.msgtype)
+
+    def _unpacked(self, file: Path) -> Path:
+        if not is_packed(file):
+            return file
+        folder = self._temporary_folder()
+        self.is_whole &= unpack(file, folder / "bag")
+        return folder / "bag"
+
+    def _connections_of(self, k: int, file: Path) -> list[Connection]:
+        """Return the connections of file k; of one that is cut short, what is left of it takes its place."""
+        try:
+            with self._opened(file) as reader:
+                return list(reader.connections)
+        except LogFormatError as error:
+            rest = self._temporary_folder() / "rest"
+            try:
+                salvage(file, self.kind, rest)
+                self._n_given[rest] = self._n_given[file]
+                with self._opened(rest) as reader:
+                    connections = list(reader.connections)
+            except (OSError, ValueError, LogFormatError, sqlite3.Error, RosbagsWriterError):
+                raise error from None
+            if not any(c.msgcount for c in connections):
+                raise
+            self._files[k] = rest
+            self.is_cut = True
+            return connections
+
+    def _with_its_journal(self, file: Path) -> Path:
+        what = "the database was not closed: what stands in its -wal or -journal file"
+        try:
+            copy = with_its_journal(file, self._temporary_folder())
+        except (OSError, sqlite3.Error) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            self._journal_notes = [f"{what} is not read ({printable(reason, 100)})"]
+            return file
+        self._journal_notes = [f"{what} is read as well, from a copy"]
+        self._n_given[copy] = max(copy.stat().st_size, self._n_given[file])
+        return copy
+
+    def _temporary_folder(self) -> Path:
+        folder = Path(tempfile.mkdtemp(prefix="curvescan-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
+    @contextmanager
+    def _opened(self, file: Path) -> Iterator[_Reader]:
+        if not file.is_file():
+            raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
+        with self._own_errors():
+            reader = _READERS[self.kind](file, self._n_given[file])
+            reader.open()
+        try:
+            yield reader
+        finally:
+            with suppress(Exception):
+                reader.close()
+
+    @contextmanager
+    def _own_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except LogFormatError as error:
+            raise self._unreadable(str(error)) from error
+        except CurvescanError:
+            raise
+        except (Ros1Error, Ros2Error) as error:
+            raise self._unreadable(
+                printable(" ".join(str(error).split()), 300).rstrip(".")
+            ) from error
+        except Exception as error:
+            # an offset of the file's own that leads out of it is an invalid argument
+            if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
+                raise LogFileError(f"cannot read {self.path}: {error.strerror}") from error
+            reason = f"its structure is damaged ({type(error).__name__})"
+            raise self._unreadable(reason) from error
+
+    def _unreadable(self, reason: str) -> LogFormatError:
+        whole = "" if self.is_whole else "; its compressed data break off or are damaged"
+        return LogFormatError(
+            f"{self.path} is a {self.kind.value} that cannot be read: {reason}{whole}"
+        )
+
+
+def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
+    """Return the topics by name; a topic has as many connections as publishers and files."""
+    topics: dict[str, Topic] = {}
+    for c in connections:
+        if not (isinstance(c.topic, str) and isinstance(c.msgtype, str)):
+            continue  # a column of SQLite holds values of any type
+        known = topics.get(c.topic, Topic(c.msgtype, 0))
+        if c.msgtype == known.msgtype:
+            topics[c.topic] = Topic(c.msgtype, known.count + c.msgcount)
+    return MappingProxyType(topics)
+
+
+class _Reader(Protocol):
+    """What the readers of rosbags have in common."""
+
+    connections: list[Connection]
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def messages(
+        self,
+        connections: Collection[Connection],
+        start: int | None = None,
+        stop: int | None = None,
+    ) -> Iterator[tuple[Connection, int, bytes]]: ...
+
+
+_READERS: dict[BagKind, Callable[[Path, int], _Reader]] = {
+    BagKind.ROS1: CheckedRos1Reader,
+    BagKind.SQLITE: lambda file, _: sqlite_reader(file),
+    BagKind.MCAP: CheckedMcapReader,
+}

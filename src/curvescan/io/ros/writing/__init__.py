@@ -1,0 +1,1 @@
+"""Scans, odometry and transforms written as ROS bags."""

@@ -1,0 +1,161 @@
+"""BagWriter: laser scans, odometry and transforms to a ROS bag; the counterpart of bag.py."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Protocol, Self
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+
+from curvescan.errors import OutputError
+from curvescan.io.ros.bags.bag_files import BagKind
+from curvescan.io.ros.messages import LASER_SCAN, ODOMETRY, TRANSFORMS
+from curvescan.io.ros.writing.message_building import LASER_FRAME, ODOM_FRAME, MessageBuilder
+from curvescan.scan import LaserScan
+from curvescan.types import Cov, Pose
+
+SCAN_TOPIC, ODOM_TOPIC, TF_TOPIC = "/scan", "/odom", "/tf"
+
+_METADATA_VERSION: Literal[8, 9] = 8
+"""Of metadata.yaml: the last whose quality of service is a text, as all releases since Foxy read it; 9 gives a list, over which
+Humble and Iron stumble."""
+
+_PLUGINS = {BagKind.SQLITE: StoragePlugin.SQLITE3, BagKind.MCAP: StoragePlugin.MCAP}
+
+
+class _Writer(Protocol):
+    """What the writers of rosbags have in common."""
+
+    def __enter__(self) -> object: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> object: ...
+
+    def add_connection(self, topic: str, msgtype: str, *, typestore: Any) -> Connection: ...
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None: ...
+
+
+@contextmanager
+def bag_in_folder(path: Path) -> Iterator[Path]:
+    """Yield where to write a ROS 2 bag whose files are to lie in an existing folder."""
+    bag = path / "scans"  # the library makes a folder of its own, and names the storage by it
+    yield bag
+    for file in bag.iterdir():
+        file.replace(path / file.name)
+    bag.rmdir()
+
+
+@contextmanager
+def mcap_in_file(path: Path) -> Iterator[Path]:
+    """Yield where to write an MCAP bag of which the one file is to lie at `path`, which needs no metadata.yaml."""
+    folder = Path(tempfile.mkdtemp(prefix=".curvescan-", dir=path.parent))
+    try:
+        yield folder / "scans"
+        (folder / "scans" / "scans.mcap").replace(path)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class BagWriter:
+    """Writes a bag message by message; to be used in a ``with``.
+
+    The recorder's time of reception is the message's stamp, but never before that of the message before: readers order by it, and the
+    order of the calls must stay though stamps may repeat or go back.
+
+    Parameters
+    ----------
+    path : Path
+        A file for ROS 1, else a folder; it must not exist.
+    kind : BagKind
+        How to store.
+
+    Raises
+    ------
+    OutputError
+        When it cannot be written there.
+    """
+
+    def __init__(self, path: object, kind: BagKind) -> None:
+        self._path = str(path)
+        is_ros1 = kind is BagKind.ROS1
+        self.builder = MessageBuilder(is_ros1=is_ros1, where=kind.value)
+        self._connections: dict[str, Connection] = {}
+        self._received = 0
+        if kind is BagKind.SQLITE and any(ch in self._path for ch in "?#%"):
+            # the library puts the path into a URI
+            raise OutputError(
+                f"cannot write {self._path}: a path of an SQLite file cannot hold ?, # or %"
+            )
+        self._writer: _Writer = (
+            Ros1Writer(self._path)
+            if is_ros1
+            else Ros2Writer(self._path, version=_METADATA_VERSION, storage_plugin=_PLUGINS[kind])
+        )
+
+    def __enter__(self) -> Self:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._writer.__exit__(kind, error, traceback)
+
+    def add_scan(self, scan: LaserScan) -> bool:
+        """Write a scan to /scan, and return whether all its numbers are kept as they are.
+
+        Raises
+        ------
+        OutputError
+            When its beams are not evenly spaced, or nothing is left of an angle or a limit in float32.
+        """
+        message, is_same = self.builder.laser_scan(scan)
+        self.write(SCAN_TOPIC, LASER_SCAN, message, scan.stamp)
+        return is_same
+
+    def add_odometry(self, stamp: float, pose: Pose, covariance: Cov | None = None) -> None:
+        """Write a pose of the laser in the odometry's frame to /odom, nav_msgs/Odometry; its speed is said to be unknown."""
+        self.write(ODOM_TOPIC, ODOMETRY, self.builder.odometry(stamp, pose, covariance), stamp)
+
+    def add_transform(self, stamp: float, pose: Pose) -> None:
+        """Write a pose of the laser in the odometry's frame to /tf."""
+        message = self.builder.transforms(stamp, [(ODOM_FRAME, LASER_FRAME, pose)])
+        self.write(TF_TOPIC, TRANSFORMS[0], message, stamp)
+
+    def write(self, topic: str, msgtype: str, message: Any, stamp: float) -> None:
+        """Write a message that `builder` made.
+
+        Parameters
+        ----------
+        topic : str
+            Its topic, of which all messages are of one type.
+        msgtype : str
+            Its type.
+        message : object
+            What the builder returned.
+        stamp : float
+            Seconds.
+        """
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(
+                topic, msgtype, typestore=self.builder.store
+            )
+        self._received = max(self._received + 1, self.builder.nanoseconds(stamp))
+        data = self.builder.encoded(message, msgtype)
+        self._writer.write(self._connections[topic], self._received, data)

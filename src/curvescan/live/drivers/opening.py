@@ -1,0 +1,59 @@
+"""open_driver: the source of a laser, by the name of its driver."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from curvescan.errors import InvalidArgumentError
+
+if TYPE_CHECKING:
+    from curvescan.live.sources import ScanSource
+
+DRIVERS = ("lds2d", "rplidar", "hokuyo")
+"""Names of the drivers."""
+
+
+def open_driver(
+    driver: str,
+    port: str,
+    *,
+    is_mirrored: bool = False,
+    ignore_beams: tuple[int, int] = (0, 0),
+) -> ScanSource:
+    """Return the source of a laser; it is opened when its context is entered.
+
+    Parameters
+    ----------
+    driver : str
+        ``"lds2d:MODEL"`` (see ``lds2d.available_models()``), ``"rplidar"`` or ``"hokuyo"``.
+    port : str
+        A serial port (``/dev/ttyUSB0``, ``COM3``), a URL of pyserial (``socket://HOST:PORT``, ``rfc2217://HOST:PORT``)
+        or ``recording://FILE`` of raw bytes; for hokuyo ``HOST:PORT``.
+    is_mirrored : bool
+        Whether the laser turns against what its model does, or hangs upside down.
+    ignore_beams : (int, int)
+        Readings at the beginning and at the end of each turn that are left out.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When there is no such driver or model.
+    MissingPackageError
+        When the driver's package is not installed.
+    """
+    name, _, model = driver.partition(":")
+    if name == "lds2d" and model:
+        from curvescan.live.drivers.lds2d_source import Lds2dSource
+
+        return Lds2dSource(model, port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
+    if name == "rplidar" and not model:
+        from curvescan.live.drivers.rplidar_source import RplidarSource
+
+        return RplidarSource(port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
+    if name == "hokuyo" and not model:
+        from curvescan.live.drivers.hokuyo_source import HokuyoSource
+
+        return HokuyoSource(port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
+    raise InvalidArgumentError(
+        f"there is no driver {driver!r}: the drivers are lds2d:MODEL (lds2d:LDROBOT-LD19, say), rplidar and hokuyo"
+    )

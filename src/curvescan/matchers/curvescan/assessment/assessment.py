@@ -1,0 +1,223 @@
+"""Evidence: what the readings of both scans say of one pose, and which directions they leave open."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.assessment.information import covariance, pose_information
+from curvescan.matchers.curvescan.assessment.labels import (
+    DYNAMIC,
+    INLIER,
+    compare_readings,
+    static_segments,
+)
+from curvescan.matchers.curvescan.config import (
+    CurvescanConfig,
+    InformationConfig,
+    ScoringConfig,
+)
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.proposal.scoring import best_beside
+from curvescan.matchers.curvescan.refinement import refine
+from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Assessment:
+    """What two scans say of a pose.
+
+    Attributes
+    ----------
+    codes_ref, codes_cur : (m,), (k,) uint8
+        What each reading is to the other scan; codes of labels.py.
+    partner_ref, partner_cur : (m,), (k,) int64
+        Reading of the other scan that each agrees with, -1 for none.
+    n_inliers : int
+        Readings of the current scan that agree.
+    is_static_ref, is_static_cur : (m,), (k,) bool
+        Which readings are of surfaces that did not move as a whole.
+    n_dynamic : int
+        Surfaces that did, of both scans.
+    information, spurious, axes, units
+        Principal directions of the information; see :func:`curvescan.matchers.curvescan.assessment.information.pose_information`.
+    """
+
+    codes_ref: Codes
+    codes_cur: Codes
+    partner_ref: Ints
+    partner_cur: Ints
+    n_inliers: int
+    is_static_ref: Bools
+    is_static_cur: Bools
+    n_dynamic: int
+    information: Floats
+    spurious: Floats
+    axes: Floats
+    units: Floats
+
+    @property
+    def weakest(self) -> Pose:
+        """(3,) least observable direction of the pose: metres, metres and radians; it moves a typical reading by 1 m."""
+        weakest: Pose = self.axes[:, 0] * self.units
+        return weakest
+
+    def is_weakly_observable(self, config: InformationConfig) -> bool:
+        """Return whether one direction has much less information than the next."""
+        return bool(self.information[0] < config.degenerate_ratio * self.information[1])
+
+    def is_enough(self, config: ScoringConfig) -> bool:
+        """Return whether so many readings agree that chance does not explain it."""
+        return self.n_inliers >= min(config.min_inliers, len(self.codes_cur) / 3)
+
+    def covariance(self, is_degenerate: Bools, config: InformationConfig) -> Cov:
+        """Return the (3, 3) covariance of the pose, wide in the open directions."""
+        return covariance(
+            self.information, self.axes, self.units, is_degenerate, config.degenerate_sigma
+        )
+
+
+def assess_pose(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig
+) -> Assessment:
+    """Return what the scans say of a pose of the current scan in the reference."""
+    rules = config.scoring
+    (
+        codes_ref,
+        codes_cur,
+        partner_ref,
+        partner_cur,
+        n_inliers,
+        is_static_ref,
+        is_static_cur,
+        n_dynamic,
+        information,
+        spurious,
+        axes,
+        units,
+    ) = assess(
+        ref.image,
+        ref.bounds,
+        cur.image,
+        cur.bounds,
+        pose,
+        rules.margin,
+        rules.dynamic_sigmas,
+        rules.dynamic_min_m,
+    )
+    return Assessment(
+        codes_ref=codes_ref,
+        codes_cur=codes_cur,
+        partner_ref=partner_ref,
+        partner_cur=partner_cur,
+        n_inliers=n_inliers,
+        is_static_ref=is_static_ref,
+        is_static_cur=is_static_cur,
+        n_dynamic=n_dynamic,
+        information=information,
+        spurious=spurious,
+        axes=axes,
+        units=units,
+    )
+
+
+@kernel
+def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
+    """Take their partners from the readings of surfaces that moved, in place, and return how many readings have one left."""
+    n_left = 0
+    for i in range(codes.size):
+        if not is_static[i]:
+            codes[i] = DYNAMIC if codes[i] == INLIER else codes[i]
+            partner[i] = -1
+        elif partner[i] >= 0:
+            n_left += 1
+    return n_left
+
+
+@kernel
+def assess(
+    ref: RangeImage,
+    bounds_ref: Ints,
+    cur: RangeImage,
+    bounds_cur: Ints,
+    pose: Floats,
+    margin: float,
+    limit: float,
+    least: float,
+) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
+    """Return the fields of an Evidence; margin, limit and least as in ScoringConfig."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
+    codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
+    codes_ref, partner_ref = compare_readings(ref.surfels, cur, back, margin)
+    is_static_cur, n_dynamic_cur = static_segments(
+        cur.surfels, bounds_cur, partner_cur, ref.surfels, pose, limit, least
+    )
+    is_static_ref, n_dynamic_ref = static_segments(
+        ref.surfels, bounds_ref, partner_ref, cur.surfels, back, limit, least
+    )
+    n_inliers = remove_dynamic(codes_cur, partner_cur, is_static_cur)
+    remove_dynamic(codes_ref, partner_ref, is_static_ref)
+    information, spurious, axes, units = pose_information(
+        ref.surfels, partner_ref, cur.surfels, partner_cur, pose
+    )
+    n_dynamic = n_dynamic_cur + n_dynamic_ref
+    return (
+        codes_ref,
+        codes_cur,
+        partner_ref,
+        partner_cur,
+        n_inliers,
+        is_static_ref,
+        is_static_cur,
+        n_dynamic,
+        information,
+        spurious,
+        axes,
+        units,
+    )
+
+
+def degenerate_directions(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    pose: Pose,
+    assessment: Assessment,
+    config: CurvescanConfig,
+) -> Bools:
+    """Return (3,) which principal directions the scans leave open, the least informed first.
+
+    A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next to nothing; and the least informed,
+    if it is weak, also when the scans agree as well some way along it.
+    """
+    rules, images = config.information, (ref.image, cur.image)
+    information = assessment.information
+    is_degenerate: Bools = (information < 2.0 * assessment.spurious) | (
+        information < rules.max_sigma**-2
+    )
+    if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
+        fine = config.scoring.fine
+        here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *fine)
+        beside = best_beside(pose, assessment.weakest, np.array(rules.offsets), *images, *fine)
+        is_degenerate[0] = beside > rules.flat_score * here
+    return is_degenerate
+
+
+def without_dynamic(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    poses: Floats,
+    assessment: Assessment,
+    config: CurvescanConfig,
+) -> tuple[Floats, Assessment]:
+    """Return the poses, the first refined without the surfaces that moved, and its assessment."""
+    if not assessment.n_dynamic:
+        return poses, assessment
+    static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
+    static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
+    pose = refine(poses[:1], static_ref, static_cur, config.refinement.full_schedule)
+    return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)

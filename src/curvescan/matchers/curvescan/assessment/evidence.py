@@ -1,0 +1,232 @@
+"""Evidence: what the surfaces of both scans say for a pose and against it, in metres of surface.
+
+Surfaces that stand free and are no larger than a person may have moved between the scans; what contradicts a pose at any
+other surface is a wall seen through. Docs: docs/design-notes/confidence.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.assessment.labels import (
+    DYNAMIC,
+    IN_FRONT,
+    INLIER,
+    agreeing_limits,
+)
+from curvescan.matchers.curvescan.association import (
+    BACKWARD,
+    FORWARD,
+    Motion,
+    associate,
+    is_seen_through,
+    motion_of,
+    turned,
+    turned_back,
+)
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
+from curvescan.matchers.curvescan.features.surfels import (
+    CX,
+    CY,
+    LENGTH,
+    NX,
+    NY,
+    RANGE,
+    VARIANCE,
+    X,
+    Y,
+)
+from curvescan.types import Bools, Codes, Floats, Ints
+
+AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL = range(8)
+"""Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
+parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance of
+readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no small
+thing; seen through, in runs longer than 0.5 m; seen through, and small things."""
+
+N_EVIDENCE = SMALL + 1
+
+_IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
+_LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
+_BESIDE = (
+    0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
+)
+_PARALLEL = 0.9  # cosine
+_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
+_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
+_WALL = 0.12  # metres from its line within which a reading is of a wall
+_N_TAKEN = 48  # readings that stand for all
+_N_SEEDS = 16  # of these the ones through which walls are looked for
+
+
+@kernel
+def may_move(surfels: Floats, bounds: Ints) -> Bools:
+    """Return which readings are of surfaces no larger than a person that stand before what is beside them."""
+    is_small = np.zeros(surfels.shape[0], dtype=np.bool_)
+    for k in range(bounds.size - 1):
+        extent2, before, behind = extent_and_steps(surfels, bounds, k)
+        if extent2 <= PERSON_EXTENT * PERSON_EXTENT and max(before, behind) >= _IN_FRONT:
+            for i in range(bounds[k], bounds[k + 1]):
+                is_small[i] = True
+    return is_small
+
+
+@kernel
+def gather_evidence(
+    ref: RangeImage,
+    bounds_ref: Ints,
+    cur: RangeImage,
+    bounds_cur: Ints,
+    poses: Floats,
+    margin: float,
+) -> Floats:
+    """Return (k, N_EVIDENCE) the evidence of (k, 3) poses of the current scan in the reference.
+
+    `margin` as in ScoringConfig.
+    """
+    small_ref, small_cur = may_move(ref.surfels, bounds_ref), may_move(cur.surfels, bounds_cur)
+    found = np.zeros((poses.shape[0], N_EVIDENCE))
+    for k in range(poses.shape[0]):
+        n_misfits = 0.0
+        for way in (FORWARD, BACKWARD):
+            scan, other = (cur, ref) if way > 0.0 else (ref, cur)
+            bounds = bounds_cur if way > 0.0 else bounds_ref
+            small, small_other = (small_cur, small_ref) if way > 0.0 else (small_ref, small_cur)
+            n_misfits += add_evidence(
+                scan.surfels, bounds, small, other, small_other, poses[k], way, margin, found[k]
+            )
+        for column in range(N_EVIDENCE):
+            found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5
+    return found
+
+
+@kernel
+def add_evidence(
+    surfels: Floats,
+    bounds: Ints,
+    is_small: Bools,
+    other: RangeImage,
+    is_small_other: Bools,
+    pose: Floats,
+    way: float,
+    margin: float,
+    found: Floats,
+) -> int:
+    """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`, and return how many of them have a misfit."""
+    codes = np.zeros(surfels.shape[0], dtype=np.uint8)
+    motion = motion_of(pose, way)
+    n_misfits = 0
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for i in range(surfels.shape[0]):
+        j, _, x, y, across, along = associate(surfels, i, motion, other)
+        if j < 0:
+            continue
+        length = surfels[i, LENGTH]
+        limit, reach = agreeing_limits(surfels, i, other.surfels, j, margin)
+        is_on_line = along * along < reach * reach
+        if is_on_line and abs(across) < limit:
+            codes[i] = INLIER
+            nx, ny = surfels[i, NX], surfels[i, NY]
+            found[AGREEING] += length
+            xx, xy, yy = xx + length * nx * nx, xy + length * nx * ny, yy + length * ny * ny
+            variance, variance_other = surfels[i, VARIANCE], other.surfels[j, VARIANCE]
+            if variance > 0.0 and variance_other > 0.0:
+                found[MISFIT] += across * across / (variance + variance_other)
+                n_misfits += 1
+        elif is_seen_through(x, y, other.surfels[j, RANGE] - 2.0 * limit - IN_FRONT):
+            codes[i] = DYNAMIC
+            found[SMALL if is_small[i] else SEEN_THROUGH] += length
+        elif is_on_line and abs(across) < _BESIDE and not (is_small[i] or is_small_other[j]):
+            found[MISSED] += length if is_parallel(surfels, i, motion, other.surfels, j) else 0.0
+    half = 0.5 * (xx - yy)
+    found[WEAKEST] += 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy)
+    found[EXCESS] += excess_length(surfels, codes)
+    found[LARGE] += large_length(surfels, bounds, codes)
+    return n_misfits
+
+
+@kernel
+def is_parallel(surfels: Floats, i: int, motion: Motion, surfels_other: Floats, j: int) -> bool:
+    """Return whether a reading, moved, faces as one of the other scan does."""
+    nx, ny = surfels[i, NX], surfels[i, NY]
+    x, y = turned(nx, ny, motion) if motion.way > 0.0 else turned_back(nx, ny, motion)
+    return bool(x * surfels_other[j, NX] + y * surfels_other[j, NY] > _PARALLEL)
+
+
+@kernel
+def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
+    """Return the length of surface seen through in runs longer than 0.5 m, metres."""
+    large = 0.0
+    for k in range(bounds.size - 1):
+        run, first = 0.0, -1
+        for i in range(bounds[k], bounds[k + 1]):
+            if codes[i] == DYNAMIC:
+                first = i if first < 0 else first
+                run += surfels[i, LENGTH]
+            if first >= 0 and (codes[i] != DYNAMIC or i == bounds[k + 1] - 1):
+                last = i if codes[i] == DYNAMIC else i - 1
+                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
+                large += run if dx * dx + dy * dy > _LARGE_EXTENT * _LARGE_EXTENT else 0.0
+                run, first = 0.0, -1
+    return large
+
+
+@kernel
+def excess_length(surfels: Floats, codes: Codes) -> float:
+    """Return the length of surface that agrees besides the wall that agrees most and the most of those across it, metres.
+
+    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
+    readings, and of many only some are taken.
+    """
+    n = 0
+    for i in range(codes.size):
+        n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
+    stride = max(n // _N_TAKEN, 1)
+    rows = np.empty(n // stride + 1, dtype=np.int64)
+    count, seen, total = 0, 0, 0.0
+    for i in range(codes.size):
+        if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
+            continue
+        total += surfels[i, LENGTH]
+        if seen % stride == 0:
+            rows[count] = i
+            count += 1
+        seen += 1
+    taken = np.zeros(count, dtype=np.bool_)
+    wall, walls = -1, 0.0
+    for turn in range(2):
+        best, best_row = 0.0, -1
+        for seed in range(0, count, max(count // _N_SEEDS, 1)):
+            i = rows[seed]
+            nx, ny = surfels[i, NX], surfels[i, NY]
+            if turn == 1 and (
+                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > _ACROSS
+            ):
+                continue
+            length = 0.0
+            for k in range(count):
+                if not taken[k] and is_on_wall(surfels, rows[k], i):
+                    length += surfels[rows[k], LENGTH]
+            if length > best:
+                best, best_row = length, i
+        if best_row < 0:
+            break
+        for k in range(count):
+            taken[k] = taken[k] or is_on_wall(surfels, rows[k], best_row)
+        wall = best_row
+        walls += best * stride
+    return max(total - walls, 0.0)
+
+
+@kernel
+def is_on_wall(surfels: Floats, i: int, seed: int) -> bool:
+    """Return whether a reading lies on the line through another and faces like it."""
+    nx, ny = surfels[seed, NX], surfels[seed, NY]
+    if nx * surfels[i, NX] + ny * surfels[i, NY] < _ALIKE:
+        return False
+    off = nx * (surfels[i, CX] - surfels[seed, CX]) + ny * (surfels[i, CY] - surfels[seed, CY])
+    return bool(abs(off) < _WALL)

@@ -1,0 +1,234 @@
+"""Search: from features of two scans to the few poses worth a closer look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.range_image import RangeImage
+from curvescan.matchers.curvescan.pose_difference import distance
+from curvescan.matchers.curvescan.proposal.hypotheses import most_voted, pair_keypoints
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
+    aligned_translations,
+    degenerate_hypotheses,
+    rotation_hypotheses,
+)
+from curvescan.matchers.curvescan.proposal.scoring import select
+from curvescan.matchers.curvescan.refinement import refine
+from curvescan.types import Floats, Pose
+
+_STAND_STILL = np.zeros(3)
+_OTHER = 0.3  # metres, and half of it in radians: candidates nearer to one another are one, and the better is kept
+_SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
+
+
+class Problem(NamedTuple):
+    """What is to be matched.
+
+    Attributes
+    ----------
+    reference, current : CurvescanFeatures
+        Both scans.
+    guess : (3,) float64 or None
+        Expected pose of the current scan in the reference, metres, metres, radians.
+    config : CurvescanConfig
+        All parameters.
+    """
+
+    reference: CurvescanFeatures
+    current: CurvescanFeatures
+    guess: Pose | None
+    config: CurvescanConfig
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Candidates:
+    """The best poses found.
+
+    Attributes
+    ----------
+    poses : (k, 3) float64
+        Poses that differ from one another, refined on the samples, best first; of the current scan in the reference.
+    scores : (k,) float64
+        How well the scans agree there, at most 1.
+    n_tried : int
+        Poses that were verified.
+    """
+
+    poses: Floats
+    scores: Floats
+    n_tried: int
+
+
+def propose(problem: Problem) -> Candidates:
+    """Return the best poses: the guess alone where it is to be trusted, else what a search finds, and the guess."""
+    ref, cur, guess, config = problem
+    if guess is None:
+        return search(ref, cur, None, config)
+    near = refine_guess(ref, cur, guess, config)
+    if is_trusted(ref, cur, guess, near, config):
+        return near
+    found = search(ref, cur, guess, config)
+    if not len(near.scores) or any(distance(near.poses[0], pose) < _SAME for pose in found.poses):
+        return found
+    return Candidates(
+        poses=np.concatenate((found.poses, near.poses)),
+        scores=np.concatenate((found.scores, near.scores)),
+        n_tried=found.n_tried + 1,
+    )
+
+
+def refine_guess(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig
+) -> Candidates:
+    """Return the guess refined, or nothing where no reading agrees."""
+    images = (ref.image, cur.image)
+    near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
+    near, scores = select(near, *images, *config.scoring.close, 1, 64, _OTHER)
+    return Candidates(poses=near, scores=scores, n_tried=1)
+
+
+def is_trusted(
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    guess: Pose,
+    near: Candidates,
+    config: CurvescanConfig,
+) -> bool:
+    """Return whether the refined guess is taken without a look at others.
+
+    It is when enough readings agree there, the refinement stays near, and both axes are fixed.
+    """
+    step = config.hypotheses.along_step
+    return bool(
+        len(near.scores)
+        and near.scores[0] > config.scoring.guess_score
+        and distance(near.poses[0], guess) < 2.0 * step
+        and not len(
+            degenerate_hypotheses(
+                near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio
+            )
+        )
+    )
+
+
+def search(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig
+) -> Candidates:
+    """Return the best poses of all that keypoints, directions of surfaces and the guess propose.
+
+    Where they find little support, and the best is not where the guess has it, the places where walls of both
+    scans coincide are tried as well.
+    """
+    steps = config.hypotheses
+    rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
+    if guess is not None:
+        rotated = np.concatenate((guess[np.newaxis], rotated))
+    pairs = pair_keypoints(
+        ref.keypoints, cur.keypoints, ref.image, cur.image, steps.turn_tolerance, steps.max_pairs
+    )
+    voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
+    found = _best(ref, cur, np.concatenate((rotated, voted)), config)
+    if not _is_doubtful(found, config) or _is_expected(found, guess, config):
+        return found
+    aligned = aligned_translations(
+        rotated,
+        ref.image.samples,
+        cur.image.samples,
+        steps.alignment_reach,
+        steps.alignment_bin,
+        steps.n_alignments,
+    )
+    return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
+
+
+def _best(
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
+) -> Candidates:
+    rules, steps = config.scoring, config.hypotheses
+    best, scores = explore(
+        poses,
+        ref.image,
+        cur.image,
+        config.refinement.quick_schedule,
+        (*rules.rough, *rules.moved_along, *rules.close),
+        (rules.n_kept, rules.n_kept + 1, 3),
+        (6, 12, 64),
+        steps.along_step,
+        round(steps.along_reach / steps.along_step),
+        config.information.degenerate_ratio,
+    )
+    return Candidates(poses=best, scores=scores, n_tried=len(poses))
+
+
+@kernel
+def stack(first: Floats, second: Floats) -> Floats:
+    """Return (h + k, 3) the poses of both; np.concatenate takes half a second to compile."""
+    n = first.shape[0]
+    both = np.empty((n + second.shape[0], 3))
+    for i in range(both.shape[0]):
+        for k in range(3):
+            both[i, k] = first[i, k] if i < n else second[i - n, k]
+    return both
+
+
+@kernel
+def explore(
+    poses: Floats,
+    ref: RangeImage,
+    cur: RangeImage,
+    sigmas: Floats,
+    tolerances: tuple[float, float, float, float, float, float],
+    n_kept: tuple[int, int, int],
+    n_first: tuple[int, int, int],
+    along_step: float,
+    n_along: int,
+    degenerate_ratio: float,
+) -> tuple[Floats, Floats]:
+    """Return a few poses and their scores: the best of those given, refined, and if need be moved along a degenerate direction and refined.
+
+    `tolerances` are those of rough, moved and closely refined poses, metres and metres for each metre of range; `n_kept`
+    and `n_first` what is kept of each and the samples tried first. They are no constants, for each of which Numba would
+    compile `select` anew.
+    """
+    rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
+    chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], _OTHER)
+    quick = refine(chosen, ref, cur, sigmas)
+    moved_along = degenerate_hypotheses(quick[:2], ref, cur, along_step, n_along, degenerate_ratio)
+    if moved_along.shape[0] > 0:
+        chosen, _ = select(
+            stack(quick, moved_along),
+            ref,
+            cur,
+            slid_tolerance,
+            slid_slope,
+            n_kept[1],
+            n_first[1],
+            _OTHER,
+        )
+        quick = refine(chosen, ref, cur, sigmas)
+    return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], _OTHER)
+
+
+def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig) -> bool:
+    """Return whether the best pose lies where the guess has it, and finds some support."""
+    if guess is None or not len(found.scores):
+        return False
+    is_near = distance(found.poses[0], guess) < 2.0 * config.hypotheses.along_step
+    return bool(is_near and found.scores[0] > config.scoring.doubtful_score)
+
+
+def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
+    """Return whether the best pose finds little support, or middling with few poses tried or a close competing hypothesis."""
+    scoring, scores = config.scoring, found.scores
+    if not len(scores) or scores[0] < scoring.doubtful_score:
+        return True
+    if found.n_tried < scoring.few_tried and scores[0] < scoring.certain_score:
+        return True
+    is_contested = len(scores) > 1 and scores[1] > scoring.contested * scores[0]
+    return bool(is_contested and scores[0] < scoring.guess_score)

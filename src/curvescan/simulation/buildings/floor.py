@@ -1,0 +1,181 @@
+"""A whole floor: a corridor loop, offices on both sides of it, a round room, a curved outer wall."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from curvescan.simulation.buildings.floorplan import (
+    WALL_THICKNESS,
+    Door,
+    Room,
+    door_zones,
+    walls_of,
+)
+from curvescan.simulation.buildings.furniture import furnish
+from curvescan.simulation.buildings.offices import roomiest_place
+from curvescan.simulation.buildings.world import World
+from curvescan.types import Floats
+
+_CORRIDOR = 2.0  # width, metres
+_ROUND_GAP = 0.7  # half the opening of the round room, metres
+_LEAF = 0.04  # thickness of a door leaf, metres
+
+
+def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool = True) -> World:
+    """Return a random floor of about 24 m by 18 m; its route is a loop of 60 to 80 m.
+
+    Rows of offices lie below and above a corridor loop; inside the loop lie more offices and a round room
+    (one exact arc); the corridor on the right has a curved outer wall. Doors stand open or are closed.
+
+    Parameters
+    ----------
+    seed : int or SeedSequence
+        The same seed gives the same building.
+    visits_round_room : bool
+        Whether the route leads into the round room, where the heading is unobservable.
+    """
+    rng = np.random.default_rng(seed)
+    length = rng.uniform(21.5, 23.5)
+    low = rng.uniform(4.0, 4.6)  # top of the lower row
+    core_low = low + _CORRIDOR
+    core_high = core_low + rng.uniform(4.8, 5.2)
+    high = core_high + _CORRIDOR  # bottom of the upper row
+    width = high + rng.uniform(4.0, 4.6)
+
+    lower = _row(0.0, length, 0.0, low, rng)
+    upper = _row(0.0, length, high, width, rng)
+    side = core_high - core_low
+    round_x = _CORRIDOR + rng.uniform(0.35, 0.65) * (length - 2.0 * _CORRIDOR)
+    hub = Room(round_x - 0.5 * side, core_low, round_x + 0.5 * side, core_high)
+    core = _row(_CORRIDOR, hub.x0, core_low, core_high, rng)
+    core += _row(hub.x1, length - _CORRIDOR, core_low, core_high, rng)
+
+    doors = [_door(one, one.y1, rng) for one in lower] + [_door(one, one.y0, rng) for one in upper]
+    doors += [_door(one, (one.y0, one.y1)[int(rng.integers(2))], rng) for one in core]
+    hub_door = Door(round_x, core_high, 2.0 * _ROUND_GAP, False)
+    rooms = [*lower, *upper, *core]
+    is_open = rng.random(len(rooms)) < 0.8
+    visited = [len(lower) // 2, len(lower) + len(upper) // 2]
+    is_open[visited] = True
+
+    world = walls_of([*rooms, hub], [*doors, hub_door]) + _ends(length, low, high)
+    world += _round_wall(hub)
+    for one, door, opens in zip(rooms, doors, is_open, strict=True):
+        world += _leaf(one, door, opens, rng) + furnish(one, doors, rng)
+    world += _in_the_corridors(length, (low, core_low, core_high, high), [*doors, hub_door], rng)
+
+    left, right, bottom, top = 1.0, length - 1.0, low + 1.0, high - 1.0
+    inside = [tuple(roomiest_place(world, rooms[i], rng).tolist()) for i in visited]
+    at_door = [(doors[i].x, doors[i].y) for i in visited]
+    route: list[tuple[float, ...]] = [
+        (left, 0.5 * (low + high)),
+        (left, bottom),
+        *((at_door[0][0], bottom), at_door[0], inside[0], at_door[0], (at_door[0][0], bottom)),
+        *((right, bottom), (right, top)),
+        *_in_order_from_the_right(
+            [(at_door[1][0], top), at_door[1], inside[1], at_door[1], (at_door[1][0], top)],
+            [
+                (round_x, top),
+                *([(round_x, core_high), hub.centre] if visits_round_room else []),
+                *([(round_x, core_high), (round_x, top)] if visits_round_room else []),
+            ],
+        ),
+        (left, top),
+    ]
+    return replace(
+        world, name="building", floor=_outline(length, width, low, high), route=np.array(route)
+    )
+
+
+def _row(x0: float, x1: float, y0: float, y1: float, rng: np.random.Generator) -> list[Room]:
+    """Return rooms of about 4 m side by side that fill a strip; none when it is too short."""
+    n_rooms = int((x1 - x0) / rng.uniform(3.4, 4.4))
+    if n_rooms == 0:
+        return [Room(x0, y0, x1, y1)] if x1 - x0 > 1.6 else []
+    pitch = (x1 - x0) / n_rooms
+    cuts = np.linspace(x0, x1, n_rooms + 1)
+    cuts[1:-1] += rng.uniform(-0.12, 0.12, n_rooms - 1) * pitch
+    return [Room(a, y0, b, y1) for a, b in itertools.pairwise(cuts.tolist())]
+
+
+def _door(one: Room, y: float, rng: np.random.Generator) -> Door:
+    width = rng.uniform(0.95, 1.15)
+    margin = 0.5 * width + 0.2
+    return Door(float(rng.uniform(one.x0 + margin, one.x1 - margin)), y, width, False)
+
+
+def _leaf(one: Room, door: Door, is_open: bool, rng: np.random.Generator) -> World:
+    """Return the leaf of a door: across the opening when closed, turned into the room when open."""
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    if not is_open:
+        return World(boxes=np.array([[door.x, door.y, door.width, _LEAF, 0.0]]))
+    into = 1.0 if one.centre[1] > door.y else -1.0
+    x = door.x + side * 0.5 * (door.width + _LEAF)
+    y = door.y + into * 0.5 * (WALL_THICKNESS + door.width - 0.1)
+    return World(boxes=np.array([[x, y, _LEAF, door.width - 0.1, 0.0]]))
+
+
+def _ends(length: float, low: float, high: float) -> World:
+    """Return the outer walls of the left corridor (straight) and of the right one (an arc, bulging 0.9 m)."""
+    middle, chord, bulge = 0.5 * (low + high), high - low, 0.9
+    radius = (0.25 * chord**2 + bulge**2) / (2.0 * bulge)
+    half = np.arcsin(0.5 * chord / radius)
+    return World(
+        boxes=np.array([[0.0, middle, WALL_THICKNESS, chord, 0.0]]),
+        arcs=np.array([[length + bulge - radius, middle, radius, -half, 2.0 * half]]),
+    )
+
+
+def _round_wall(hub: Room) -> World:
+    """Return the round wall inside the square of the hub, open to its upper door; shafts fill the corners."""
+    (x, _), side = hub.centre, hub.y1 - hub.y0
+    radius = 0.5 * side - 0.15
+    gap = np.arcsin(_ROUND_GAP / radius)
+    y = hub.y1 - 0.5 * WALL_THICKNESS - radius * np.cos(gap)
+    shaft = 0.25 * radius
+    corners = [
+        (cx, cy)
+        for cx in (hub.x0 + 0.5 * shaft, hub.x1 - 0.5 * shaft)
+        for cy in (hub.y0 + 0.5 * shaft, hub.y1 - 0.5 * shaft)
+    ]
+    return World(
+        boxes=np.array([[cx, cy, shaft, shaft, 0.0] for cx, cy in corners]),
+        arcs=np.array([[x, y, radius, 0.5 * np.pi + gap, 2.0 * (np.pi - gap)]]),
+    )
+
+
+def _in_the_corridors(
+    length: float, y: tuple[float, float, float, float], doors: list[Door], rng: np.random.Generator
+) -> World:
+    """Return what stands in the long corridors: cabinets and bins at the walls, and shallow pillars."""
+    things = World()
+    for y0, y1 in ((y[0], y[1]), (y[2], y[3])):
+        hall = Room(_CORRIDOR, y0, length - _CORRIDOR, y1)
+        things += furnish(hall, doors, rng, density=0.7, sides=(0, 2))
+        zones = door_zones(doors)
+        for x in np.arange(hall.x0 + 1.5, hall.x1 - 1.0, 4.5) + rng.uniform(-0.5, 0.5):
+            at = y0 if rng.random() < 0.5 else y1
+            near = (np.abs(zones[:, 1] + zones[:, 3] - 2.0 * at) < 0.1) & (
+                np.abs(0.5 * (zones[:, 0] + zones[:, 2]) - x) < 1.0
+            )
+            if not near.any():
+                things += World(boxes=np.array([[x, at, 0.4, 0.4, 0.0]]))
+    return things
+
+
+def _in_order_from_the_right(
+    *visits: list[tuple[float, ...]],
+) -> list[tuple[float, ...]]:
+    return [place for visit in sorted(visits, key=lambda v: -v[0][0]) for place in visit]
+
+
+def _outline(length: float, width: float, low: float, high: float) -> Floats:
+    """Return the floor: the rectangle and the bulge of the curved wall."""
+    y = np.linspace(low, high, 20)
+    wall = _ends(length, low, high).arcs[0]
+    x = wall[0] + np.sqrt(np.maximum(wall[2] ** 2 - (y - wall[1]) ** 2, 0.0))
+    ends = [[0.0, 0.0], [length, 0.0]], [[length, width], [0.0, width]]
+    return np.vstack([ends[0], np.column_stack([x, y]), ends[1]])

@@ -1,0 +1,153 @@
+"""Simple places: rooms, corridors, halls, curved walls, clutter.
+
+All builders return a :class:`World` with its walls thin and exact, the floor inside, and a corner or the
+middle at the origin as each docstring says. Put things in with ``+``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan.simulation.buildings.world import World
+from curvescan.types import Floats
+
+
+def room(length: float = 8.0, width: float = 6.0) -> World:
+    """Return a bare rectangular room centred on the origin: `length` along x, `width` along y, metres."""
+    x, y = 0.5 * length, 0.5 * width
+    return hall(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), name="room")
+
+
+def hall(corners: ArrayLike, name: str = "hall") -> World:
+    """Return a hall of any outline: (n, 2) corners in order, metres; the last joins the first."""
+    corners = np.asarray(corners, dtype=np.float64)
+    walls = np.hstack([corners, np.roll(corners, -1, axis=0)])
+    return World(name=name, walls=walls, floor=corners)
+
+
+def l_hall(length: float = 10.0, width: float = 3.0) -> World:
+    """Return an L-shaped hall: arms of `length` along x and y from the origin, `width` wide, metres."""
+    a, w = length, width
+    return hall(np.array([[0, 0], [a, 0], [a, w], [w, w], [w, a], [0, a]]), name="l-hall")
+
+
+def t_hall(length: float = 12.0, width: float = 3.0) -> World:
+    """Return a T-shaped hall: a bar of `length` along x on top of a stem of half that length, metres."""
+    half, w = 0.5 * length, 0.5 * width
+    corners = [[-w, -half], [w, -half], [w, -w], [half, -w], [half, w], [-half, w], [-half, -w]]
+    return hall(np.array([*corners, [-w, -w]]), name="t-hall")
+
+
+def corridor(
+    length: float = 30.0,
+    width: float = 2.0,
+    *,
+    recesses: ArrayLike = (),
+    pillars: ArrayLike = (),
+    has_ends: bool = False,
+) -> World:
+    """Return a corridor along x, centred on the origin; bare by default: two parallel walls, no ends.
+
+    Motion along a bare corridor is unobservable.
+
+    Parameters
+    ----------
+    length, width : float
+        Metres.
+    recesses : (n, 3) array_like
+        Door niches [x, width, depth], metres: in the left wall (positive y) for depth > 0, in the right
+        wall for depth < 0.
+    pillars : (m, 3) array_like
+        Square pillars [x, y, side], metres.
+    has_ends : bool
+        Whether walls close the corridor.
+    """
+    half, y = 0.5 * length, 0.5 * width
+    niches = np.asarray(recesses, dtype=np.float64).reshape(-1, 3)
+    walls = np.vstack(
+        [
+            _line_with_niches(half, y, niches[niches[:, 2] > 0.0]),
+            _line_with_niches(half, -y, niches[niches[:, 2] < 0.0]),
+        ]
+    )
+    if has_ends:
+        walls = np.vstack([walls, [[-half, -y, -half, y], [half, -y, half, y]]])
+    square = np.asarray(pillars, dtype=np.float64).reshape(-1, 3)
+    boxes = np.column_stack([square[:, :2], square[:, 2], square[:, 2], np.zeros(len(square))])
+    end = half - min(1.0, 0.25 * length)
+    return World(
+        name="corridor",
+        walls=walls,
+        boxes=boxes,
+        floor=np.array([[-half, -y], [half, -y], [half, y], [-half, y]]),
+        route=np.array([[-end, 0.0], [end, 0.0]]),
+    )
+
+
+def round_room(radius: float = 4.0) -> World:
+    """Return a round room centred on the origin: its wall is one exact circle, seen from within."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
+    return World(
+        name="round-room",
+        arcs=np.array([[0.0, 0.0, radius, -np.pi, 2.0 * np.pi]]),
+        floor=radius * np.column_stack([np.cos(angles), np.sin(angles)]),
+    )
+
+
+def curved_hall(length: float = 10.0, width: float = 6.0) -> World:
+    """Return a hall centred on the origin whose two short ends are half circles, bulging outwards."""
+    x, radius = 0.5 * length, 0.5 * width
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 30)
+    end = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return World(
+        name="curved-hall",
+        walls=np.array([[-x, -radius, x, -radius], [-x, radius, x, radius]]),
+        arcs=np.array(
+            [[x, 0.0, radius, -0.5 * np.pi, np.pi], [-x, 0.0, radius, 0.5 * np.pi, np.pi]]
+        ),
+        floor=np.vstack([np.add([x, 0.0], end), np.subtract([-x, 0.0], end)]),
+    )
+
+
+def columns(places: ArrayLike, radius: float = 0.25) -> World:
+    """Return round columns at (n, 2) places, metres."""
+    places = np.asarray(places, dtype=np.float64).reshape(-1, 2)
+    return World(name="columns", circles=np.column_stack([places, np.full(len(places), radius)]))
+
+
+def clutter(area: ArrayLike, n_things: int, seed: int | np.random.SeedSequence = 0) -> World:
+    """Return boxes at any angle and small discs, at random places.
+
+    Parameters
+    ----------
+    area : (4,) array_like
+        [x_min, y_min, x_max, y_max] of the centres, metres.
+    n_things : int
+        How many; about two thirds are boxes of 0.2 to 0.9 m, the rest discs of radius 0.04 to 0.25 m.
+    seed : int or SeedSequence
+        The same seed gives the same things.
+    """
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = np.asarray(area, dtype=np.float64)
+    places = np.column_stack([rng.uniform(x0, x1, n_things), rng.uniform(y0, y1, n_things)])
+    is_box = rng.random(n_things) < 2.0 / 3.0
+    sides = rng.uniform(0.2, 0.9, (n_things, 2))
+    angles = rng.uniform(-np.pi, np.pi, n_things)
+    radii = rng.uniform(0.04, 0.25, n_things)
+    return World(
+        name="clutter",
+        boxes=np.column_stack([places, sides, angles])[is_box],
+        circles=np.column_stack([places, radii])[~is_box],
+    )
+
+
+def _line_with_niches(half: float, y: float, niches: Floats) -> Floats:
+    """Return the wall along x at `y` as one line that steps into each niche and out again."""
+    corners = [[-half, y]]
+    for x, width, depth in niches[np.argsort(niches[:, 0])]:
+        left, right = x - 0.5 * width, x + 0.5 * width
+        corners += [[left, y], [left, y + depth], [right, y + depth], [right, y]]
+    corners.append([half, y])
+    line = np.array(corners)
+    return np.hstack([line[:-1], line[1:]])

@@ -1,0 +1,224 @@
+"""People who walk about: legs that a laser at shin height sees, in and out of its way.
+
+A walker holds a heading for a while, turns at random and away from what is in the way. Walkers stay around the
+robot and step aside for it; one that the robot would run over, or that falls far behind, is taken
+away and appears at a random place elsewhere, as if through a door.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvescan.errors import InvalidArgumentError
+from curvescan.simulation.buildings.world import World
+from curvescan.simulation.sensing.sensors import Sensor
+from curvescan.types import Bools, Floats, Points, Pose
+
+_STEP_LENGTH = 0.7  # metres from one footfall to the next
+_SWING = 0.25  # metres a shin swings before and behind the body
+_BODY = 0.35  # metres a walker keeps from things
+_KEEP_OFF = 0.7  # metres at which a walker turns away from the robot
+_TOO_NEAR = 0.5  # metres at which a walker is taken away
+_TOO_FAR = 8.0  # metres from the robot beyond which a walker is taken away
+_CROWD_ATTEMPTS = 80  # places tried for the people around one scan
+
+
+@dataclass(frozen=True, kw_only=True)
+class People:
+    """What walkers look like and how they walk.
+
+    Parameters
+    ----------
+    leg_radius : float
+        Metres; each walker shows two legs, unless `body_radius` is given.
+    hip_width : float
+        Distance between the legs across the walking direction, metres.
+    body_radius : float or None
+        Radius of the one circle a walker shows to a sensor at body height, metres; None: two legs.
+    speed_min, speed_max : float
+        Each walker's speed is drawn between them, m/s.
+    """
+
+    leg_radius: float = 0.07
+    hip_width: float = 0.2
+    body_radius: float | None = None
+    speed_min: float = 0.5
+    speed_max: float = 1.5
+
+    def __post_init__(self) -> None:
+        if not (self.leg_radius > 0.0 and self.hip_width > 0.0):
+            raise InvalidArgumentError(f"leg_radius and hip_width must be > 0, got {self}")
+        if self.body_radius is not None and not self.body_radius > 0.0:
+            raise InvalidArgumentError(f"body_radius must be > 0, got {self.body_radius}")
+        if not 0.0 < self.speed_min <= self.speed_max:
+            raise InvalidArgumentError(f"speeds must satisfy 0 < min <= max, got {self}")
+
+
+def circles_of(places: Points, headings: Floats, phases: Floats, people: People) -> Floats:
+    """Return the circles that walkers show.
+
+    Parameters
+    ----------
+    places : (p, 2) float64
+        Metres, world frame.
+    headings : (p,) float64
+        Walking directions, radians.
+    phases : (p,) float64
+        Phase of the gait, radians: one turn is two steps.
+    people : People
+        What they look like.
+
+    Returns
+    -------
+    (2 p, 3) or (p, 3) float64
+        [x, y, r], metres: all left legs, then all right ones; or bodies.
+    """
+    if people.body_radius is not None:
+        return np.column_stack([places, np.full(len(places), people.body_radius)])
+    ahead = np.column_stack([np.cos(headings), np.sin(headings)])
+    across = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    swing = _SWING * np.sin(phases)[:, np.newaxis] * ahead
+    side = 0.5 * people.hip_width * across
+    legs = np.vstack([places + side + swing, places - side - swing])
+    return np.column_stack([legs, np.full(len(legs), people.leg_radius)])
+
+
+def walk(
+    world: World,
+    robot: Pose,
+    n_people: int,
+    people: People,
+    period: float,
+    seed: np.random.SeedSequence,
+) -> Floats:
+    """Return the circles that walkers show at each scan.
+
+    Parameters
+    ----------
+    world : World
+        What they walk around.
+    robot : (n, 3) float64
+        Poses of the robot, world frame: they keep around it and out of its way.
+    n_people : int
+        How many.
+    people : People
+        What they look like.
+    period : float
+        Seconds between poses.
+    seed : numpy.random.SeedSequence
+        Decides everything; fewer poses give the first of more.
+
+    Returns
+    -------
+    (n, c, 3) float64
+        [x, y, r] of c circles, metres, world frame.
+    """
+    rng = np.random.default_rng(seed)
+    n_steps = max(int(np.ceil(period / 0.1)), 1)
+    step = period / n_steps
+    speeds = rng.uniform(people.speed_min, people.speed_max, n_people)
+    headings = rng.uniform(-np.pi, np.pi, n_people)
+    phases = rng.uniform(-np.pi, np.pi, n_people)
+    places = np.full((n_people, 2), np.inf)
+    frames = []
+    for pose in robot:
+        at = pose[:2]
+        for _ in range(n_steps):
+            headings = headings + rng.normal(0.0, 0.6 * np.sqrt(step), n_people)
+            turns = rng.uniform(0.5, np.pi, n_people) * rng.choice([-1.0, 1.0], n_people)
+            ahead = np.column_stack([np.cos(headings), np.sin(headings)])
+            moved = places + (speeds * step)[:, np.newaxis] * ahead
+            nearer = (_gap(moved, at) < _KEEP_OFF) & (_gap(moved, at) < _gap(places, at))
+            is_blocked = nearer | ~_is_free(world, moved)
+            places = np.where(is_blocked[:, np.newaxis], places, moved)
+            headings = np.where(is_blocked, headings + turns, headings)
+            phases = phases + np.where(is_blocked, 0.0, np.pi * speeds * step / _STEP_LENGTH)
+        gap = _gap(places, at)
+        for i in np.flatnonzero((gap < _TOO_NEAR) | ~(gap < _TOO_FAR)):
+            places[i] = _elsewhere(world, at, rng)
+        frames.append(circles_of(places, headings, phases, people))
+    n_circles = n_people * (1 if people.body_radius is not None else 2)
+    return np.array(frames).reshape(len(robot), n_circles, 3)
+
+
+def _gap(places: Points, at: Floats) -> Floats:
+    return np.asarray(np.hypot(places[:, 0] - at[0], places[:, 1] - at[1]))
+
+
+def _is_free(world: World, places: Points) -> Bools:
+    is_free = np.zeros(len(places), dtype=bool)
+    is_somewhere = np.isfinite(places).all(axis=1)
+    is_free[is_somewhere] = world.is_free(places[is_somewhere], _BODY)
+    return is_free
+
+
+def _elsewhere(world: World, at: Floats, rng: np.random.Generator) -> Floats:
+    """Return a free place 1.5 to 6 m from the robot, (2,) metres; none found: far away, out of sight."""
+    bearing, distance = rng.uniform(-np.pi, np.pi, 30), rng.uniform(1.5, 6.0, 30)
+    places = at + distance[:, np.newaxis] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    is_free = world.is_free(places, _BODY)
+    return places[int(np.argmax(is_free))] if is_free.any() else np.array([1e6, 1e6])
+
+
+def crowd(
+    world: World,
+    pose: Pose,
+    sensor: Sensor,
+    share: float,
+    people: People,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return circles of people placed around a sensor so that about a wanted share of its beams meets them.
+
+    Parameters
+    ----------
+    world : World
+        They stand on its free floor, 0.7 to 4 m from the sensor, within its field of view.
+    pose : (3,) float64
+        Of the sensor, world frame.
+    sensor : Sensor
+        Whose beams are counted.
+    share : float
+        Wanted share of all beams, in [0, 1). A cramped place may fall short of it.
+    people : People
+        What they look like.
+    rng : numpy.random.Generator
+        Decides everything.
+
+    Returns
+    -------
+    (c, 3) float64
+        [x, y, r], metres, world frame.
+    """
+    from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
+
+    circles, reached = np.empty((0, 3)), 0.0
+    for _ in range(_CROWD_ATTEMPTS if share > 0.0 else 0):
+        bearing = (
+            pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment
+        )
+        distance, heading, phase = rng.uniform(0.7, 4.0), *rng.uniform(-np.pi, np.pi, 2)
+        place = pose[:2] + distance * np.array([np.cos(bearing), np.sin(bearing)])
+        if not world.is_free(place, _BODY)[0]:
+            continue
+        one = circles_of(place[np.newaxis], np.array([heading]), np.array([phase]), people)
+        if np.any(_gap(one[:, :2], pose) < one[:, 2] + 0.1):
+            continue
+        more = np.vstack([circles, one])
+        _, hit_idx = cast_rays(
+            world,
+            pose,
+            angle_min=sensor.angle_min,
+            angle_increment=sensor.angle_increment,
+            n_beams=sensor.n_beams,
+            range_max=sensor.range_max,
+            people=more,
+        )
+        new = float(np.mean(hit_idx >= world.n_primitives))
+        if new > reached and abs(new - share) < abs(reached - share):
+            circles, reached = more, new
+        if reached >= share - 0.01:
+            break
+    return circles

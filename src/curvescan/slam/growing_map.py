@@ -1,0 +1,288 @@
+"""GrowingMap: keyframes, the pose graph that ties them, and what the graph knows of the newest one.
+
+A keyframe is tied to the one before it by what a match and the odometry say of the way; an optimization revises all poses, a loop closure
+those since it; places that hold too many keyframes lose the oldest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.jobs import Solution, covariances_seen_from
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.belief import Belief
+from curvescan.slam.loops.closures import Closure, is_confident
+from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.components import components
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.optimization import Edges
+from curvescan.slam.pose_graph.removal import remove_poses
+from curvescan.slam.thinning import Heirs, thin
+from curvescan.types import Bools, Cov, Pose
+
+
+def difference(one: Pose, other: Pose) -> Pose:
+    """Return the second pose minus the first, angles wrapped."""
+    off = other - one
+    off[2] = se2.wrap(off[2])
+    return off
+
+
+class GrowingMap:
+    """Keyframes and their graph.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+        Where keyframes are kept.
+    config : SlamConfig
+        The rules.
+
+    Attributes
+    ----------
+    graph : PoseGraph
+        Poses and edges.
+    heirs : Heirs
+        Keyframes that went.
+    current : int
+        The newest keyframe.
+    since : UncertainPose
+        It, seen from the newest one of the belief.
+    fragments : list of int
+        Of each keyframe.
+    n_loaded : int
+        Keyframes of a map that is continued.
+    """
+
+    def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
+        self.config = config
+        self.keyframes = keyframes
+        self.graph = PoseGraph()
+        self.heirs = Heirs()
+        self.current = 0
+        self.since = identity()
+        self.fragments: list[int] = []
+        self.n_loaded = 0
+        self._belief: Belief | None = None
+        self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether there is a keyframe of this session."""
+        return self._belief is not None
+
+    @property
+    def belief(self) -> Belief:
+        """What the graph knew after the last optimization."""
+        assert self._belief is not None, "there is no keyframe yet"
+        return self._belief
+
+    def load(self, slam_map: SlamMap) -> None:
+        """Take a map to continue."""
+        self.n_loaded = len(slam_map)
+        for k in range(len(slam_map)):
+            index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
+            self.keyframes.add(slam_map.scans[k], index, session)
+            self.graph.add_pose(slam_map.poses[k])
+            self._motions.append(identity())
+        for k in range(len(slam_map.ends)):
+            i, j = slam_map.ends[k].tolist()
+            self.graph.add_edge(
+                i, j, slam_map.measured[k], slam_map.edge_covariances[k],
+                EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
+            )  # fmt: skip
+        self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
+
+    def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
+        """Take a keyframe that nothing ties to those before it, and return its row; see :meth:`Backend.start`."""
+        k = self.keyframes.add(scan, index, session)
+        self.graph.add_pose(pose)
+        self.fragments.append(max(self.fragments, default=-1) + 1)
+        self._belief = Belief.at_start(k, self.graph.poses)
+        self.current, self.since = k, identity()
+        self._motions.append(identity())
+        return k
+
+    def append(
+        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
+    ) -> int:
+        """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
+        before = self.current
+        k = self.keyframes.add(scan, index, self.keyframes[before].session)
+        self.fragments.append(self.fragments[before])
+        motion = self._link(before, k, motion, is_measured)
+        self._motions.append(motion)
+        self.since = compose(self.since, motion)
+        self.current = k
+        return k
+
+    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
+        """Tie a keyframe to the one before it, and return how it lies to that."""
+        noise, rules = self.config.noise, self.config.closures
+        self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
+        x, y, theta = np.abs(motion.pose).tolist()
+        vague = UncertainPose(
+            motion.pose,
+            motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
+        )
+        self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
+        result = self.keyframes.match(before, k, None)
+        is_clear = result.ok and result.degenerate_direction is None
+        if is_clear and is_confident(result, self.config):
+            found = UncertainPose(result.pose, noise.edge(result.covariance))
+            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
+            if fuse(expected, found)[1] < rules.gate:
+                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
+                return found
+            off = difference(expected.pose, found.pose)
+            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
+        if is_measured:
+            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
+            self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
+            return by_chain
+        return vague
+
+    def doubt(self, k: int, expected: Pose, found: Pose) -> None:
+        """Take the way to a keyframe to be as uncertain as two measurements of it differ."""
+        self.widen(k, self._doubt_of(difference(expected, found)))
+
+    def _doubt_of(self, off: Pose) -> Cov:
+        """Return the covariance of two measurements that differ, no more than that of no measurement."""
+        noise = self.config.noise
+        length, angle = float(np.hypot(off[0], off[1])), abs(float(off[2]))
+        share = min(1.0, noise.step_m / max(length, 1e-9), noise.step_rad / max(angle, 1e-9))
+        return share**2 * np.outer(off, off)
+
+    def widen(self, k: int, more: Cov) -> None:
+        """Add to the covariance of the way to a keyframe."""
+        self._motions[k] = UncertainPose(self._motions[k].pose, self._motions[k].cov + more)
+        if not self.belief.knows(k):
+            self.since = UncertainPose(self.since.pose, self.since.cov + more)
+
+    def along(self, i: int, j: int) -> UncertainPose:
+        """Return keyframe j seen from an earlier one along the keyframes between them."""
+        way = identity()
+        for k in range(i + 1, j + 1):
+            way = compose(way, self._motions[k])
+        return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
+
+    def close(self, closure: Closure) -> None:
+        """Make a closure an edge, and take the newest keyframe to where it says."""
+        i, j = closure.i, closure.j
+        if self.fragments[i] != self.fragments[j]:
+            self._join(closure)
+        self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
+        if not self.belief.knows(i) or self.belief.knows(j):
+            return
+        by_closure = compose(
+            inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
+        )
+        self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
+        here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
+        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
+        self.graph.poses[j:] = se2.compose(here, onward)
+
+    def _join(self, closure: Closure) -> None:
+        """Move the later fragment to where a closure says that it lies in the earlier one."""
+        fragments = np.array(self.fragments)
+        earlier, later = sorted((fragments[closure.i], fragments[closure.j]))
+        poses = self.graph.poses
+        if fragments[closure.j] == later:
+            wanted, moved = se2.compose(poses[closure.i], closure.pose), closure.j
+        else:
+            wanted, moved = se2.compose(poses[closure.j], se2.inverse(closure.pose)), closure.i
+        shift = se2.compose(wanted, se2.inverse(poses[moved]))
+        rows = np.flatnonzero(fragments == later)
+        poses[rows] = se2.compose(shift, poses[rows])
+        fragments[rows] = earlier
+        self.fragments = fragments.tolist()
+
+    def adopt(self, solution: Solution) -> None:
+        """Take the poses of an optimization; keyframes that came since move along with the one they hang on."""
+        n, k = len(solution.poses), solution.current
+        later = se2.between(self.graph.poses[k], self.graph.poses[n:])
+        onward = self.along(k, self.current)
+        self.graph.poses[:n] = solution.poses
+        self.graph.poses[n:] = se2.compose(solution.poses[k], later)
+        self.graph.weights[: len(solution.weights)] = solution.weights
+        self._belief = Belief(k, solution.poses, solution.covariances)
+        self.since = onward
+
+    def fall_back(self, is_kept: Bools) -> None:
+        """Give up edges, and lay the keyframes out anew along the odometry.
+
+        Parameters
+        ----------
+        is_kept : (m,) bool
+            Which edges stay.
+        """
+        graph = self.graph
+        graph.keep_edges(is_kept)
+        is_step = np.zeros(graph.n_poses, dtype=np.bool_)
+        is_step[graph.ends[graph.kinds == EdgeKind.MOTION, 1]] = True
+        ways = se2.between(graph.poses[:-1], graph.poses[1:])
+        for k in range(1, graph.n_poses):
+            way = self._motions[k].pose if is_step[k] else ways[k - 1]
+            graph.poses[k] = se2.compose(graph.poses[k - 1], way)
+        graph.weights[:] = 1.0
+        self.fragments = components(graph.ends, graph.n_poses).tolist()
+
+    def thin(self) -> Bools | None:
+        """Let the oldest keyframes of places that hold too many go, and return which rows stay; None where all do."""
+        rules, belief = self.config.places, self.belief
+        n_settled = min(belief.k, belief.n, self.graph.n_poses - rules.n_newest)
+        is_kept, gone = thin(self.graph, np.asarray(self.fragments), n_settled, rules)
+        if not gone:
+            return None
+        numbers = self.keyframes.numbers.tolist()
+        for v, (heir, seen) in gone.items():
+            self.heirs.add(numbers[v], numbers[heir], seen)
+            self._motions[v + 1] = compose(self._motions[v], self._motions[v + 1])
+        remove_poses(self.graph, is_kept)
+        self.keyframes.keep(is_kept)
+        rows = np.flatnonzero(is_kept).tolist()
+        self.fragments = [self.fragments[k] for k in rows]
+        self._motions = [self._motions[k] for k in rows]
+        belief.keep(is_kept[: belief.n])
+        self.current = int(np.count_nonzero(is_kept[: self.current]))
+        return is_kept
+
+    def current_in_map(self) -> UncertainPose:
+        """Return where the newest keyframe is in the map."""
+        from_first = compose(self.belief.last_seen_from(0), self.since)
+        first = self.graph.poses[0]
+        in_map = compose(UncertainPose(first, np.zeros((3, 3))), from_first)
+        return UncertainPose(self.graph.poses[self.current], in_map.cov)
+
+    def covariances(self) -> Cov:
+        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
+        graph = self.graph
+        if graph.n_poses == 0:
+            return np.empty((0, 3, 3))
+        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
+        return covariances_seen_from(graph.poses, edges, graph.weights, 0)
+
+    def placed(self) -> tuple[Pose, Cov]:
+        """Return poses and covariances of all keyframes there ever were, by number."""
+        return self.heirs.placed(self.keyframes.numbers, self.graph.poses, self.covariances())
+
+    def snapshot(self) -> SlamMap:
+        """Return the map as it is now."""
+        graph, keyframes = self.graph, self.keyframes
+        everyone = [keyframes[k] for k in range(len(keyframes))]
+        return SlamMap(
+            scans=tuple(keyframe.scan for keyframe in everyone),
+            poses=graph.poses.copy(),
+            covariances=self.covariances(),
+            indices=np.array([keyframe.index for keyframe in everyone], dtype=np.int64),
+            sessions=np.array([keyframe.session for keyframe in everyone], dtype=np.int64),
+            ends=graph.ends.copy(),
+            measured=graph.measured.copy(),
+            edge_covariances=graph.covariances.copy(),
+            kinds=graph.kinds.copy(),
+            weights=graph.weights.copy(),
+        )

@@ -1,0 +1,128 @@
+"""Evidence: lengths of surface that speak for a pose and against it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose
+from curvescan.matchers.curvescan.assessment.evidence import (
+    AGREEING,
+    EXCESS,
+    LARGE,
+    MISFIT,
+    MISSED,
+    N_EVIDENCE,
+    SEEN_THROUGH,
+    SMALL,
+    WEAKEST,
+    excess_length,
+    gather_evidence,
+    large_length,
+    may_move,
+)
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.surfels import (
+    CX,
+    CY,
+    LENGTH,
+    N_COLUMNS,
+    NX,
+    NY,
+    RANGE,
+    X,
+    Y,
+)
+from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
+from tests.matchers.curvescan.scenes import MOTION, features, pair
+
+CONFIG = CurvescanConfig()
+
+
+def wall(x0, y0, x1, y1, n=40):
+    """Surfels of a straight wall that faces the origin."""
+    surfels = np.zeros((n, N_COLUMNS))
+    surfels[:, X] = surfels[:, CX] = np.linspace(x0, x1, n)
+    surfels[:, Y] = surfels[:, CY] = np.linspace(y0, y1, n)
+    surfels[:, RANGE] = np.hypot(surfels[:, X], surfels[:, Y])
+    along = np.array([x1 - x0, y1 - y0])
+    normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+    normal *= -np.sign(normal @ [x0, y0])
+    surfels[:, NX], surfels[:, NY] = normal
+    surfels[:, LENGTH] = np.hypot(*along) / n
+    return surfels
+
+
+def evidence(ref, cur, *poses):
+    return gather_evidence(
+        ref.image, ref.bounds, cur.image, cur.bounds, np.array(poses), CONFIG.scoring.margin
+    )
+
+
+def test_what_agrees_besides_two_walls_is_excess():
+    two = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
+    three = np.vstack([two, wall(-2, -2, 3, -2)])
+    assert excess_length(two, np.ones(len(two), dtype=np.uint8)) < 0.2
+    # both long walls run the same way: one of them, and the short one across it, do not count
+    assert excess_length(three, np.ones(len(three), dtype=np.uint8)) == pytest.approx(5.0, abs=0.3)
+    codes = np.ones(len(three), dtype=np.uint8)
+    codes[80:] = 2  # what does not agree is no excess
+    assert excess_length(three, codes) < 0.2
+    assert excess_length(three, np.zeros(len(three), dtype=np.uint8)) == 0.0
+
+
+def test_only_long_runs_within_one_surface_are_large():
+    surfels = wall(3, -2, 3, 2)  # 0.1 m a reading
+    codes = np.full(40, INLIER, dtype=np.uint8)
+    codes[4:6] = DYNAMIC
+    codes[30:] = DYNAMIC
+    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
+    assert large_length(surfels, np.array([0, 35, 40]), codes) == 0.0  # a run ends with its surface
+
+
+def test_what_may_move_is_small_and_stands_before_something():
+    person, behind = wall(2, -0.2, 2, 0.2, n=8), wall(4, 0.45, 4, 2)
+    surfels = np.vstack([person, behind])
+    assert may_move(surfels, np.array([0, 8, 48])).tolist() == [True] * 8 + [False] * 40
+    # as far away as what is beside it: a piece of the wall
+    beside = np.vstack([wall(4, -0.2, 4, 0.2, n=8), behind])
+    assert not may_move(beside, np.array([0, 8, 48]))[8:].any()
+    long = np.vstack([wall(2, -0.5, 2, 0.5, n=8), behind])
+    assert not may_move(long, np.array([0, 8, 48])).any()
+
+
+def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
+    ref, cur = pair()
+    beside = MOTION + np.array([0.15, 0.0, 0.0])
+    turned = MOTION + np.array([0.0, 0.0, np.pi / 2])
+    true, missed, other = evidence(ref, cur, MOTION, beside, turned)
+    assert true.shape == (N_EVIDENCE,)
+    inliers = assess_pose(ref, cur, MOTION, CONFIG).codes_cur == INLIER
+    lengths = cur.image.surfels[inliers, LENGTH].sum()
+    assert true[AGREEING] == pytest.approx(lengths, rel=0.1)
+    assert (
+        0.4 < true[MISFIT] < 1.2
+    )  # as the noise has it: lines average it, and share it with their readings
+    assert true[EXCESS] > 1.0
+    assert true[WEAKEST] > 2.0
+    assert true[SEEN_THROUGH] + true[LARGE] + true[SMALL] < 0.2
+    assert missed[MISSED] > 1.0 > 0.05 > true[MISSED]
+    assert other[AGREEING] < 0.5 * true[AGREEING]
+    assert other[SEEN_THROUGH] + other[SMALL] > 1.0
+
+
+def test_a_corridor_fixes_nothing_along_itself():
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    [found] = evidence(ref, cur, np.zeros(3))
+    assert found[AGREEING] > 3.0
+    assert found[WEAKEST] < 0.1
+
+
+def test_swapped_scans_have_the_same_evidence():
+    ref, cur = pair()
+    [one] = evidence(ref, cur, MOTION)
+    c, s = np.cos(MOTION[2]), np.sin(MOTION[2])
+    x, y, _ = MOTION
+    [swapped] = evidence(cur, ref, np.array([-c * x - s * y, s * x - c * y, -MOTION[2]]))
+    np.testing.assert_allclose(one, swapped, atol=1e-9)

@@ -1,0 +1,107 @@
+"""Turns from the directions of surfaces, places of a lattice, slides along a corridor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
+from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
+    aligned_translations,
+    degenerate_hypotheses,
+    dominant_axis,
+    rotation_hypotheses,
+    wall_offsets,
+)
+from tests.matchers.curvescan.scenes import features, pair, pillar_scan
+from tests.reference import curvescan as slow
+
+
+def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
+    """A half circle in a corridor along x, endless both ways, seen from its middle."""
+    angles = np.linspace(-math.pi / 2, math.pi / 2, 361)
+    with np.errstate(divide="ignore"):
+        ranges = 0.5 * width / np.abs(np.sin(angles))
+    noise = sigma * np.random.default_rng(seed).standard_normal(361)
+    return cs.LaserScan(
+        ranges + noise, angle_min=-math.pi / 2, angle_increment=math.pi / 360, range_max=8.0
+    )
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 2.9])
+def test_the_histogram_turns_with_the_sensor(angle):
+    scan = pillar_scan(seed=1)
+    rotated = cs.LaserScan(
+        scan.ranges,
+        angle_min=scan.angle_min - angle,
+        angle_increment=scan.angle_increment,
+        range_max=20.0,
+    )
+    ref, cur = features(scan), features(rotated)
+    np.testing.assert_allclose(np.linalg.norm(ref.directions), 1.0)
+    poses = rotation_hypotheses(ref.directions, cur.directions, 4, np.array([0.3, 0.1, 0.2]))
+    np.testing.assert_array_equal(poses[0], [0.3, 0.1, 0.2])
+    np.testing.assert_array_equal(poses[1:, :2], np.tile([0.3, 0.1], (len(poses) - 1, 1)))
+    # a tenth of a bin of 3 degrees
+    assert np.abs(cs.se2.wrap(poses[1:, 2] - angle)).min() < math.radians(0.5)
+
+
+def test_turns_are_peaks_of_the_correlation():
+    ref, cur = pair()
+    likeness = slow.turn_likeness(ref.directions, cur.directions)
+    poses = rotation_hypotheses(ref.directions, cur.directions, 3, np.zeros(3))
+    bins = np.round(np.mod(poses[1:, 2], 2 * math.pi) * 120 / (2 * math.pi)).astype(int) % 120
+    assert bins[0] == np.argmax(likeness)
+    for k in bins:
+        assert likeness[k] >= max(likeness[k - 1], likeness[(k + 1) % 120]) - 1e-12
+    assert (np.diff(likeness[bins]) <= 0).all()
+
+
+def test_scans_without_lines_have_an_even_histogram():
+    assert not direction_histogram(np.empty((0, 10))).any()
+
+
+def test_walls_that_coincide_propose_the_translation():
+    motion = np.array([0.55, -0.45, 0.2])
+    ref, cur = pair(motion=motion)
+    start = np.array([[0.0, 0.0, 0.2]])
+    moved = aligned_translations(start, ref.image.samples, cur.image.samples, 2.0, 0.1, 3)
+    assert 1 <= len(moved) <= 9
+    assert (moved[:, 2] == 0.2).all()
+    assert np.hypot(*(moved - motion)[:, :2].T).min() < 0.12
+    # nothing beyond the reach
+    near = aligned_translations(start, ref.image.samples, cur.image.samples, 0.2, 0.1, 3)
+    assert np.abs(near[:, :2]).max() < 0.3
+
+
+def test_the_axis_is_that_of_the_walls_however_the_sensor_is_turned():
+    for turn in (-0.6, 0.0, 0.4):
+        axis = dominant_axis(features(pillar_scan((0.0, 0.0, turn))).image.surfels)
+        assert abs(math.remainder(axis + turn, math.pi / 2)) < 0.05
+
+
+def test_without_walls_across_an_axis_a_pose_stays():
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    axis = dominant_axis(ref.image.samples)
+    offsets = wall_offsets(ref.image.samples, cur.image.samples, np.zeros(3), axis, 2.0, 0.1, 3)
+    across = wall_offsets(
+        ref.image.samples, cur.image.samples, np.zeros(3), axis + math.pi / 2, 2.0, 0.1, 3
+    )
+    # one of the two runs along the corridor, and no wall lies across it
+    assert sorted([offsets.tolist(), across.tolist()], key=len)[0] == [0.0]
+
+
+def test_slides_run_along_a_corridor_and_nowhere_else():
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    moved_along = degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)
+    assert len(moved_along) == 6
+    np.testing.assert_allclose(np.abs(moved_along[:, 1]), 0.0, atol=0.02)
+    np.testing.assert_allclose(
+        np.sort(np.abs(moved_along[:, 0])), [0.2, 0.2, 0.4, 0.4, 0.6, 0.6], atol=0.01
+    )
+    assert not moved_along[:, 2].any()
+    ref, cur = pair()
+    assert len(degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)) == 0
