@@ -135,7 +135,9 @@ def _score(
     n_rows, n_columns = distance.shape
     n, total = len(points), 0.0
     for k in range(n):
-        column = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / resolution)
+        column = math.floor(
+            (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / resolution
+        )
         row = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / resolution)
         if 0 <= row < n_rows and 0 <= column < n_columns:
             total += max(0.0, 1.0 - float(distance[row, column]) / reach)
