@@ -61,8 +61,8 @@ def test_the_shares_are_those_of_a_slow_look(field: DistanceField) -> None:
         found = field.agreement(points, pose)
         slow = _slow_agreement(field, points, pose)
         assert found[:2] == pytest.approx(slow[:2], abs=1e-12)
-        # a beam that cuts the corner of a cell may miss it: two readings of thirty
-        assert found.through == pytest.approx(slow[2], abs=2.1 / len(points))
+        # steps of two thirds of a cell miss some beams that only cut a corner of a wall's cell, and see no others
+        assert slow[2] - 0.08 <= found.through <= slow[2] + 1.1 / len(points)
 
 
 def test_a_sensor_can_be_where_it_is_free_and_clear_of_walls(field: DistanceField) -> None:
