@@ -77,6 +77,8 @@ def _place(x: float, support: float, n_views: int = 1) -> Place:
         ([(0.0, 0.1)], False),  # too little
         ([(0.0, 0.3), (3.0, 0.25)], False),  # another is nearly as good
         ([(0.0, 0.3), (3.0, 0.1)], True),
+        ([(0.0, 2.0), (3.0, 1.7)], False),  # many views say nearly the same of both
+        ([(0.0, 2.0), (3.0, 1.4)], True),
     ],
 )
 def test_a_place_is_sure_where_no_other_comes_near(

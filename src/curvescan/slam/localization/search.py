@@ -45,8 +45,8 @@ _ONE_VIEW = 0.2
 _SEVERAL_VIEWS = 0.45
 """Support that several views need together."""
 
-_MARGIN = 0.1
-"""The support of any other place is less by so much."""
+_MARGIN, _MARGIN_SHARE = 0.1, 0.25
+"""The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
 
 _SAME_M, _SAME_RAD = 0.5, 0.26
 """Poses nearer to each other are one, metres and radians."""
@@ -162,7 +162,8 @@ class MapSearch:
     def is_clear(self, best: Place) -> bool:
         """Return whether a place has support enough, and clearly more than any other."""
         others = [place.support for place in self._found if not is_same(place.pose, best.pose)]
-        return best.is_enough and best.support - max(others, default=-1.0) >= _MARGIN
+        margin = max(_MARGIN, _MARGIN_SHARE * best.support)
+        return best.is_enough and best.support - max(others, default=-1.0) >= margin
 
     @property
     def is_large(self) -> bool:
