@@ -39,7 +39,7 @@ from curvescan.types import Ints, Points
 _SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
-_LEAST_FIT, _WORSE_FIT = 0.5, 0.05
+_LEAST_FIT, _WORSE_FIT = 0.2, 0.05
 """Least agreement with the map of a pose that matches confirm, and how much less than at the pose that the search found."""
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
@@ -74,7 +74,7 @@ class Localizer:
         self.map = slam_map
         hint = "the configuration of the matcher is given as matcher="
         self.config = as_config(config, SlamConfig(), hint=hint)
-        self._method, self._matcher = method, matcher
+        self._method, self._matcher, self._n_tried = method, matcher, n_tried
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
@@ -133,10 +133,11 @@ class Localizer:
         moved = None
         if self._view is not None and not self._is_torn:
             moved = between_steps(self._view, step)
-            if self._is_near(moved):
+            if self._is_near(moved, 0.7):
                 return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
         self._is_torn = False
-        self._search.add(_points(scan), moved, self._by_similarity(scan))
+        similar = self._matching.similar(scan, self._n_tried)
+        self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
         self._view = step
         hits = self._confirmed(scan, self._search.winner)
         if not hits:
@@ -165,7 +166,7 @@ class Localizer:
         """Follow the sensor from where it was."""
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
-        if self._is_near(moved) and not self._is_torn:
+        if self._is_near(moved, 0.5) and not self._is_torn:
             return self._at(step, expected, LocalizerOutcome.PREDICTED)
         hits, is_due = self._matching.around(scan, vaguely(expected, self.config))
         points = _points(scan)
@@ -186,16 +187,17 @@ class Localizer:
             return self._look(scan, step)
         return self._at(step, expected, LocalizerOutcome.PREDICTED)
 
-    def _is_near(self, moved: UncertainPose) -> bool:
+    def _is_near(self, moved: UncertainPose, share: float) -> bool:
+        """Return whether a motion is less than a share of what makes a new keyframe due."""
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
-        return bool(np.hypot(x, y) < 0.5 * rules.distance and abs(theta) < 0.5 * rules.turn)
+        return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
     def _is_best(self, scan: LaserScan, points: Points, now: UncertainPose) -> bool:
         """Return whether a scan speaks clearly for where the sensor is expected, and for no other place as well."""
         here = self._search.said(points, now.pose)
         alone = self._search.afresh()
         alone.add(points, None, self._by_similarity(scan))
-        return alone.is_clear(Place(pose=now.pose, support=here, n_views=1))
+        return alone.is_clear(Place(pose=now.pose, view=here, support=here))
 
     def _elsewhere(self, scan: LaserScan, points: Points, expected: UncertainPose) -> list[Hit]:
         """Return matches with keyframes of another place, where the scan alone speaks for it."""

@@ -66,8 +66,9 @@ def _search(stored: SlamMap, field: DistanceField, *found: Place) -> MapSearch:
     return search
 
 
-def _place(x: float, support: float, n_views: int = 1) -> Place:
-    return Place(pose=np.array([x, 0.0, 0.0]), support=support, n_views=n_views)
+def _place(x: float, support: float, view: float | None = None) -> Place:
+    view = support if view is None else view
+    return Place(pose=np.array([x, 0.0, 0.0]), view=view, support=support)
 
 
 @pytest.mark.parametrize(
@@ -89,9 +90,13 @@ def test_a_place_is_sure_where_no_other_comes_near(
 
 
 def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
-    assert _search(stored, field, _place(0.0, 0.3, 1)).winner is not None
-    assert _search(stored, field, _place(0.0, 0.3, 2)).winner is None
-    assert _search(stored, field, _place(0.0, 0.6, 2)).winner is not None
+    assert _search(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
+    assert _search(stored, field, _place(0.0, 0.3, 0.15)).winner is None
+    assert _search(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
+
+
+def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
+    assert _search(stored, field, _place(0.0, -0.3, 0.3)).winner is None
 
 
 @pytest.mark.slow
@@ -104,12 +109,11 @@ def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceFie
         search.add(_points(scan), moved, None)
         best = search._found[0]
         assert is_same(best.pose, se2.between(lap()[0], poses[k]))
-        supports.append((best.n_views, best.support))
-    assert [n for n, _ in supports] == [1, 2, 3]
-    assert supports[0][1] < supports[1][1] < supports[2][1]
+        supports.append(best.support)
+    assert supports[0] < supports[1] < supports[2]
     # without the motion between them views do not add up
     search.add(_points(scans(poses[:1], seed=2)[0]), None, None)
-    assert search._found[0].n_views == 1
+    assert search._found[0].support == search._found[0].view
 
 
 @pytest.mark.slow

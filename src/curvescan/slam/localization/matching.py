@@ -6,6 +6,7 @@ metres away because they look the other way.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,9 @@ _LEAST_OVERLAP = 0.15
 _DUE_OVERLAP = 0.4
 """A keyframe that shares as much should match."""
 
+_SURE_LOG_ODDS = math.log(99.0)
+"""Log-odds of a match of full weight: one in a hundred is wrong."""
+
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
 
@@ -47,11 +51,14 @@ class Hit:
         Where the match puts the scan in the map, the keyframe taken to be where the map has it.
     score : float
         Of the match.
+    weight : float
+        How much of its score speaks for the place, in [0, 1], by its confidence.
     """
 
     keyframe: int
     here: UncertainPose
     score: float
+    weight: float = 1.0
 
 
 class MapMatcher:
@@ -102,16 +109,30 @@ class MapMatcher:
         is_due = bool(len(order)) and bool(overlap[order[0]] >= _DUE_OVERLAP)
         return hits, is_due
 
-    def _hit(self, k: int, current: PreparedScan, guess: Pose) -> Hit | None:
+    def similar(self, scan: LaserScan, n_tried: int) -> list[Hit]:
+        """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""
+        current = self._keyframes.prepare(scan)
+        alike = self._keyframes.index.most_similar(self._keyframes.signature(current), n_tried)
+        hits = [self._hit(k, current, None) for k in alike.tolist()]
+        return [hit for hit in hits if hit is not None]
+
+    def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
         result = current.matcher.match(reference.features, current.features, guess)
         if not result.ok or not is_confident(result, self._config):
             return None
+        if guess is None and result.degenerate_direction is not None:
+            return None
         measured = as_measurement(result)
         found = UncertainPose(measured.pose, measured.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
-        return Hit(keyframe=k, here=compose(exact, found), score=result.score)
+        return Hit(
+            keyframe=k,
+            here=compose(exact, found),
+            score=result.score,
+            weight=_weight(result.confidence),
+        )
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:
         """Return a pose with what the map errs around it, and its covariance seen from the first keyframe.
@@ -127,6 +148,14 @@ class MapMatcher:
         origin = UncertainPose(self._map.poses[keyframe], self._map.covariances[keyframe])
         seen = UncertainPose(se2.between(origin.pose, here.pose), np.zeros((3, 3)))
         return around, around.cov + compose(origin, seen).cov
+
+
+def _weight(confidence: float) -> float:
+    """Return what a match of some confidence weighs, by its log-odds; a half where the matcher gives none."""
+    if math.isnan(confidence):
+        return 0.5
+    odds = confidence / max(1.0 - confidence, 1e-6)
+    return float(np.clip(math.log(odds) / _SURE_LOG_ODDS, 0.0, 1.0))
 
 
 def fused(hits: list[Hit]) -> UncertainPose:

@@ -7,6 +7,7 @@ view is enough where it leaves next to nothing open and no other place comes nea
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from curvescan.slam.localization.correlative import (
     thinned,
 )
 from curvescan.slam.localization.field import DistanceField
+from curvescan.slam.localization.matching import Hit
 from curvescan.types import Ints, Points, Pose
 
 STEP_M, _CLEARANCE_M = 0.3, 0.15
@@ -33,7 +35,7 @@ _N_PLACES = 20_000
 _NEUTRAL = 0.6
 """Agreement, in [-1, 1], from which on a view speaks for a pose: poses in places that the map does not show reach as much."""
 
-_MOST_FOR, _MOST_AGAINST = 0.4, 0.3
+_MOST_FOR, _MOST_AGAINST = 0.4, 0.15
 """The most that one view says."""
 
 _CONTOUR_M = 10.0
@@ -42,8 +44,11 @@ _CONTOUR_M = 10.0
 _ONE_VIEW = 0.2
 """Support that one view alone needs: 80 of 100 readings end on walls and none elsewhere in the map."""
 
-_SEVERAL_VIEWS = 0.45
+_SEVERAL_VIEWS = 1.0
 """Support that several views need together."""
+
+_CHANGED = 0.5
+"""What matches without a guess say of a place, and what it has more than any other, where the map has changed."""
 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
@@ -60,20 +65,18 @@ class Place:
     ----------
     pose : (3,) float64
         In the map.
+    view : float
+        By the last view alone.
     support : float
-        Sum over the views.
-    n_views : int
-        How many.
+        Sum over the views, with what matches say.
+    matched : float
+        What matches without a guess say of it.
     """
 
     pose: Pose
+    view: float
     support: float
-    n_views: int
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether the support would do if there were no other place."""
-        return self.support >= (_ONE_VIEW if self.n_views == 1 else _SEVERAL_VIEWS)
+    matched: float = 0.0
 
 
 class MapSearch:
@@ -115,7 +118,13 @@ class MapSearch:
         """Whether there are poses that earlier views speak for."""
         return bool(self._found)
 
-    def add(self, points: Points, moved: UncertainPose | None, similarity: Ints | None) -> None:
+    def add(
+        self,
+        points: Points,
+        moved: UncertainPose | None,
+        similarity: Ints | None = None,
+        matched: Sequence[Hit] = (),
+    ) -> None:
         """Take up a view.
 
         Parameters
@@ -126,6 +135,8 @@ class MapSearch:
             The sensor's motion since the last view; None where it is not known, and earlier views say nothing.
         similarity : (n,) int64 or None
             Keyframes, those most like the scan first; only needed where :attr:`is_large`.
+        matched : sequence of Hit
+            Matches without a guess: they speak for their places too, also where much has changed since the map was made.
         """
         few = thinned(points)
         places = self._places if similarity is None else self._near(similarity)
@@ -135,16 +146,18 @@ class MapSearch:
             assert moved is not None
             carried = se2.compose(np.array([place.pose for place in earlier]), moved.pose)
             poses = np.concatenate((refined_poses(self.field, carried, few), poses))
+        poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         new: list[Place] = []
         for k, pose in enumerate(poses):
             before = earlier[k] if k < len(earlier) else None
             if any(is_same(pose, place.pose) for place in new):
                 continue
             view = self.said(points, pose)
-            support = view + (before.support if before else 0.0)
-            new.append(
-                Place(pose=pose, support=support, n_views=1 + (before.n_views if before else 0))
-            )
+            scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
+            by_matches = max(scores, default=0.0)
+            support = view + by_matches + (before.support if before else 0.0)
+            by_matches += before.matched if before else 0.0
+            new.append(Place(pose=pose, view=view, support=support, matched=by_matches))
         new.sort(key=lambda place: -place.support)
         self._found = new[: self._n_tried]
 
@@ -156,14 +169,23 @@ class MapSearch:
 
     @property
     def winner(self) -> Place | None:
-        """The place that has support enough, and clearly more than any other."""
-        return self._found[0] if self._found and self.is_clear(self._found[0]) else None
+        """The place that the last view alone, or all views together, speak for enough and clearly more than for any other."""
+        by_view = sorted(self._found, key=lambda place: -place.view)
+        for best in (*by_view[:1], *self._found[:1]):
+            if self.is_clear(best):
+                return best
+        return None
 
     def is_clear(self, best: Place) -> bool:
-        """Return whether a place has support enough, and clearly more than any other."""
-        others = [place.support for place in self._found if not is_same(place.pose, best.pose)]
-        margin = max(_MARGIN, _MARGIN_SHARE * best.support)
-        return best.is_enough and best.support - max(others, default=-1.0) >= margin
+        """Return whether the last view alone, or all views together, speak for a place enough and clearly more than for any other."""
+        others = [place for place in self._found if not is_same(place.pose, best.pose)]
+        is_seen = _is_clear(best.view, [place.view for place in others], _ONE_VIEW)
+        is_known = _is_clear(best.support, [place.support for place in others], _SEVERAL_VIEWS)
+        most = max((place.support for place in others), default=-1.0)
+        # where much has changed since the map was made, matches and the lack of any other place decide
+        is_matched = min(best.matched, best.support - most) >= _CHANGED and best.support > 0.4
+        # nor may the views before speak against what one says
+        return is_known or is_matched or (is_seen and best.support >= best.view - _MARGIN)
 
     @property
     def is_large(self) -> bool:
@@ -175,6 +197,12 @@ class MapSearch:
         rank[similarity] = np.arange(len(similarity))
         order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
         return np.ascontiguousarray(self._places[order])
+
+
+def _is_clear(best: float, others: list[float], least: float) -> bool:
+    """Return whether a support is enough and clearly more than that of any other place."""
+    margin = max(_MARGIN, _MARGIN_SHARE * best)
+    return best >= least and best - max(others, default=-1.0) >= margin
 
 
 def is_same(one: Pose, other: Pose) -> bool:
