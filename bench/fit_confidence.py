@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 import curvescan as cs
 from curvescan import se2
 from curvescan.benchmarks.scenarios import SCENARIOS
-from curvescan.matchers.curvescan import confidence as model
+from curvescan.matchers.curvescan.assessment import confidence as model
 from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
@@ -192,7 +192,8 @@ class Table:
             self.right.append(_right(assessed, rivals, true, near))
             self.flagged.append(is_degenerate)
             self.confidence.append(support.confidence_with(assessed.ties))
-            self.is_repeated.append(not set(support.repeated()) <= set(assessed.ties))
+            is_alone = set(support.repeated()) <= set(assessed.ties)
+            self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
 
 def _right(

@@ -18,9 +18,10 @@ from curvescan.deskew import (
     _seen,
     deskew,
     middle_of_sweep,
+    n_periods,
     predicted_velocity,
-    step_seconds,
     sweep_shift,
+    usual_period,
 )
 from curvescan.io import read_log
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
@@ -215,8 +216,10 @@ def test_velocity_and_motion_are_each_others_inverse():
 @pytest.mark.parametrize(
     ("stamps", "scan_time", "expected"),
     [
-        ([0.0, 0.1, 0.2, 0.31], 0.0, 0.11),
+        ([0.0, 0.1, 0.2, 0.306], 0.0, 0.102),  # it jitters
         ([0.0, 0.1, 0.2, 0.4], 0.0, 0.2),  # a scan was lost
+        ([0.0, 0.1, 0.2, 0.5], 0.0, 0.3),  # two were
+        ([0.0, 0.1, 0.2, 0.6], 0.0, 0.1),  # it paused
         ([0.0, 0.1, 0.2, 0.2], 0.0, 0.1),  # the clock stands still
         ([0.0, 0.1, 0.2, 0.05], 0.0, 0.1),  # goes back
         ([0.0, 0.1, 0.2, 60.0], 0.0, 0.1),  # leaps
@@ -229,8 +232,10 @@ def test_velocity_and_motion_are_each_others_inverse():
         ([], 0.0, 0.0),
     ],
 )
-def test_a_step_of_the_clock_is_believed_when_it_is_usual(stamps, scan_time, expected):
-    assert step_seconds(stamps, scan_time) == pytest.approx(expected)
+def test_a_step_of_the_clock_is_a_whole_number_of_usual_periods(stamps, scan_time, expected):
+    period = usual_period(stamps, scan_time)
+    n = n_periods(stamps, period) if period > 0.0 else 0
+    assert n * period == pytest.approx(expected)
 
 
 def test_the_shift_is_that_of_the_readings_at_the_ends():
@@ -252,7 +257,7 @@ def chain(scans, *, is_deskewed=True):
     reference = reference_scan = None
     for scan in scans:
         stamps.append(scan.stamp)
-        seconds = step_seconds(tuple(stamps), scan.scan_time)
+        seconds = usual_period(tuple(stamps), scan.scan_time)
         velocity = predicted_velocity(motion, seconds)
         current = cs.prepare(deskew(scan, velocity) if is_deskewed else scan)
         if reference is not None:

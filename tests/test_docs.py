@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 import curvescan as cs
+from curvescan.cli.command_line import COMMANDS
+from curvescan.cli.main import run as command
 from curvescan.evaluation.published import BENCHMARKS
 from tests.conftest import ROOT
 
@@ -70,6 +73,30 @@ def test_the_python_of_a_document_runs(path, logs, tmp_path, monkeypatch, capsys
         (tmp_path / log.name).symlink_to(log)
     monkeypatch.chdir(tmp_path)
     exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "__main__"})  # noqa: S102
+
+
+def _commands(path: Path) -> list[list[str]]:
+    """Return the words of each curvescan command in a document's blocks and sentences."""
+    text = path.read_text(encoding="utf-8").replace("\\\n", " ")
+    inline = re.findall(r"`(curvescan [a-z][^`\n]*)`", text)
+    lines = [line for line in text.splitlines() if line.startswith("curvescan ")] + inline
+    return [shlex.split(line, comments=True) for line in lines]
+
+
+def test_the_commands_of_the_documents_are_there_with_their_flags(capsys):
+    shown = [words for path in _documents() for words in _commands(path)]
+    assert len(shown) > 60
+    wanted: dict[str, set[str]] = {}
+    for _, name, *rest in shown:
+        if name not in COMMANDS:
+            continue  # a sentence that begins with the project's name
+        flags = {word.partition("=")[0] for word in rest if word.startswith("--")}
+        wanted[name] = wanted.get(name, set()) | flags
+    for name, flags in wanted.items():
+        with pytest.raises(SystemExit, match=r"^0$"):
+            command([name, "--help-all"])
+        known = set(re.findall(r"--[\w.-]+", capsys.readouterr().out))
+        assert flags <= known, f"curvescan {name}"
 
 
 @pytest.mark.parametrize("path", _documents(), ids=_name)

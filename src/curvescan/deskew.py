@@ -35,8 +35,11 @@ velocity itself makes when it does not change."""
 _FASTEST_SENSOR = 1_000.0
 """No sensor moves so fast, metres a second."""
 
-_SHORTEST, _LONGEST = 0.5, 3.0
-"""Steps of the clock that count as regular, in usual steps: jitter, and one or two scans lost on the way."""
+_SHORTEST, _LONGEST = 0.5, 1.5
+"""Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
+
+_MOST_PERIODS = 3
+"""A step of more periods than this is a pause, or a leap of the clock."""
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
@@ -118,7 +121,7 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
     motion : (3,) array_like
         Pose of the sensor at one scan in that at the scan before.
     seconds : float
-        Time between them, of :func:`step_seconds`; 0 where it is not known.
+        Time between them; 0 where it is not known.
 
     Returns
     -------
@@ -134,8 +137,8 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
     return velocity if is_possible else np.zeros(3)
 
 
-def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:
-    """Return the time of the last step of a clock that may stand still, go back or leap.
+def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
+    """Return the time between two scans of a clock that may stand still, go back, leap or jitter.
 
     Parameters
     ----------
@@ -147,14 +150,23 @@ def step_seconds(stamps: Sequence[float], scan_time: float = 0.0) -> float:
     Returns
     -------
     float
-        The last step where it is from a half to three times the usual one, else the usual one, which is scan_time or
-        the median of the steps forward; 0 where there is neither.
+        The mean of the steps that are from a half to one and a half times the usual one, which is scan_time or the median
+        of the steps forward; where there are none the usual one, and 0 where there is neither.
     """
     steps = np.diff(np.asarray(stamps, dtype=np.float64))
     forward = steps[steps > 0.0]
     usual = scan_time if scan_time > 0.0 else float(np.median(forward)) if forward.size else 0.0
-    last = float(steps[-1]) if steps.size else 0.0
-    return last if _SHORTEST * usual <= last <= _LONGEST * usual else usual
+    regular = forward[(forward >= _SHORTEST * usual) & (forward <= _LONGEST * usual)]
+    return float(np.mean(regular)) if regular.size else usual
+
+
+def n_periods(stamps: Sequence[float], period: float) -> int:
+    """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
+
+    A whole number, so that the jitter of a stamp changes nothing.
+    """
+    last = stamps[-1] - stamps[-2] if len(stamps) > 1 else period
+    return max(round(last / period), 1) if 0.0 < last <= (_MOST_PERIODS + 0.5) * period else 1
 
 
 @kernel

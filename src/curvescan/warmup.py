@@ -6,6 +6,8 @@ part of the package that has kernels adds a function to `PARTS`.
 
 from __future__ import annotations
 
+import functools
+import gc
 import time
 from collections.abc import Callable
 
@@ -46,7 +48,8 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
     """Compile all kernels that matching, odometry, SLAM and maps need, or load them where they have been compiled before.
 
     The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
-    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels.
+    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels. Objects that are
+    there when it ends are left out of Python's later garbage collections (:func:`gc.freeze`).
 
     Parameters
     ----------
@@ -74,6 +77,9 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
             part(method)
         if slam:
             _warm_up_slam()
+    # the compiler leaves a million objects: to look through them takes the collector a tenth of a second, in the middle of a drive
+    gc.collect()
+    gc.freeze()
     return time.perf_counter() - started
 
 
@@ -101,8 +107,14 @@ def _warm_up_drive(method: str) -> None:
 def help_compile(k: int) -> None:
     """Compile what the process that is helped comes to last, each helper k something else first; see `_compilation`."""
     find_matcher(DEFAULT_METHOD, None)
-    for part in BACKWARDS[k:] + BACKWARDS[:k]:
-        part(_no_features(), CurvescanConfig())
+    stages: list[Callable[[], None]] = [
+        functools.partial(part, _no_features(), CurvescanConfig()) for part in BACKWARDS
+    ]
+    stages.append(_warm_up_slam)
+    # one helper alone first does its share of what a match needs; the second begins with SLAM
+    first = (0, len(stages) - 1, 2)[k]
+    for stage in stages[first:] + stages[:first]:
+        stage()
     warm_up()
 
 
@@ -147,15 +159,16 @@ def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None
 
 BACKWARDS = (
     _assess,
-    _pair_keypoints,
     _refine,
-    _weigh_movable,
     _weigh,
+    _weigh_movable,
+    _pair_keypoints,
     _search,
     _find_keypoints,
 )
-"""Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: the long one
-that it comes to last, then what it comes to after the features. Each runs without a scan, so that no other has to be compiled.
+"""Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: with one helper
+that is the half that comes last, for what both compile at the same time is compiled twice. Each runs without a scan, so that
+no other has to be compiled.
 """
 
 
@@ -205,6 +218,7 @@ def _warm_up_slam() -> None:
         squared_distances,
     )
     from curvescan.slam.pose_graph.sparse import block_pattern
+    from curvescan.slam.thinning import crowded_places
 
     ends, anchors = np.array([[0, 1], [1, 2], [0, 2]]), np.zeros(1, dtype=np.int64)
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 1.0, 1.0]])
@@ -226,6 +240,7 @@ def _warm_up_slam() -> None:
     )
     field.agreement(np.ones((8, 2)), np.zeros(3))
     likely_poses(field, np.zeros((1, 2)), np.ones((8, 2)), 1)
+    crowded_places(poses, np.zeros(3, dtype=np.int64), 3, 1.0, 1.0, 1)
     profile = range_profile(_scan(_room(0.0, 0.0)))
     foretold_overlap(profile[np.newaxis], anchors, poses[:1], profile)
     signature(np.zeros((2, 5)))

@@ -224,6 +224,8 @@ def test_bench_measures_and_tabulates(log, tmp_path, capsys):
         "2",
         "--runs",
         "3",
+        "--deceptive",
+        "1",
         "--logs",
         str(log),
         "--out",

@@ -56,7 +56,7 @@ class Laps:
             )
 
 
-def listen(url: str, told) -> None:
+def listen(url: str, result) -> None:
     """Read the stream as a browser does, in a process of its own; the clock is the machine's."""
     latencies = []
     with urllib.request.urlopen(url + "events", timeout=60) as stream:
@@ -65,7 +65,7 @@ def listen(url: str, told) -> None:
                 latencies.append(time.monotonic() - json.loads(line[6:])["received"])
             elif b'"kind":"ended"' in line:
                 break
-    told.put(np.array(latencies))
+    result.put(np.array(latencies))
 
 
 def memory_mib() -> float:
@@ -81,7 +81,7 @@ def main() -> None:
     log = Laps(round(3600 * hours * RATE))
     warm_up(engine_class)
     viewer = Viewer(log.name, mode=mode, is_lossless=True)
-    engine, told = engine_class(), multiprocessing.get_context("spawn").Queue()
+    engine, result = engine_class(), multiprocessing.get_context("spawn").Queue()
     step, started = max(log._n // 10, 1), time.monotonic()
 
     def on_scan(tracked) -> None:
@@ -94,14 +94,14 @@ def main() -> None:
 
     with PageServer(viewer) as server:
         listener = multiprocessing.get_context("spawn").Process(
-            target=listen, args=(server.url, told)
+            target=listen, args=(server.url, result)
         )
         listener.start()
         time.sleep(3.0)
         report = run_live(LogSource(log, speed=speed), Tracker(engine), [viewer], on_scan=on_scan)
         viewer.close()
         viewer.set_status("ended", "over")
-        latencies = told.get(timeout=60)
+        latencies = result.get(timeout=60)
     print(
         f"{report.n_scans:,} of {log._n:,} scans, {report.n_dropped} dropped, {memory_mib():.0f} MiB"
     )

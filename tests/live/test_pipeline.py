@@ -283,11 +283,32 @@ def test_the_viewer_keeps_no_scan_and_draws_the_map(log):
     assert viewer.picture.png.startswith(b"\x89PNG")
     viewer.stop()
     events = dict(viewer.events())
-    assert list(events) == ["about", "status", "path", "map", "scan"]
+    assert list(events) == ["about", "status", "path", "map", "times", "scan"]
     assert events["scan"]["index"] == len(log) - 1
     first, last = events["path"]["points"][:2], events["path"]["points"][-2:]
     assert first == [0.0, 0.0]
     assert np.hypot(*(np.array(last) - events["scan"]["pose"][:2])) < 0.05
+
+
+def test_a_preview_is_the_first_scan_and_is_not_kept(log):
+    viewer, source = Viewer("a test", is_lossless=True), LogSource(log, speed=0)
+    viewer.preview(source.first())
+    preview = viewer.picture
+    assert preview.version == 0
+    assert min(preview.shape) > 20  # cells of 0.05 m of what one scan sees
+    run_live(source, Tracker(Odometry()), [viewer])
+    viewer.close()
+    assert viewer.picture.version > 0
+    other = Viewer("a test", is_lossless=True)
+    run_live(LogSource(log, speed=0), Tracker(Odometry()), [other])
+    other.close()
+    assert viewer.picture.png == other.picture.png
+
+
+def test_what_a_source_begins_with():
+    source = SimulatedSource(n_scans=2, speed=0)
+    np.testing.assert_array_equal(source.first().ranges, next(source.scans()).ranges)
+    assert LogSource([]).first() is None
 
 
 def test_at_the_end_the_sensor_is_where_the_final_map_has_it(log):

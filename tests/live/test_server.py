@@ -96,8 +96,8 @@ def test_the_page_needs_no_other_machine(page):
 
 
 def test_a_late_browser_gets_path_and_map_first(page):
-    names = [name for name, _ in events(page, 5)]
-    assert names == ["about", "status", "path", "map", "scan"]
+    names = [name for name, _ in events(page, 6)]
+    assert names == ["about", "status", "path", "map", "times", "scan"]
 
 
 def test_a_name_is_data_and_never_markup(page):
@@ -219,7 +219,7 @@ def test_a_browser_that_reads_nothing_holds_up_neither_the_run_nor_others():
         report = run_live(LogSource(log, speed=0), Tracker(Odometry()), [viewer])
         assert report.n_scans == len(log)
         assert time.monotonic() - started < 30.0
-        assert dict(events(server, 5))["scan"]["index"] > 0
+        assert dict(events(server, 6))["scan"]["index"] > 0
         viewer.close()
         lazy.close()
 

@@ -47,3 +47,21 @@ def test_memory_is_bounded():
         held = remembered(dispute(1.0 * k), held, CONFIG)
     assert len(held) == 8
     np.testing.assert_array_equal(held[-1].by_chain, [99.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("off", "is_one"),
+    [((0.25, 0, 0), True), ((0.35, 0, 0), False), ((0, 0, 0.05), True), ((0, 0, 0.07), False)],
+)
+def test_two_ask_for_one_correction_within_30_cm_and_3_deg(off, is_one):
+    here = np.array([2.0, 0.0, 0.0])
+    last = Dispute(here, se2.compose(se2.compose(DRIFT, here), np.array(off)))
+    assert is_settled(last, (dispute(0.0), dispute(1.0)), CONFIG) == is_one
+
+
+@pytest.mark.parametrize(("share", "is_elsewhere"), [(0.45, False), (0.55, True)])
+def test_half_the_way_to_a_new_keyframe_is_another_place(share, is_elsewhere):
+    config = KeyframesConfig(distance=2.0, turn=0.8)
+    for moved in (np.array([share * 2.0, 0.0, 0.0]), np.array([0.0, 0.0, share * 0.8])):
+        other = Dispute(moved, se2.compose(DRIFT, moved))
+        assert len(remembered(other, (dispute(0.0),), config)) == 1 + is_elsewhere

@@ -123,3 +123,77 @@ def test_what_a_rejected_match_leaves_open_is_known_no_better_than_after_a_failu
     assert not gated.is_plausible
     along = math.sqrt(gated.pose_keyframe_scan.cov[0, 0])
     assert along == pytest.approx(CONFIG.recovery_sigma_m, rel=0.05)
+
+
+def test_what_speaks_against_a_match_is_each_enough():
+    def confident(pose=(0.1, 0.0, 0.05), **kwargs):
+        return gate(matched(pose, **kwargs), EXPECTED, CONFIG).is_confident(0.4)
+
+    assert confident()
+    assert confident(score=0.4)
+    assert not confident(score=0.39)
+    assert not confident((0.6, 0.0, 0.6))
+    assert not confident(**ALONG_X)
+    failed = gate(matched(outcome=Outcome.AMBIGUOUS), EXPECTED, CONFIG)
+    assert not failed.is_fully_observed  # though no direction is named
+
+
+@pytest.mark.parametrize(
+    ("confidence", "is_accepted"), [(0.79, False), (0.8, True), (0.95, True), (math.nan, True)]
+)
+def test_a_match_that_explains_little_must_be_sure(confidence, is_accepted):
+    here = gate(matched(score=0.2, confidence=confidence), EXPECTED, CONFIG)
+    assert here.is_accepted(0.25) == is_accepted
+    far = gate(matched((0.6, 0.0, 0.6), score=0.2, confidence=confidence), EXPECTED, CONFIG)
+    assert not far.is_accepted(0.25)
+    # from the least score on it decides, wherever it lies and however sure it is
+    for pose in ((0.1, 0.0, 0.05), (0.6, 0.0, 0.6)):
+        assert gate(matched(pose, score=0.25, confidence=0.1), EXPECTED, CONFIG).is_accepted(0.25)
+
+
+REPEATED = UncertainPose(np.array([0.5, 0.0, 0.05]), EXPECTED.cov)
+"""What the last motion leads to expect, where another odometry says EXPECTED."""
+
+
+def test_a_match_where_the_last_motion_leads_rejects_another_odometry():
+    gated = gate(matched((0.51, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
+    assert gated.is_plausible
+    assert gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.51, 0.0, 0.05], atol=1e-3)
+    # where both agree with it nothing is rejected, and where neither does it is not plausible
+    near = UncertainPose(np.array([0.12, 0.0, 0.05]), EXPECTED.cov)
+    both = gate(matched((0.11, 0.0, 0.05)), EXPECTED, CONFIG, repeated=near)
+    assert both.is_plausible
+    assert not both.is_prior_rejected
+    neither = gate(matched((2.0, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
+    assert not neither.is_plausible
+    assert not neither.is_prior_rejected
+
+
+def test_along_a_corridor_another_odometry_decides_and_not_the_last_motion():
+    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), EXPECTED, CONFIG, repeated=REPEATED)
+    assert gated.is_plausible
+    assert not gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.0, 0.05], atol=1e-3)
+    # unless it contradicts the match across the corridor, and the last motion does not
+    aside = UncertainPose(np.array([0.1, 0.4, 0.05]), EXPECTED.cov)
+    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), aside, CONFIG, repeated=REPEATED)
+    assert gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.5, 0.0, 0.05], atol=1e-3)
+
+
+def test_what_the_scans_say_without_a_guess_counts_where_it_is_expected():
+    result = matched((0.1, 0.0, 0.05), **ALONG_X)
+    seen = UncertainPose(np.array([0.14, 0.0, 0.05]), np.diag([0.001**2, 1e-6, 1e-7]))
+    gated = gate(result, EXPECTED, CONFIG, measured=seen)
+    assert gated.measured is seen
+    assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.14, abs=1e-3)
+    far = UncertainPose(np.array([0.9, 0.0, 0.05]), seen.cov)
+    gated = gate(result, EXPECTED, CONFIG, measured=far)
+    assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_of_two_matches_where_nobody_expected_them_the_higher_score_counts():
+    low, high = (gate(matched((2.0, 0.0, 0.6), score=s), EXPECTED, CONFIG) for s in (0.6, 0.9))
+    assert high.is_better_than(low, 0.4)
+    assert not low.is_better_than(high, 0.4)

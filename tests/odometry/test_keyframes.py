@@ -118,3 +118,54 @@ def test_without_a_common_ancestor_the_first_frame_is_one():
     np.testing.assert_allclose(pose_keyframe_scan.pose, before.pose, atol=1e-12)
     np.testing.assert_allclose(pose_keyframe_scan.cov, way.cov, rtol=1e-9)
     assert np.trace(pose_keyframe_scan.cov) > 1.5 * np.trace(before.cov)
+
+
+def test_what_is_made_before_it_is_taken_in_is_younger_than_its_parent():
+    """Ancestors are found by their numbers."""
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    *_, last = grow(keyframes, 3)
+    one = keyframes.make(None, 3, Localization(keyframe=last, pose_keyframe_scan=STEP))
+    two = keyframes.make(None, 4, Localization(keyframe=one, pose_keyframe_scan=STEP))
+    assert [one.number, two.number] == [3, 4]
+    # and a branch from an old one is younger than all
+    assert grow(keyframes, 1, start=next(iter(keyframes)))[1].number == 3
+
+
+def test_only_what_came_after_a_break_is_known_less():
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    made = [keyframes.add(None, 10 * k, None) for k in range(4)]
+    before = [keyframe.pose_map_keyframe.cov.copy() for keyframe in made]
+    keyframes.disconnect(20, np.diag([100.0, 100.0, 3.0]))
+    for keyframe, cov in zip(made[:2], before[:2], strict=True):
+        np.testing.assert_array_equal(keyframe.pose_map_keyframe.cov, cov)
+    for keyframe, cov in zip(made[2:], before[2:], strict=True):
+        np.testing.assert_array_equal(
+            keyframe.pose_map_keyframe.cov, cov + np.diag([100.0, 100.0, 3.0])
+        )
+
+
+def test_near_is_within_reach_and_within_the_turn():
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    first = keyframes.add(None, 0, None)
+    for k, pose in enumerate([(4.0, 0.0, 0.0), (4.0, 0.0, 0.3), (0.0, 4.0, 0.0)], start=1):
+        there = UncertainPose(np.array(pose), STEP.cov)
+        keyframes.add(None, k, Localization(keyframe=first, pose_keyframe_scan=there))
+
+    def numbers(pose, reach, turn):
+        return [k.number for k in keyframes.nearest(np.array(pose), reach, turn)]
+
+    assert numbers((4.0, 0.0, 0.0), 1.0, 0.2) == [1]
+    assert numbers((4.0, 0.0, 0.0), 1.0, 0.31) == [1, 2]
+    assert numbers((0.0, 3.0, 0.0), 1.01, 0.2) == [3]
+    assert numbers((0.0, 3.0, 0.0), 0.99, 0.2) == []
+
+
+def test_places_of_different_trees_are_seen_from_each_other_both_ways():
+    keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
+    young = grow(keyframes, 2)[-1]
+    old = keyframes.add(None, 9, None)
+    for one, other in ((old, young), (young, old)):
+        found = Localization(keyframe=one, pose_keyframe_scan=STEP).relative_to(other)
+        way = compose(inverse(other.pose_map_keyframe), compose(one.pose_map_keyframe, STEP))
+        np.testing.assert_allclose(found.pose, way.pose, atol=1e-12)
+        np.testing.assert_allclose(found.cov, way.cov, rtol=1e-9)

@@ -37,14 +37,13 @@ def doubtful():
     """Scans of a floor a metre apart, 1 degree beams, that the matcher gives no pose of without help, and the true one."""
     coarse = replace(SENSORS["sick-lms200"], n_beams=180, angle_increment=math.pi / 180)
     found = []
-    for seed in (31, 32):
-        log = cs.simulate("office-floor", sensor=coarse, n_scans=420, n_people=6, seed=seed)
-        prepared = [MATCHER.prepare(log[k]) for k in range(0, 420, 7)]
-        poses = log.truth.poses[::7]
-        for k in range(len(prepared) - 1):
-            result = MATCHER.match(prepared[k], prepared[k + 1], None)
-            if not result.ok and result.score >= MotionConfig().expected_score:
-                found.append((result, cs.se2.between(poses[k], poses[k + 1])))
+    log = cs.simulate("office-floor", sensor=coarse, n_scans=217, n_people=6, seed=32)
+    prepared = [MATCHER.prepare(log[k]) for k in range(0, 217, 7)]
+    poses = log.truth.poses[::7]
+    for k in range(len(prepared) - 1):
+        result = MATCHER.match(prepared[k], prepared[k + 1], None)
+        if not result.ok and result.score >= MotionConfig().expected_score:
+            found.append((result, cs.se2.between(poses[k], poses[k + 1])))
     assert len(found) >= 2
     return found
 
@@ -101,7 +100,7 @@ def test_along_a_bare_corridor_nothing_is_measured():
 def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
     """Flat, but with one best place: measured to a decimetre, and right."""
     n_measured = 0
-    for seed in range(30):
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         x = rng.uniform(-6.0, 6.0)
         poses = np.array([[x, 0.0, 0.0], [x + rng.uniform(0.4, 1.0), 0.0, 0.05]])
@@ -116,7 +115,7 @@ def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
         off = measured.pose - cs.se2.between(*poses)
         assert math.sqrt(measured.cov[0, 0]) < 0.25
         assert abs(off[0]) < 5.0 * math.sqrt(measured.cov[0, 0])
-    assert n_measured >= 1
+    assert n_measured >= 5
 
 
 def test_a_match_that_fixes_the_pose_is_taken_as_it_is():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.motion_model import MotionModel
+from curvescan.odometry.motion_model import Clock, MotionModel
 from curvescan.se2.uncertain import UncertainPose
 
 SEEN = UncertainPose(np.array([0.1, 0.01, 0.05]), np.diag([1e-6, 1e-6, 1e-8]))
@@ -152,3 +152,91 @@ def test_the_noise_of_wheels_is_learnt_from_what_the_matches_measure():
         usual = 0.003**2 + (0.1 * 0.1) ** 2
         assert bool(cov[0, 0] > 4.0 * usual) is is_worse
         assert bool(cov[0, 0] < 0.2 * usual) is not is_worse
+
+
+def test_the_covariance_by_wheels_is_that_of_the_configuration():
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    prediction = model.predict(0.2, np.array([0.3, 0.4, 0.2]))
+    config = MotionConfig()
+    along = config.wheel_floor_m**2 + (config.wheel_share * 0.5) ** 2
+    drift, share = config.wheel_drift * 0.5, config.wheel_turn_share * 0.2
+    turn = config.wheel_floor_rad**2 + share**2 + drift**2
+    np.testing.assert_allclose(prediction.motion.cov, np.diag([along, along, turn]), rtol=1e-12)
+    # of a gyro alone: no path, no drift
+    model = updated(steady(), 0.1, odometry_pose=np.array([np.nan, np.nan, 0.0]))
+    cov = model.predict(0.2, np.array([np.nan, np.nan, 0.2])).motion.cov
+    assert cov[2, 2] == pytest.approx(config.wheel_floor_rad**2 + share**2, rel=1e-12)
+
+
+def test_after_a_failure_what_was_measured_still_is():
+    config = MotionConfig()
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    by_wheels = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
+    assert by_wheels.inflated(config) is by_wheels.motion
+    repeated = model.predict(0.2, None)
+    np.testing.assert_array_equal(repeated.inflated(config).pose, repeated.motion.pose)
+    np.testing.assert_array_equal(repeated.inflated(config).cov, config.recovery_covariance)
+
+
+def test_the_noise_of_wheels_after_one_error_of_theirs():
+    """A mean over `memory` steps of the square of the error, in variances, both axes of a translation together."""
+    config = MotionConfig()
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
+    error = np.array([0.02, 0.03, 0.015])
+    model = model.updated(
+        prediction,
+        UncertainPose(prediction.motion.pose + error, SEEN.cov),
+        is_plausible=True,
+        is_fully_observed=True,
+    )
+    cov = prediction.motion.cov
+    square = 0.5 * (0.02**2 + 0.03**2) / cov[0, 0], 0.015**2 / cov[2, 2]
+    for learned, one in zip(model.odometry_noise, square, strict=True):
+        assert learned == pytest.approx(1.0 + (one - 1.0) / config.memory, rel=1e-9)
+    # and no less than a tenth, no more than a hundred times what the configuration says
+    for off, limit in (((0.0, 0.0, 0.0), 0.1), ((3.0, 0.0, 2.0), 100.0)):
+        model = steady()
+        for k in range(200):
+            prediction = model.predict(0.1 * k, np.array([0.1 * k, 0.0, 0.0]))
+            motion = UncertainPose(prediction.motion.pose + np.array(off), SEEN.cov)
+            model = model.updated(prediction, motion, is_plausible=True, is_fully_observed=True)
+        assert model.odometry_noise == pytest.approx((limit, limit))
+
+
+def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():
+    config = MotionConfig()
+    model = steady(n=100)
+    for step in range(3):
+        before = model.variance_turn
+        model = updated(model, 10.0 + 0.1 * step, is_fully_observed=False)
+        wide = config.sigma_rad**2
+        assert model.variance_turn == pytest.approx(before + (wide - before) / config.memory)
+
+
+def test_the_clock_is_averaged_before_a_step_is_long_and_a_pause_moves_it_little():
+    clock = Clock()
+    for k in range(11):  # ten steps
+        clock, n_periods = clock.ticked(0.1 * k if k < 10 else 1.4, 20.0)
+        assert n_periods == 1.0  # the tenth is five times as long, and not yet called so
+    period = clock.period
+    assert period == pytest.approx(0.14)
+    clock, n_periods = clock.ticked(clock.stamp + 10.0 * period, 20.0)
+    assert n_periods == 10.0
+    assert clock.period == pytest.approx(period * (1.0 + 2.0 / 20.0))  # as if it were three
+
+
+def test_a_change_of_the_motion_counts_along_both_axes():
+    config = MotionConfig()
+    model = steady()
+    moved = UncertainPose(SEEN.pose + np.array([0.01, 0.05, 0.0]), SEEN.cov)
+    square = 0.5 * (0.01**2 + 0.05**2)
+    before = model.variance_translation
+    after = updated(model, 0.1, moved).variance_translation
+    assert after == pytest.approx(before + (square - before) / config.memory)
+
+
+@pytest.mark.parametrize(("leap", "is_measured"), [(900.0, True), (1100.0, False)])
+def test_wheels_that_leap_by_a_kilometre_measure_nothing(leap, is_measured):
+    model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
+    assert model.predict(0.2, np.array([leap, 0.0, 0.0])).is_measured == is_measured

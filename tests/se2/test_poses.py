@@ -131,3 +131,16 @@ def test_wrong_shapes_are_named():
         se2.compose([1, 2], [1, 2, 3])
     with pytest.raises(InvalidArgumentError, match=r"points must have shape \(\.\.\., 2\).*\(3,\)"):
         se2.transform([0, 0, 0], [1, 2, 3])
+
+
+def test_a_single_pose_has_the_bits_of_one_of_many():
+    rng = np.random.default_rng(8)
+    one, other = rng.uniform(-8.0, 8.0, (2, 200, 3))
+    one[:4, 2] = np.pi, -np.pi, np.nextafter(np.pi, 4.0), 3.0 * np.pi
+    one[4], other[5] = np.nan, (np.inf, 0.0, np.inf)
+    with np.errstate(invalid="ignore"):
+        for function in (se2.compose, se2.between):
+            singles = [function(a, b) for a, b in zip(one, other, strict=True)]
+            np.testing.assert_array_equal(singles, function(one, other))
+        np.testing.assert_array_equal([se2.inverse(a) for a in one], se2.inverse(one))
+        np.testing.assert_array_equal([se2.wrap(a) for a in one[:, 2]], se2.wrap(one[:, 2]))

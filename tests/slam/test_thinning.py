@@ -9,6 +9,7 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.slam import run_slam
 from curvescan.slam.config import PlacesConfig, SlamConfig
+from curvescan.slam.thinning import crowded_places
 
 pytestmark = pytest.mark.slow
 
@@ -41,3 +42,19 @@ def test_without_a_place_seen_often_nothing_goes() -> None:
     made = cs.simulate("office", seed=1, n_scans=200, odometry_noise=None)
     run = run_slam(list(made))
     assert len(run.slam.backend.heirs) == 0
+
+
+def test_crowded_places_are_those_with_so_many_later_ones_near() -> None:
+    rng = np.random.default_rng(4)
+    poses = rng.uniform(-1.5, 1.5, (120, 3)) * (1.0, 1.0, 3.0)
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    fragments = rng.integers(0, 2, 120)
+    found = crowded_places(poses, fragments, 90, 0.6, 0.8, 3)
+    expected = np.zeros(90, dtype=bool)
+    for v in range(1, 90):
+        off = poses[v + 1 :] - poses[v]
+        near = (np.hypot(off[:, 0], off[:, 1]) < 0.6) & (np.abs(se2.wrap(off[:, 2])) < 0.8)
+        expected[v] = np.count_nonzero(near & (fragments[v + 1 :] == fragments[v])) >= 3
+    np.testing.assert_array_equal(found, expected)
+    assert 5 < np.count_nonzero(found) < 80
+    assert not len(crowded_places(poses, fragments, 0, 0.6, 0.8, 3))

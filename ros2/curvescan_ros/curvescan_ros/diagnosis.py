@@ -1,4 +1,4 @@
-"""Diagnosis: what the node says of itself once a second, and what is missing when nothing comes."""
+"""Diagnosis: the node's report once a second: outcomes, times, and what is missing when no scan comes."""
 
 from __future__ import annotations
 

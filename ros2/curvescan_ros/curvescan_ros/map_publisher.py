@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from curvescan.live.sinks import MapSink
+from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.mapping.occupancy import OccupancyGrid
 
 
@@ -21,6 +21,8 @@ class MapPublisher(MapSink):
         Seconds.
     is_revisable : bool
         Whether past poses may be revised (SLAM).
+    saved_map : SlamMap or None
+        The map that is localized in: what this one begins with.
     """
 
     def __init__(
@@ -29,11 +31,14 @@ class MapPublisher(MapSink):
         *,
         period: float,
         is_revisable: bool,
+        saved_map: SavedMap | None = None,
     ) -> None:
         self._publish, self._period = publish, period
         self._lock = threading.Lock()
         self._next, self._published = 0.0, -1
-        super().__init__("map publisher", is_revisable=is_revisable)
+        super().__init__("map publisher", is_revisable=is_revisable, saved_map=saved_map)
+        if saved_map is not None:
+            self._publish_map()
 
     def grid(self) -> OccupancyGrid:
         """Return the map as it is; from any thread."""
@@ -44,13 +49,13 @@ class MapPublisher(MapSink):
         with self._lock:
             self._map.add(tracked)
         if time.monotonic() >= self._next and self._map.version != self._published:
-            self._tell()
+            self._publish_map()
 
     def _finish(self) -> None:
         with self._lock:
             super()._finish()
 
-    def _tell(self) -> None:
+    def _publish_map(self) -> None:
         grid = self.grid()
         if grid.log_odds.size:
             self._publish(grid)

@@ -97,7 +97,7 @@ def add_transforms(tree: FrameTree, message: object) -> None:
 
 
 def mount_of(tree: FrameTree, base_frame: str, laser_frame: str) -> tuple[np.ndarray, bool] | None:
-    """Return the pose of the laser in the base frame and whether it hangs upside down; None where tf does not tell."""
+    """Return the pose of the laser in the base frame and whether it hangs upside down; None where tf has no way between them."""
     base, laser = frame_name(base_frame), frame_name(laser_frame)
     path = tree.path(base, laser, avoid="")
     if path is None:

@@ -77,12 +77,14 @@ MOUNT_PATIENCE = 2.0
 
 
 class CurvescanNode(Node):
-    """The node; see the README of this package for its topics, parameters and services."""
+    """The node; docs/ros2.md lists its topics, parameters and services."""
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__("curvescan", **kwargs)
         p = {name: self.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
         self._p = p
+        is_localizing = p["mode"] == "localization"
+        self._saved_map = curvescan.load_map(p["map_file"]) if is_localizing else None
         started = time.monotonic()
         self._tracker = self._new_tracker()
         warm_up(lambda: self._new_tracker().engine, p["method"])
@@ -91,11 +93,11 @@ class CurvescanNode(Node):
         self._wheels: deque[tuple[float, np.ndarray]] = deque(maxlen=400)
         self._diagnosis = Diagnosis()
         self._started_at = time.monotonic()
-        self._map_sink = self._new_map_sink()
         self._odom = self.create_publisher(Odometry, "odom", 10)
         self._map = self.create_publisher(OccupancyGrid, "map", LATCHED)
         self._report = self.create_publisher(DiagnosticArray, "diagnostics", 10)
         self._tf = self._open_tf()
+        self._map_sink = self._new_map_sink()
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/save_map", self._on_save_map)
         self.create_timer(1.0, self._on_timer)
@@ -116,8 +118,8 @@ class CurvescanNode(Node):
 
     def _new_tracker(self) -> Tracker:
         mode, method = self._p["mode"], self._p["method"]
-        if mode == "localization":
-            return Tracker(curvescan.Localizer(curvescan.load_map(self._p["map_file"])))
+        if self._saved_map is not None:
+            return Tracker(curvescan.Localizer(self._saved_map))
         if mode == "slam":
             return Tracker(curvescan.Slam(method))
         if mode != "odometry":
@@ -137,7 +139,10 @@ class CurvescanNode(Node):
                 self._map.publish(map_message(stamp, grid, self._map_parent()))
 
         return MapPublisher(
-            publish, period=self._p["map_period"], is_revisable=self._p["mode"] == "slam"
+            publish,
+            period=self._p["map_period"],
+            is_revisable=self._p["mode"] == "slam",
+            saved_map=self._saved_map,
         )
 
     def _map_parent(self) -> str:
@@ -206,7 +211,7 @@ class CurvescanNode(Node):
         )
 
     def _wheel_pose(self, scan: curvescan.LaserScan) -> np.ndarray | None:
-        """Return the laser's pose by the wheels in the middle of a sweep, interpolated; None where they do not tell."""
+        """Return the laser's pose by the wheels in the middle of a sweep, interpolated; None where that is not known."""
         if len(self._wheels) < 2:
             return None
         stamp = scan.stamp + middle_of_sweep(scan)

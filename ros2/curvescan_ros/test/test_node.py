@@ -92,6 +92,23 @@ def test_services(bench, scans_file, tmp_path):
     assert (first.position.x, first.position.y, first.orientation.z) == (0.0, 0.0, 0.0)
 
 
+def test_in_a_saved_map_that_map_is_published_first(bench, scans, scans_file, tmp_path):
+    slam = curvescan.Slam()
+    for scan in scans:
+        slam.add(as_message_has_it(scan, scans[0]))
+    slam.map.save(tmp_path / "floor.csmap")
+    made = bench(mode="localization", map_file=str(tmp_path / "floor.csmap"))
+    time.sleep(2.0)
+    first = made.maps[0]  # before any scan
+    assert first.header.frame_id == "map"
+    assert np.count_nonzero(np.array(first.data) > 50) > 500
+    made.play(scans_file, 40.0)
+    assert len(made.odom) == len(scans)
+    values = {item.key: item.value for item in made.reports[-1].status[0].values}
+    assert int(values["outcome tracked"]) > 0.9 * len(scans)
+    assert made.maps[-1].info.width >= first.info.width
+
+
 def test_transforms(bench, scans, scans_file):
     """The laser is ahead of the base and turned by 90 degrees, which /tf_static says: poses are those of the base."""
     tf2 = pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not built")
@@ -120,7 +137,7 @@ def test_transforms(bench, scans, scans_file):
         state = motion.add(odometry.add(as_message_has_it(scan, scans[0])), scan.stamp)
         assert message.pose.pose.position.x == pytest.approx(state.odom_base.pose[0], abs=1e-9)
         assert message.pose.pose.position.y == pytest.approx(state.odom_base.pose[1], abs=1e-9)
-    # what is told is told of the middle of the sweep
+    # the stamp is that of the middle of the sweep
     half = 0.5 * (len(scans[0]) - 1) * scans[0].time_increment
     stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in made.odom]
     assert np.allclose(np.array(stamps) - [scan.stamp for scan in scans], half, atol=1e-6)

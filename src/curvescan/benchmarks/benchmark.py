@@ -18,6 +18,7 @@ from curvescan.benchmarks.scenarios import (
     score_scenario,
 )
 from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
+from curvescan.benchmarks.stamp_jitter import JITTERS, JitterSpread, measure_jitter, timed_log
 from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, MATCHERS
@@ -36,6 +37,9 @@ BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
 
 STAGED = (DEFAULT_METHOD, "cfsma")
 """Methods whose times are measured stage by stage."""
+
+N_JITTERED = 5
+"""Runs of each log with jittered stamps."""
 
 EXPERIMENT_1_WORLDS = ("room", "office", "building")
 """Simulated worlds of experiment 1."""
@@ -70,6 +74,8 @@ class Benchmark:
         The paper's experiment 1.
     logs : tuple of LogEvaluation
         Log by log, one a method.
+    jitter : tuple of JitterSpread
+        How far apart logs end when their stamps are moved, one a log and jitter.
     reading : tuple of ReadingSpeed
         How fast logs are read, one a format.
     """
@@ -85,6 +91,7 @@ class Benchmark:
     turns: dict[str, Floats]
     experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
     logs: tuple[LogEvaluation, ...]
+    jitter: tuple[JitterSpread, ...]
     reading: tuple[ReadingSpeed, ...]
 
 
@@ -147,6 +154,7 @@ def run_benchmark(
         turns=turns,
         experiment_1=experiment_1,
         logs=tuple(judged),
+        jitter=_jitter(logs, seed, progress),
         reading=reading,
     )
 
@@ -223,3 +231,19 @@ def _experiment_1(
         for condition in CONDITIONS
         if condition.sensor == EXPERIMENT_1_SENSOR
     }
+
+
+def _jitter(logs: Sequence[Log], seed: int, progress: Progress) -> tuple[JitterSpread, ...]:
+    """Return how far apart a simulated log and real ones end when their stamps are moved."""
+    return tuple(
+        measure_jitter(
+            log,
+            name=log.name,
+            jitter=size,
+            n_runs=N_JITTERED,
+            seed=seed,
+            on_run=progress(f"{log.name}, stamps moved", N_JITTERED),
+        )
+        for log in (timed_log(seed), *logs)
+        for size in JITTERS
+    )

@@ -11,6 +11,7 @@ import numpy as np
 from curvescan.benchmarks.benchmark import BEAM_COUNTS, Benchmark
 from curvescan.benchmarks.io_speed import ReadingSpeed
 from curvescan.benchmarks.rotation_figure import draw_turns
+from curvescan.benchmarks.stamp_jitter import JitterSpread
 from curvescan.paper.random_transform import RandomTransformRuns
 from curvescan.paper.tables import log_table
 from curvescan.runs.table import ResultTable
@@ -38,8 +39,34 @@ def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     tables.append(_experiment_1(results))
     if results.logs:
         tables.append(log_table(results.logs))
-    tables.append(reading_table(results.reading))
+    tables += [jitter_table(results.jitter), reading_table(results.reading)]
     return tables
+
+
+def jitter_table(spreads: Sequence[JitterSpread]) -> ResultTable:
+    """Return the table of what jittered stamps change, one row a log and jitter."""
+    return ResultTable(
+        title="Odometry with jittered stamps, beside that with the log's own",
+        columns=(
+            "log",
+            "scans",
+            "stamps moved by",
+            "runs",
+            "ends apart, most",
+            "poses that differ",
+        ),
+        rows=[
+            (
+                one.log,
+                f"{one.n_scans:,}",
+                f"up to {1e3 * one.jitter:g} ms" if one.jitter else "one unit in the last place",
+                f"{len(one.ends):,}",
+                f"{1e3 * one.spread_m:.3g} mm, {np.degrees(one.spread_rad):.2g} deg",
+                f"{100 * one.moved_shares.max():.1f} %",
+            )
+            for one in spreads
+        ],
+    )
 
 
 def reading_table(speeds: Sequence[ReadingSpeed]) -> ResultTable:

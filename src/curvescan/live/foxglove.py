@@ -10,7 +10,7 @@ from typing import Any
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
 from curvescan.io.ros.writing.message_building import MessageBuilder
 from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
-from curvescan.live.sinks import MapSink
+from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
@@ -40,6 +40,8 @@ class FoxgloveSink(MapSink):
         How to make the occupancy map.
     is_lossless : bool
         Whether the tracker waits for this sink.
+    saved_map : SlamMap or None
+        The map that is localized in: what /map begins with.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class FoxgloveSink(MapSink):
         mode: str = "odometry",
         occupancy: OccupancyConfig | None = None,
         is_lossless: bool = False,
+        saved_map: SavedMap | None = None,
     ) -> None:
         try:
             import foxglove
@@ -103,6 +106,7 @@ class FoxgloveSink(MapSink):
             occupancy=occupancy,
             is_revisable=mode == "SLAM",
             is_lossless=is_lossless,
+            saved_map=saved_map,
         )
 
     @property

@@ -100,7 +100,7 @@ def run_live(
     """
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)
-    tally = _Tally()
+    statistics = _Statistics()
     with source, stoppable() as stop:
         reader = _Reader(source, queue)
         try:
@@ -111,14 +111,14 @@ def run_live(
                     continue
                 scan, received = item
                 tracked = tracker.add(scan, received=received, n_dropped=queue.n_dropped)
-                tally.add(tracked)
+                statistics.add(tracked)
                 for sink in sinks:
                     sink.put(tracked)
                 if on_scan:
                     on_scan(tracked)
         finally:
             queue.close()
-    return tally.report(queue.n_dropped, stop.is_asked, reader.error)
+    return statistics.report(queue.n_dropped, stop.is_asked, reader.error)
 
 
 class _Reader:
@@ -140,7 +140,7 @@ class _Reader:
             self._queue.close()
 
 
-class _Tally:
+class _Statistics:
     def __init__(self) -> None:
         self._seconds, self._latencies = array("f"), array("f")
         self._outcomes: Counter[Enum] = Counter()

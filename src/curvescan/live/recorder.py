@@ -12,7 +12,7 @@ from curvescan.io.files.output import output_file
 from curvescan.io.ros.bags.bag_files import BagKind
 from curvescan.io.ros.writing.bag_writer import BagWriter, mcap_in_file
 from curvescan.live.ros_messages import TOPICS, LiveMessages
-from curvescan.live.sinks import MapSink
+from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
@@ -36,6 +36,8 @@ class McapRecorder(MapSink):
         How to make the occupancy map.
     is_lossless : bool
         Whether the tracker waits for this sink.
+    saved_map : SlamMap or None
+        The map that is localized in: what /map begins with.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class McapRecorder(MapSink):
         mode: str = "odometry",
         occupancy: OccupancyConfig | None = None,
         is_lossless: bool = False,
+        saved_map: SavedMap | None = None,
     ) -> None:
         self.path = Path(path)
         self._files = ExitStack()
@@ -70,6 +73,7 @@ class McapRecorder(MapSink):
             is_revisable=mode == "SLAM",
             capacity=1000,
             is_lossless=is_lossless,
+            saved_map=saved_map,
         )
 
     def _take(self, tracked: TrackedScan) -> None:

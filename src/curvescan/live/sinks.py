@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from curvescan.errors import CurvescanError
@@ -10,7 +11,17 @@ from curvescan.live.live_map import LiveMap
 from curvescan.live.queues import BoundedQueue
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.scan import LaserScan
 from curvescan.types import Pose
+
+
+class SavedMap(Protocol):
+    """What is drawn of a :class:`curvescan.SlamMap`."""
+
+    @property
+    def scans(self) -> Sequence[LaserScan]: ...  # noqa: D102
+    @property
+    def poses(self) -> Pose: ...  # noqa: D102
 
 
 @runtime_checkable
@@ -91,6 +102,8 @@ class MapSink(WorkerSink):
         Scans held at most.
     is_lossless : bool
         As for :class:`WorkerSink`.
+    saved_map : SlamMap or None
+        The map that is localized in: what this one begins with.
     """
 
     def __init__(
@@ -101,8 +114,11 @@ class MapSink(WorkerSink):
         is_revisable: bool = False,
         capacity: int = 200,
         is_lossless: bool = False,
+        saved_map: SavedMap | None = None,
     ) -> None:
         self._map = LiveMap(occupancy, is_revisable=is_revisable)
+        if saved_map is not None:
+            self._map.begin_with(saved_map.scans, saved_map.poses)
         self._final: Pose | None = None
         super().__init__(name, capacity=capacity, is_lossless=is_lossless)
 

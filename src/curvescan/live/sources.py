@@ -121,6 +121,10 @@ class LogSource(_Paced):
         """Name of the log."""
         return self.log.name
 
+    def first(self) -> LaserScan | None:
+        """Return the first scan, without taking it; None of a log that has none."""
+        return next(iter(self.log), None)
+
     def scans(self) -> Iterator[LaserScan]:
         """Yield the log's scans in file order, at the chosen speed."""
         return self._at_their_time(iter(self.log))
@@ -173,6 +177,10 @@ class SimulatedSource(_Paced):
         """Return the (n, 3) true poses of one lap, world frame; the last neighbours the first."""
         rng = np.random.default_rng(child(self._seed, PATH))
         return drive_route(self.world, Drive(), self.sensor.period, rng)
+
+    def first(self) -> LaserScan | None:
+        """Return the first scan, without taking it."""
+        return next(self._made(), None)
 
     def scans(self) -> Iterator[LaserScan]:
         """Yield the scans at the chosen speed."""

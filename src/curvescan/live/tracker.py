@@ -41,7 +41,7 @@ class TrackedScan:
     scan : LaserScan
         The scan as the source gave it.
     step : OdometryStep, SlamStep or another
-        What the engine said of it.
+        What the engine returned for it.
     pose : (3,) float64
         Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`; NaN while it
         is searched for in a saved map.

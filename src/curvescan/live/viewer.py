@@ -6,27 +6,30 @@ for it, so a slow one misses scans, never a piece of the path, and holds up nobo
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from curvescan.errors import MapTooLargeError
 from curvescan.live.live_map import MapPicture, picture_of
-from curvescan.live.sinks import MapSink
+from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
-from curvescan.types import Floats, Pose
+from curvescan.types import Floats
 
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
 """The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
 
-_FRAME_PERIOD = 0.025
+_SEND_PERIOD = 0.025
 """Least time between two scans sent to a browser, seconds."""
 
 _HEARTBEAT = 5.0
@@ -35,19 +38,13 @@ _HEARTBEAT = 5.0
 _MAX_CLOSURES = 1000
 """Loop closures that are drawn at most: the newest."""
 
+_N_TIMES = 120
+"""Times of scans that a new browser is sent: as many as the page draws."""
+
 _N_POINTS = 1500
 """Readings of a scan that are sent at most."""
 
 Event = tuple[str, dict[str, Any]]
-
-
-class SavedMap(Protocol):
-    """What is shown of a :class:`curvescan.SlamMap`."""
-
-    @property
-    def scans(self) -> Sequence[LaserScan]: ...  # noqa: D102
-    @property
-    def poses(self) -> Pose: ...  # noqa: D102
 
 
 class Viewer(MapSink):
@@ -78,16 +75,18 @@ class Viewer(MapSink):
     ) -> None:
         self._about = {"name": name, "mode": mode}
         self._status = {"kind": "loading", "text": "loading"}
+        self._occupancy = occupancy
         self._picture: MapPicture | None = None
         self._next_picture = 0.0
         self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
         self._n_closures = 0
         self._recent: deque[float] = deque(maxlen=200)
+        self._times: tuple[float, ...] = ()
         self._stamps: deque[float] = deque(maxlen=50)
         self._length_m = 0.0
         self._last_pose: tuple[float, float] | None = None
         self._n_lost = 0
-        self._frame: dict[str, Any] | None = None
+        self._scan_event: dict[str, Any] | None = None
         self._n_events = 0
         self._changed = threading.Condition()
         self._is_over = False
@@ -96,9 +95,10 @@ class Viewer(MapSink):
             occupancy=occupancy,
             is_revisable=mode == "SLAM",
             is_lossless=is_lossless,
+            saved_map=saved_map,
         )
         if saved_map is not None:
-            self._map.begin_with(saved_map.scans, saved_map.poses)
+            self._draw()  # no scan has come yet: the thread has nothing to draw
 
     def set_status(self, kind: str, text: str) -> None:
         """Show a sentence on the page: "loading", "running", "ended" or "error"."""
@@ -106,6 +106,13 @@ class Viewer(MapSink):
             self._status = {"kind": kind, "text": text}
             self._n_events += 1
             self._changed.notify_all()
+
+    def preview(self, scan: LaserScan) -> None:
+        """Show the map of the first scan alone: what there is to look at while kernels compile."""
+        builder = OccupancyBuilder(self._occupancy)
+        with contextlib.suppress(MapTooLargeError):  # said when the run begins
+            builder.add(scan, np.zeros(3))
+            self._show(picture_of(builder.grid(), version=0))
 
     @property
     def picture(self) -> MapPicture | None:
@@ -133,11 +140,11 @@ class Viewer(MapSink):
                 if self._is_over and self._n_events == seen.n_events:
                     return
                 batch = list(self._unseen(seen)) if is_new else []
-                # the frame itself is made once and never changed: it is sent outside the lock
+                # the event itself is made once and never changed: it is sent outside the lock
             if not batch:
                 yield None
             yield from batch
-            time.sleep(_FRAME_PERIOD)
+            time.sleep(_SEND_PERIOD)
 
     def _unseen(self, seen: _Seen) -> Iterator[Event]:
         """Yield what is new for a browser, and mark it as seen; under the lock."""
@@ -170,17 +177,19 @@ class Viewer(MapSink):
         if closures != seen.closures:
             seen.closures = closures
             yield "closures", {"lines": self._closure_lines()}
-        if self._frame is not None and self._frame is not seen.frame:
-            seen.frame = self._frame
-            yield "scan", self._frame
+        if self._scan_event is not None and self._scan_event is not seen.scan_event:
+            if seen.scan_event is None:  # the last one of them comes with the scan
+                yield "times", {"ms": [round(ms, 3) for ms in self._times[-_N_TIMES:-1]]}
+            seen.scan_event = self._scan_event
+            yield "scan", self._scan_event
 
     def _take(self, tracked: TrackedScan) -> None:
-        frame = self._frame_of(tracked)
+        event = self._scan_event_of(tracked)
         with self._changed:
             self._map.add(tracked)
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
-            self._frame = frame
+            self._scan_event, self._times = event, tuple(self._recent)
             self._n_events += 1
             self._changed.notify_all()
         if time.monotonic() >= self._next_picture:
@@ -189,10 +198,13 @@ class Viewer(MapSink):
     def _finish(self) -> None:
         with self._changed:
             super()._finish()
-            if self._final is not None and self._frame is not None:
+            if self._final is not None and self._scan_event is not None:
                 # the map has moved to its final place, and the sensor with it
-                pose = self._final[min(self._frame["index"], len(self._final) - 1)]
-                self._frame = {**self._frame, "pose": [round(v, 5) for v in pose.tolist()]}
+                pose = self._final[min(self._scan_event["index"], len(self._final) - 1)]
+                self._scan_event = {
+                    **self._scan_event,
+                    "pose": [round(v, 5) for v in pose.tolist()],
+                }
                 self._n_events += 1
                 self._changed.notify_all()
         self._draw()
@@ -202,15 +214,17 @@ class Viewer(MapSink):
         started = time.monotonic()
         version = self._map.version
         if self._picture is None or self._picture.version != version:
-            picture = picture_of(self._map.grid(), version)
-            with self._changed:
-                self._picture = picture
-                self._n_events += 1
-                self._changed.notify_all()
+            self._show(picture_of(self._map.grid(), version))
         took = time.monotonic() - started
         self._next_picture = started + max(_PICTURE_PERIOD, took / _PICTURE_SHARE)
 
-    def _frame_of(self, tracked: TrackedScan) -> dict[str, Any]:
+    def _show(self, picture: MapPicture | None) -> None:
+        with self._changed:
+            self._picture = picture
+            self._n_events += 1
+            self._changed.notify_all()
+
+    def _scan_event_of(self, tracked: TrackedScan) -> dict[str, Any]:
         """Return what is sent of a scan."""
         is_known = bool(np.isfinite(tracked.pose).all())
         x, y, _ = tracked.pose_odom.tolist()
@@ -258,7 +272,7 @@ class _Seen:
         self.path_version, self.n_path = -1, 0
         self.picture = -1
         self.closures = (0, 0)
-        self.frame: dict[str, Any] | None = None
+        self.scan_event: dict[str, Any] | None = None
 
 
 def encoded(event: Event | None) -> bytes:

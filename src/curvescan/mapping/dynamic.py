@@ -10,16 +10,19 @@ separates what moved from what only came into view.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from curvescan import se2
+from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, valid_readings
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 MARGIN = 0.1
 """A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
@@ -55,12 +58,15 @@ def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose
     for scan, pose in earlier:
         is_new |= _was_free(current, scan, pose)
     moved = is_new.copy()
+    if not is_new.any():
+        return moved
     readings = valid_readings(current)
     segments = segment(readings, _SEGMENTS)
-    for start, stop in zip(segments.starts, segments.stops, strict=True):
-        beams = readings.beam_idx[segments.order[start:stop]]
-        if np.count_nonzero(is_new[beams]) > SHARE * beams.size:
-            moved[beams] = True
+    beams = readings.beam_idx[segments.order]
+    n_new = np.concatenate([[0], np.cumsum(is_new[beams])])
+    shares = (n_new[segments.stops] - n_new[segments.starts]) / (segments.stops - segments.starts)
+    for k in np.flatnonzero(shares > SHARE).tolist():
+        moved[beams[segments.starts[k] : segments.stops[k]]] = True
     return moved
 
 
@@ -90,24 +96,52 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
     """Return (n_beams,) whether the earlier scan looked through the place of each reading."""
     if len(earlier) < 2:
         return np.zeros(len(current), dtype=np.bool_)
+    if earlier.has_uniform_angles:
+        layout = earlier.angle_min, earlier.angle_increment
+        return _is_passed(current.points, current.valid, pose, _reach(earlier), *layout, MARGIN)
     x, y = se2.transform(pose, current.points).T
-    distance = np.hypot(x, y)
     left, is_seen = _beam_before(earlier, np.arctan2(y, x))
     is_seen &= current.valid
     reach = _reach(earlier)
-    was_free: Bools = is_seen & (np.minimum(reach[left], reach[left + 1]) > distance + MARGIN)
+    is_nearer = np.minimum(reach[left], reach[left + 1]) > np.hypot(x, y) + MARGIN
+    was_free: Bools = is_seen & is_nearer
     return was_free
+
+
+@kernel
+def _is_passed(
+    points: Points,
+    valid: Bools,
+    pose: Pose,
+    reach: Floats,
+    angle_min: float,
+    step: float,
+    margin: float,
+) -> Bools:
+    """Return (n,) whether both beams of an evenly spaced scan on either side of each reading passed it by more than a margin.
+
+    `pose` is that of the readings' scan in the other. Beams are counted from the first, whatever the way the sensor turns
+    and wherever it starts.
+    """
+    passed = np.zeros(valid.size, dtype=np.bool_)
+    way = 1.0 if step > 0.0 else -1.0
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(valid.size):
+        if not valid[i]:
+            continue
+        x = c * points[i, 0] - s * points[i, 1] + pose[0]
+        y = s * points[i, 0] + c * points[i, 1] + pose[1]
+        beam = (way * (math.atan2(y, x) - angle_min)) % (2.0 * math.pi) / (way * step)
+        if beam < reach.size - 1:
+            left = int(beam)
+            passed[i] = min(reach[left], reach[left + 1]) > math.sqrt(x * x + y * y) + margin
+    return passed
 
 
 def _beam_before(scan: LaserScan, bearings: Floats) -> tuple[Ints, Bools]:
     """Return the beam that a scan swept just before each bearing, and whether the next beam came just after it."""
-    # beams are counted from the first, whatever the way the sensor turns and wherever it starts
     way, step = np.sign(scan.angle_increment), abs(scan.angle_increment)
     turn = np.remainder(way * (bearings - scan.angle_min), 2.0 * np.pi)
-    if scan.has_uniform_angles:
-        beam = turn / step
-        is_seen = beam < len(scan) - 1
-        return np.where(is_seen, beam, 0.0).astype(np.int64), is_seen
     offsets = way * (scan.angles - scan.angle_min)
     beam = np.searchsorted(offsets, turn, side="right") - 1
     # what lies in a hole between two beams was not seen, though both saw past it
@@ -116,6 +150,7 @@ def _beam_before(scan: LaserScan, bearings: Floats) -> tuple[Ints, Bools]:
     return np.where(is_seen, beam, 0), is_seen
 
 
+@lru_cache(maxsize=2 * max(LAGS))  # a scan is the earlier one of three
 def _reach(scan: LaserScan) -> Floats:
     """Return (n_beams,) how far each beam is known to have met nothing; 0 where that is not known."""
     free_to_the_end = np.isposinf(scan.ranges) & np.isfinite(scan.range_max)

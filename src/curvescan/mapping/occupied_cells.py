@@ -52,13 +52,15 @@ class OccupiedCells:
         if not cell > 0.0:
             raise InvalidArgumentError(f"cell must be > 0 m, got {cell}")
         self._cell = cell
-        self._batch: list[Ints] = [np.empty(0, dtype=np.int64)]
+        self._cells: Ints = np.empty(0, dtype=np.int64)
+        self._waiting: list[Points] = []
         self._n_waiting = 0
 
     def add(self, points: Points) -> None:
         """Take in (n, 2) points, metres."""
-        cells = np.floor(points / self._cell).clip(-_HALF, _HALF - 1).astype(np.int64)
-        self._batch.append(cells[:, 0] * (2 * _HALF) + (cells[:, 1] + _HALF))
+        if not len(points):
+            return
+        self._waiting.append(points)
         self._n_waiting += len(points)
         if self._n_waiting > _BATCH:
             self._merge()
@@ -66,9 +68,14 @@ class OccupiedCells:
     def centres(self) -> Points:
         """Return the (k, 2) centres of the cells, metres, without repeats, sorted by x and y."""
         self._merge()
-        columns, rows = np.divmod(self._batch[0], 2 * _HALF)
+        columns, rows = np.divmod(self._cells, 2 * _HALF)
         return (np.column_stack([columns, rows - _HALF]) + 0.5) * self._cell
 
     def _merge(self) -> None:
-        self._batch = [np.unique(np.concatenate(self._batch))]
-        self._n_waiting = 0
+        if not self._waiting:
+            return
+        points = np.concatenate(self._waiting)
+        cells = np.floor(points / self._cell).clip(-_HALF, _HALF - 1).astype(np.int64)
+        numbers = cells[:, 0] * (2 * _HALF) + (cells[:, 1] + _HALF)
+        self._cells = np.unique(np.concatenate((self._cells, numbers)))
+        self._waiting, self._n_waiting = [], 0

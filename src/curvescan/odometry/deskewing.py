@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.deskew import WORTH_AGAIN, deskew, predicted_velocity, step_seconds, sweep_shift
+from curvescan.deskew import (
+    WORTH_AGAIN,
+    deskew,
+    n_periods,
+    predicted_velocity,
+    sweep_shift,
+    usual_period,
+)
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -16,10 +23,10 @@ from curvescan.types import Floats, Pose
 _N_STAMPS = 12
 
 _HYSTERESIS = 0.02
-"""The time between two scans is taken anew when it changes by more than this share: stamps that jitter change nothing."""
+"""The period is taken anew when it changes by more than this share: stamps that jitter change nothing."""
 
-_DECIMALS = 4
-"""Of the time between two scans, seconds."""
+_DIGITS = 3
+"""Significant digits of the period: what is less than the hysteresis must not enter when it is taken anew either."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,21 +39,28 @@ class Deskewer:
     ----------
     stamps : tuple of float
         The last few stamps, seconds.
+    period : float
+        Usual time between two scans, seconds; 0 where no scan gives the times of its beams.
     seconds : float
-        Time between two scans; 0 where no scan gives the times of its beams.
+        Time from the scan before to the last one: a whole number of periods.
     """
 
     stamps: tuple[float, ...] = ()
+    period: float = 0.0
     seconds: float = 0.0
 
     def ticked(self, scan: LaserScan) -> Deskewer:
         """Return the deskewer at the time of the next scan."""
         stamps = (*self.stamps, scan.stamp)[-_N_STAMPS:]
-        is_timed = scan.time_increment != 0.0
-        seconds = step_seconds(stamps, scan.scan_time) if is_timed else self.seconds
-        if abs(seconds - self.seconds) > _HYSTERESIS * self.seconds:
-            return Deskewer(stamps=stamps, seconds=round(seconds, _DECIMALS))
-        return Deskewer(stamps=stamps, seconds=self.seconds)
+        if scan.time_increment == 0.0:
+            return replace(self, stamps=stamps)
+        period = usual_period(stamps, scan.scan_time)
+        if abs(period - self.period) <= _HYSTERESIS * self.period:
+            period = self.period
+        else:
+            period = float(f"{period:.{_DIGITS}g}")
+        n = n_periods(stamps, period) if period > 0.0 else 0
+        return Deskewer(stamps=stamps, period=period, seconds=n * period)
 
     def velocity(self, motion: Pose) -> Floats:
         """Return the velocity, [vx, vy, omega], of a sensor that made a motion since the last scan."""

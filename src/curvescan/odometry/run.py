@@ -6,9 +6,9 @@ import math
 import time
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -163,6 +163,45 @@ class RunRecorder:
         )
 
 
+class PlacedScan(NamedTuple):
+    """A scan, where the odometry has it, and the seconds that took."""
+
+    scan: LaserScan
+    step: OdometryStep
+    seconds: float
+
+
+class OdometryInTurn:
+    """The odometry of scans, each when it is wanted; iterate over it once.
+
+    Parameters
+    ----------
+    odometry : Odometry
+        Which is changed.
+    scans : iterable of LaserScan
+        A log, or any iterable.
+    odometry_poses : (n, 3) float64 or None
+        See :func:`run_odometry`.
+    """
+
+    def __init__(
+        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
+    ) -> None:
+        self.odometry = odometry
+        self._scans, self._odometry_poses = scans, odometry_poses
+
+    def __iter__(self) -> Iterator[PlacedScan]:
+        for k, scan in enumerate(self._scans):
+            yield placed(self.odometry, scan, pose_at(self._odometry_poses, k))
+
+
+def placed(odometry: Odometry, scan: LaserScan, odometry_pose: Pose | None) -> PlacedScan:
+    """Add a scan to an odometry, and return it with its step."""
+    started = time.perf_counter()
+    step = odometry.add(scan, odometry_pose)
+    return PlacedScan(scan, step, time.perf_counter() - started)
+
+
 def run_odometry(
     scans: Iterable[LaserScan],
     odometry: Odometry | None = None,
@@ -193,10 +232,7 @@ def run_odometry(
     odometry = odometry or Odometry()
     recorder = RunRecorder()
     with stoppable() as stop:
-        for k, scan in enumerate(scans):
-            started = time.perf_counter()
-            step = odometry.add(scan, pose_at(odometry_poses, k))
-            seconds = time.perf_counter() - started
+        for _, step, seconds in OdometryInTurn(odometry, scans, odometry_poses):
             recorder.add(step, seconds, is_prior_rejected=step.is_prior_rejected)
             if on_step:
                 on_step(step)

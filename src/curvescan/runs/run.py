@@ -24,6 +24,7 @@ from curvescan.io.exports import (
     write_exports,
 )
 from curvescan.io.files.output import output_folder
+from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -148,6 +149,7 @@ def run(
         When the results cannot be written.
     """
     opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (log, source)
+    scans = HeldLog(opened)
     hint = "the configuration of the matcher is given as matcher="
     config = as_config(config, OdometryConfig.of_method(method), hint=hint)
     map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
@@ -159,14 +161,15 @@ def run(
     # first of all: a place that cannot be written costs no work
     with _folder(out, source) as folder:
         result = _judged_run(
-            opened, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph
+            scans, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph
         )
+        result = replace(result, log=opened)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_run(
                 folder,
                 result.run,
-                opened,
+                scans,
                 odometry=result.odometry,
                 command=command,
                 source=None if source is None else Path(source),
@@ -180,7 +183,7 @@ def run(
         # on their own: what goes wrong here must not cost the results of the run
         shown.begin("exporting", 0)
         edges = graph.edges if graph else ()
-        data = RunData(trajectory=result.trajectory, edges=edges, scans=opened)
+        data = RunData(trajectory=result.trajectory, edges=edges, scans=scans)
         exported = _write_exports(out, source, exports, data)
         result = replace(result, files=(*result.files, *exported))
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,12 +14,15 @@ from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.files.output import output_folder
+from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
+from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.run import RunDisplay, Silent
 from curvescan.runs.slam import save_slam_run
 from curvescan.slam import Slam, SlamConfig, SlamMap, SlamRun, run_slam
+from curvescan.types import Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,6 +61,7 @@ def slam_log(
     source: str | os.PathLike[str] | None = None,
     inputs: Sequence[str | os.PathLike[str]] = (),
     display: RunDisplay | None = None,
+    n_processes: int = 2,
 ) -> SlamResult:
     """Return SLAM of a log, and write it with its maps into a folder; Ctrl-C keeps what there is so far.
 
@@ -87,6 +91,8 @@ def slam_log(
         Further files that stay where `out` holds an earlier run that wrote them: the map that is continued.
     display : RunDisplay or None
         Shows how far the run has come.
+    n_processes : int
+        From 2 on the odometry of a long log has a process of its own, where there is a core for it: the results are the same.
 
     Raises
     ------
@@ -99,28 +105,46 @@ def slam_log(
     """
     config = config or SlamConfig()
     shown = display or Silent()
+    held = HeldLog(log)
     left_out: tuple[str, ...] = ()
     kept = (*inputs, *(() if source is None else (source,)))
     with nullcontext() if out is None else output_folder(out, inputs=kept) as folder:
         shown.begin("looking for what is wrong with the log", 0)
-        sensor = judge_sensor(log, is_order_needed=config.odometry.deskew)
-        issues = find_issues(inspect_log(log, sensor))
-        odometry_poses = motion_prior(log, sensor.rotation) if odometry_prior else None
+        sensor = judge_sensor(held, is_order_needed=config.odometry.deskew)
+        odometry_poses = motion_prior(held, sensor.rotation) if odometry_prior else None
         deskew = config.odometry.deskew and sensor.can_deskew
         rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
         slam = Slam(method, matcher=matcher, config=rules, map=map)
-        shown.begin("SLAM", len(log))
-        run = run_slam(log, slam, odometry_poses=odometry_poses, on_step=lambda _: shown.advance())
+        # only scans in memory are gone over twice at a time
+        report = None if held.is_held else inspect_log(held, sensor)
+        with nullcontext() if n_processes == 1 else _ahead(slam, held, odometry_poses) as ahead:
+            issues = find_issues(report or inspect_log(held, sensor))
+            shown.begin("SLAM", len(held))
+            run = run_slam(
+                held,
+                slam,
+                odometry_poses=odometry_poses,
+                on_step=lambda _: shown.advance(),
+                ahead=ahead,
+            )
         verdict = judge_run(run.revised, issues)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_slam_run(
                 folder,
                 run,
-                log,
+                held,
                 command=command,
                 source=None if source is None else Path(source),
                 occupancy=occupancy,
                 verdict=verdict,
             )
     return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
+
+
+def _ahead(
+    slam: Slam, log: Log, odometry_poses: Pose | None
+) -> AbstractContextManager[OdometryProcess | None]:
+    if not can_run_ahead(len(log)):
+        return nullcontext()
+    return OdometryProcess(slam.odometry, log, odometry_poses)

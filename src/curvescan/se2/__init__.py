@@ -2,7 +2,8 @@
 
 A pose is ``[x, y, theta]``; ``pose_a_b`` is the pose of frame b in frame a, so that a point moves by
 ``p_a = R(theta) p_b + t`` and ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``: inner letters cancel.
-All functions broadcast over leading dimensions and return new float64 arrays.
+All functions broadcast over leading dimensions and return new float64 arrays. A single pose, of which an odometry composes a
+dozen a scan, goes by plain numbers: the same operations in the same order, a tenth of the time.
 
 First-order propagation of covariances follows Smith, Self and Cheeseman, "Estimating uncertain spatial
 relationships in robotics", 1990.
@@ -10,6 +11,7 @@ relationships in robotics", 1990.
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import numpy as np
@@ -33,6 +35,8 @@ def wrap(angle: ArrayLike) -> Floats:
         Radians in (-pi, pi].
     """
     angle = np.asarray(angle, dtype=np.float64)
+    if angle.ndim == 0:
+        return np.array(_wrapped(float(angle)))
     with np.errstate(invalid="ignore"):
         remainder = np.remainder(angle + np.pi, 2.0 * np.pi)
     # the seam (remainder 0) belongs to +pi; what lies inside already keeps all its digits
@@ -59,6 +63,8 @@ def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> Pose:
         [x, y, theta], theta in (-pi, pi].
     """
     first, second = _as_pose(pose_a_b, "pose_a_b"), _as_pose(pose_b_c, "pose_b_c")
+    if first.ndim == second.ndim == 1:
+        return np.array(_composed(first.tolist(), second.tolist()))
     cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
     x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
     y = first[..., 1] + sin * second[..., 0] + cos * second[..., 1]
@@ -79,6 +85,8 @@ def inverse(pose_a_b: ArrayLike) -> Pose:
         [x, y, theta], theta in (-pi, pi].
     """
     pose = _as_pose(pose_a_b, "pose_a_b")
+    if pose.ndim == 1:
+        return np.array(_inverted(pose.tolist()))
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x = -cos * pose[..., 0] - sin * pose[..., 1]
     y = sin * pose[..., 0] - cos * pose[..., 1]
@@ -98,7 +106,10 @@ def between(pose_w_a: ArrayLike, pose_w_b: ArrayLike) -> Pose:
     (..., 3) float64
         [x, y, theta], theta in (-pi, pi].
     """
-    return compose(inverse(pose_w_a), pose_w_b)
+    first, second = _as_pose(pose_w_a, "pose_w_a"), _as_pose(pose_w_b, "pose_w_b")
+    if first.ndim == second.ndim == 1:
+        return np.array(_composed(_inverted(first.tolist()), second.tolist()))
+    return compose(inverse(first), second)
 
 
 def exp(velocity: ArrayLike) -> Pose:
@@ -225,6 +236,34 @@ def inverse_covariance(pose_a_b: ArrayLike, cov_a_b: Cov) -> Cov:
     )
     cov = jacobian @ cov_a_b @ jacobian.T
     return cast(Cov, 0.5 * (cov + cov.T))
+
+
+def _wrapped(angle: float) -> float:
+    """Return one angle in (-pi, pi], as `wrap` does."""
+    if -math.pi < angle <= math.pi:
+        return angle
+    remainder = (angle + math.pi) % (2.0 * math.pi)
+    return math.pi if remainder == 0.0 else remainder - math.pi
+
+
+def _composed(first: list[float], second: list[float]) -> list[float]:
+    """Return the composition of two single poses."""
+    (ax, ay, a), (bx, by, b) = first, second
+    cos, sin = _cos_sin(a)
+    return [ax + cos * bx - sin * by, ay + sin * bx + cos * by, _wrapped(a + b)]
+
+
+def _inverted(pose: list[float]) -> list[float]:
+    """Return the inverse of a single pose."""
+    x, y, theta = pose
+    cos, sin = _cos_sin(theta)
+    return [-cos * x - sin * y, sin * x - cos * y, _wrapped(-theta)]
+
+
+def _cos_sin(angle: float) -> tuple[float, float]:
+    if not math.isfinite(angle):  # which the math module refuses
+        return math.nan, math.nan
+    return math.cos(angle), math.sin(angle)
 
 
 def _as_pose(value: ArrayLike, name: str) -> Pose:

@@ -157,9 +157,10 @@ class Backend:
     def _thin(self) -> None:
         """Let the oldest keyframes of places that hold too many go."""
         self._search.forget()
+        numbers = self.keyframes.numbers
         is_kept = self._map.thin()
         if is_kept is not None:
-            self._search.renumber(is_kept)
+            self._search.renumber(is_kept, numbers[~is_kept].tolist())
 
     def finish(self) -> None:
         """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""

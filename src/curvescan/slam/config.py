@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -89,17 +90,17 @@ class NoiseConfig:
         for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
-    @property
+    @cached_property
     def floor(self) -> Cov:
         """(3, 3) covariance that each match has besides its own."""
         return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
 
-    @property
+    @cached_property
     def step(self) -> Cov:
         """(3, 3) covariance of a motion that no match confirmed."""
         return np.diag(np.square([self.step_m, self.step_m, self.step_rad]))
 
-    @property
+    @cached_property
     def doubt(self) -> Cov:
         """(3, 3) covariance added to a way that later matches do not confirm."""
         return np.diag(np.square([self.doubt_m, self.doubt_m, self.doubt_rad]))

@@ -66,7 +66,7 @@ class LoopSearch:
         self.is_urgent = self.is_surprised = False
         self._map = growing
         self._queue: deque[Candidate] = deque()
-        self._tried: set[tuple[int, int]] = set()
+        self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
         self._waiting = Waiting(config)
         self._missed: dict[int, int] = {}  # of the keyframe tried last
 
@@ -119,9 +119,8 @@ class LoopSearch:
     def _try(self, candidate: Candidate, index: int) -> list[Closure]:
         """Match a candidate unless it was, and return the closures that are accepted for it."""
         i, j, _ = candidate
-        if (i, j) in self._tried:
+        if not self._is_new(i, j):
             return []
-        self._tried.add((i, j))
         poses = self._map.graph.poses
         expected = UncertainPose(se2.between(poses[i], poses[j]), candidate.expected.cov)
         expected = vaguely(expected, self.config)
@@ -138,6 +137,16 @@ class LoopSearch:
             self._map.doubt(j, expected.pose, closure.pose)
         self._log(closure)
         return []
+
+    def _is_new(self, i: int, j: int) -> bool:
+        """Return whether two keyframes have not been matched, and remember that they are now."""
+        one, other = (self._map.keyframes[k].number for k in (i, j))
+        tried = self._tried.setdefault(one, set())
+        if other in tried:
+            return False
+        tried.add(other)
+        self._tried.setdefault(other, set()).add(one)
+        return True
 
     def _wait(self, closure: Closure, expected: UncertainPose) -> list[Closure]:
         """Hold a closure against others that wait, and return those that are accepted now."""
@@ -209,14 +218,16 @@ class LoopSearch:
         """Drop the oldest records of candidates."""
         del self.closures[: -self.config.places.n_logged]
 
-    def renumber(self, is_kept: Bools) -> None:
-        """Count the keyframes anew after some went; `is_kept` says which rows stay."""
+    def renumber(self, is_kept: Bools, gone: list[int]) -> None:
+        """Count the keyframes anew after some went; `is_kept` says which rows stay, `gone` are the numbers of the others."""
+        for one in gone:
+            for other in self._tried.pop(one, ()):
+                self._tried[other].discard(one)
         row_of = np.where(is_kept, np.cumsum(is_kept) - 1, -1)
         at = row_of.tolist()
         self._queue = deque(
             Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0
         )
-        self._tried = {(at[i], at[j]) for i, j in self._tried if at[i] >= 0 and at[j] >= 0}
         self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
         self._waiting.renumber(row_of)
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.odometry import OdometryRun
-from curvescan.odometry.run import RunRecorder, pose_at
+from curvescan.odometry import Odometry, OdometryRun
+from curvescan.odometry.run import OdometryInTurn, PlacedScan, RunRecorder, pose_at
 from curvescan.scan import LaserScan
 from curvescan.slam.slam import Slam
 from curvescan.slam.step import SlamStep
@@ -44,12 +45,29 @@ class SlamRun:
     seconds_to_finish: float
 
 
+class OdometryAhead(Protocol):
+    """The odometry of a log, made elsewhere: ``curvescan.runs.odometry_process``.
+
+    Attributes
+    ----------
+    odometry : Odometry
+        At the end of the iteration the one that has placed all scans.
+    """
+
+    odometry: Odometry
+
+    def __iter__(self) -> Iterator[PlacedScan]:
+        """Yield the scans of the log with their steps, in order."""
+        ...
+
+
 def run_slam(
     scans: Iterable[LaserScan],
     slam: Slam | None = None,
     *,
     odometry_poses: Pose | None = None,
     on_step: Callable[[SlamStep], None] | None = None,
+    ahead: OdometryAhead | None = None,
 ) -> SlamRun:
     """Return SLAM over a sequence of scans.
 
@@ -65,20 +83,24 @@ def run_slam(
         Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Slam.add`.
     on_step : callable or None
         Called after each scan, for a progress bar say.
+    ahead : OdometryAhead or None
+        The odometry of these scans, begun with ``slam.odometry`` and made elsewhere; None to make it here.
     """
     slam = slam or Slam()
+    source = ahead or OdometryInTurn(slam.odometry, scans, odometry_poses)
     recorder, odom = RunRecorder(), array("d")
     with stoppable() as stop:
-        for k, scan in enumerate(scans):
+        for k, placed in enumerate(source):
             started = time.perf_counter()
-            step = slam.add(scan, pose_at(odometry_poses, k))
-            seconds = time.perf_counter() - started
+            step = slam.add_placed(placed.scan, placed.step, pose_at(odometry_poses, k))
+            seconds = placed.seconds + time.perf_counter() - started
             odom.extend(step.pose_odom)
             recorder.add(step, seconds)
             if on_step:
                 on_step(step)
             if stop.is_asked:
                 break
+    slam.odometry = source.odometry
     record = recorder.run(
         slam.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None
     )

@@ -98,7 +98,22 @@ class Slam:
         InvalidArgumentError
             As :meth:`Odometry.add` does.
         """
-        step = self.odometry.add(scan, odometry_pose)
+        return self.add_placed(scan, self.odometry.add(scan, odometry_pose), odometry_pose)
+
+    def add_placed(
+        self, scan: LaserScan, step: OdometryStep, odometry_pose: ArrayLike | None = None
+    ) -> SlamStep:
+        """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            The next scan.
+        step : OdometryStep
+            What the odometry says of it.
+        odometry_pose : (3,) array_like or None
+            As of :meth:`add`.
+        """
         self._deskewer = self._deskewer.ticked(scan)
         if self._origin is None:
             k = self.backend.start(scan, step.index, np.zeros(3), self._session)

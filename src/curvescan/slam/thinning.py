@@ -8,11 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
+from curvescan._jit import kernel
+from curvescan.se2.angles import wrap_angle
 from curvescan.se2.uncertain import UncertainPose, compose
 from curvescan.slam.config import PlacesConfig
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.pose_graph.removal import carry_over, heir_of
 from curvescan.types import Bools, Cov, Ints, Pose
+
+_ROUNDING = 1e-9  # metres and radians: what is counted in a kernel is looked at again
 
 
 class Heirs:
@@ -75,7 +79,15 @@ def thin(
     poses = graph.poses
     is_kept = np.ones(len(poses), dtype=np.bool_)
     gone: dict[int, tuple[int, UncertainPose]] = {}
-    for v in range(1, n_settled):  # the first one is the origin of the map
+    crowded = crowded_places(
+        poses,
+        fragments,
+        max(n_settled, 0),
+        rules.radius + _ROUNDING,
+        rules.turn + _ROUNDING,
+        rules.n_keyframes,
+    )
+    for v in np.flatnonzero(crowded).tolist():
         off = poses[v + 1 :] - poses[v]
         near = np.hypot(off[:, 0], off[:, 1]) < rules.radius
         near &= np.abs(se2.wrap(off[:, 2])) < rules.turn
@@ -89,3 +101,22 @@ def thin(
         gone[v] = heir, carry_over(graph, v, heir)
         is_kept[v] = False
     return is_kept, gone
+
+
+@kernel
+def crowded_places(
+    poses: Pose, fragments: Ints, n_settled: int, radius: float, turn: float, n_least: int
+) -> Bools:
+    """Return (n_settled,) which poses have `n_least` later ones of their fragment near; never the first, the origin of the map."""
+    crowded = np.zeros(n_settled, dtype=np.bool_)
+    for v in range(1, n_settled):
+        n_near = 0
+        for u in range(v + 1, poses.shape[0]):
+            dx, dy = poses[u, 0] - poses[v, 0], poses[u, 1] - poses[v, 1]
+            if dx * dx + dy * dy >= radius * radius or fragments[u] != fragments[v]:
+                continue
+            n_near += abs(wrap_angle(poses[u, 2] - poses[v, 2])) < turn
+            if n_near == n_least:
+                crowded[v] = True
+                break
+    return crowded

@@ -118,7 +118,7 @@ def live(
     occupancy
         How to make the occupancy map.
     """
-    import curvescan.live as rooms  # each loads when it is named: the first picture needs neither plots nor bags
+    import curvescan.live as live_package  # each loads when it is named: the first picture needs neither plots nor bags
     from curvescan.cli.console import ERR, OUT
     from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
@@ -148,20 +148,24 @@ def live(
             server = PageServer(viewer, host=host, port=_free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
             _open_browser(server.url)
+            if saved is None:
+                _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
         if foxglove:
-            served = rooms.FoxgloveSink(source.name, host=host, port=foxglove_port, **maps)
+            served = live_package.FoxgloveSink(
+                source.name, host=host, port=foxglove_port, saved_map=saved, **maps
+            )
             pages.callback(served.stop)
             sinks.append(served)
             ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
         with output_folder(out) if out else nullcontext() as folder:
-            results = rooms.ResultsSink(**maps) if out else None
+            results = live_package.ResultsSink(**maps) if out else None
             can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
             engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
             if results is not None:
                 sinks.append(results)
             if record is not None:
-                sinks.append(rooms.McapRecorder(record, **maps))
+                sinks.append(live_package.McapRecorder(record, saved_map=saved, **maps))
             report = _track(source, Tracker(engine), viewer, sinks)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
@@ -251,6 +255,14 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
         is_mirrored=laser.upside_down != laser.clockwise,
         ignore_beams=laser.ignore_beams,
     )
+
+
+def _preview(source: ScanSource, viewer: Viewer) -> None:
+    """Show the first scan of a source that can wait, before kernels are compiled."""
+    from curvescan.live import LogSource, SimulatedSource
+
+    if isinstance(source, LogSource | SimulatedSource) and (first := source.first()) is not None:
+        viewer.preview(first)
 
 
 def _engine(

@@ -1,5 +1,5 @@
 "use strict";
-// What the server tells: about, status, path, map, closures, scan. Nothing is ever sent to it.
+// What the server sends: about, status, path, map, closures, times, scan. Nothing is ever sent to it.
 const $ = (id) => document.getElementById(id);
 const canvas = $("canvas"), pen = canvas.getContext("2d");
 const state = { path: [], map: null, image: null, closures: [], scan: null, times: [], isOver: false };
@@ -26,6 +26,7 @@ function listen() {
   on("path", (p) => { state.path.length = 2 * p.start; for (const v of p.points) state.path.push(v); });
   on("map", loadMap);
   on("closures", (c) => { state.closures = c.lines; });
+  on("times", (t) => { state.times = t.ms; });
   on("scan", (s) => { state.scan = s; state.times.push(s.ms); if (state.times.length > 120) state.times.shift(); showFigures(s); });
   events.onerror = () => { if (!state.isOver) showMessage("The connection is lost; trying again."); else events.close(); };
   events.onopen = () => { if (!state.isOver) showMessage(""); };
@@ -59,7 +60,8 @@ function toned(image) {
   return copy;
 }
 
-const metres = (v, sigma) => `${v.toFixed(3)} m ± ${(1e3 * sigma).toFixed(sigma < 0.01 ? 1 : 0)} mm`;
+const spread = (sigma) => (sigma < 1 ? `${(1e3 * sigma).toFixed(sigma < 0.01 ? 1 : 0)} mm` : `${sigma.toFixed(1)} m`);
+const metres = (v, sigma) => `${v.toFixed(3)} m ± ${spread(sigma)}`;
 function showPose(s) {
   if (!s.pose) { for (const name of ["x", "y", "theta"]) $(name).textContent = "–"; return; }
   const [x, y, theta] = s.pose, [xx, , yy, tt] = s.covariance, deg = 180 / Math.PI;
@@ -69,7 +71,7 @@ function showPose(s) {
 }
 function showFigures(s) {
   showPose(s);
-  $("ms").textContent = `${s.ms_median.toFixed(1)} ms, max ${s.ms_max.toFixed(0)}`;
+  $("ms").textContent = `${s.ms_median.toFixed(1)}, max ${s.ms_max.toFixed(0)}`;
   $("scans").textContent = (s.index + 1).toLocaleString("en");
   $("rate").textContent = s.rate === null ? "–" : `${s.rate.toFixed(1)} Hz`;
   $("length").textContent = `${s.length.toFixed(1)} m`;
@@ -110,7 +112,8 @@ function fit() {
   if (!isFinite(b[0])) return;
   const panel = $("panel").getBoundingClientRect(), isNarrow = panel.width > 0.6 * innerWidth;
   const left = isNarrow ? 20 : panel.right + 20, above = isNarrow ? panel.bottom + 20 : 24;
-  const width = Math.max(innerWidth - left - 24, 60), height = Math.max(innerHeight - above - 60, 60);
+  const below = isNarrow ? 120 : 60; // buttons, and the message above them
+  const width = Math.max(innerWidth - left - 24, 60), height = Math.max(innerHeight - above - below, 60);
   view.scale = Math.min(width / Math.max(b[2] - b[0], 2), height / Math.max(b[3] - b[1], 2), 200);
   // the middle of what is free of the panel shows the middle of the map
   view.x = 0.5 * (b[0] + b[2]) - (left + 0.5 * width - 0.5 * innerWidth) / view.scale;
@@ -206,7 +209,7 @@ function drawRobot() {
 }
 
 function drawScale() {
-  const step = niceStep(70 / view.scale);
+  const step = niceStep((innerWidth > 640 ? 70 : 40) / view.scale);
   $("scale-bar").style.width = `${step * view.scale}px`;
   $("scale-label").textContent = step < 1 ? `${Math.round(100 * step)} cm` : `${step} m`;
 }

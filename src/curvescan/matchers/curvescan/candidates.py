@@ -98,19 +98,25 @@ def search_degenerate_direction(
     offsets = np.arange(-n, n + 1) * rules.fine_along_step
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
-    best, _ = select(
-        moved_along, *wide_range_images(ref, cur, config), *config.scoring.close, 4, 24, _OTHER
-    )
-    return _finish(ref, cur, np.concatenate((poses, best)), config)
+    images = wide_range_images(ref, cur, config)
+    best, _ = select(moved_along, *images, *config.scoring.close, 4, 24, _OTHER)
+    return _finish(ref, cur, np.concatenate((poses, best)), config, images)
 
 
 def _finish(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
+    ref: CurvescanFeatures,
+    cur: CurvescanFeatures,
+    poses: Floats,
+    config: CurvescanConfig,
+    images: tuple[RangeImage, RangeImage] | None = None,
 ) -> tuple[Floats, Floats]:
     sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
     # one pose has only to be enough; several are compared on more samples
-    images = wide_range_images(ref, cur, config) if len(poses) > 1 else (ref.image, cur.image)
+    if len(poses) <= 1:
+        images = ref.image, cur.image
+    elif images is None:
+        images = wide_range_images(ref, cur, config)
     return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, _OTHER)
 
 

@@ -12,8 +12,9 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.confidence import Support, WeighedPoses, support_of
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.movable import without_movable
+from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,
@@ -202,6 +203,8 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     if confidence < least:
         is_any = support.is_related >= least
         return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
+    if assessed.weighed.may_be_turned:
+        return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
         outcome=Outcome.MATCHED,

@@ -123,7 +123,10 @@ class SlamJob(_LogJob):
 
         assert isinstance(self.config, SlamConfig)  # filled in
 
-        result = slam_log(self.logs.open(log), config=self.config, **self._arguments(log, folder))
+        # the workers have the cores
+        result = slam_log(
+            self.logs.open(log), config=self.config, n_processes=1, **self._arguments(log, folder)
+        )
         return _result(result.verdict, result.run.revised.trajectory)
 
 

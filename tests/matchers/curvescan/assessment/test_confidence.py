@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.confidence import (
     COEFFICIENTS,
-    MAX_REPETITION,
     RIVAL_COEFFICIENTS,
-    Support,
     WeighedPoses,
-    support_of,
     weigh,
 )
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -25,6 +25,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SEEN_THROUGH,
     WEAKEST,
 )
+from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION, support_of
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.proposal.search import Problem
 from tests.matchers.curvescan.scenes import MOTION, pair
@@ -94,6 +95,34 @@ def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_
     assert support.confidence < support.confidence_with([1]) < support.confidence_with([1, 2, 3])
 
 
+def test_a_contradicted_pose_rules_out_none_that_explains_more():
+    wrong = {**GOOD, SEEN_THROUGH: 1.0}
+    more = {**GOOD, AGREEING: 9.0, MISFIT: 0.6, SEEN_THROUGH: 3.0}
+    found = replace(poses(wrong, more), scores=np.array([0.4, 0.5]))
+    assert found.repetition(1) == 1.0
+    # not where it is contradicted alone, nor where less agrees, or worse, or in fewer readings
+    assert poses(wrong, more).repetition(1) == 0.0
+    for best, other in (
+        (GOOD, more),
+        (wrong, {**more, AGREEING: 7.0}),
+        (wrong, {**more, MISFIT: 0.9}),
+    ):
+        assert replace(poses(best, other), scores=np.array([0.4, 0.5])).repetition(1) == 0.0
+
+
+def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradicts():
+    assert not poses({**GOOD, BEYOND: 0.0}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0}, motions=[1.5]).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, MISSED: 0.5}).may_be_turned
+    assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, motions=[1.5]).may_be_turned
+    # a guess decides
+    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, guessed=True).may_be_turned
+    # a long third wall, and something that changed
+    assert not poses({**GOOD, BEYOND: 0.0, EXCESS: 4.0, SEEN_THROUGH: 0.5}).may_be_turned
+    assert not poses().may_be_turned
+
+
 def test_a_far_pose_counts_less_as_a_rival():
     two_walls = {**GOOD, EXCESS: 0.1}
     shares = [
@@ -103,15 +132,6 @@ def test_a_far_pose_counts_less_as_a_rival():
     assert shares[0] > shares[1] > shares[2] == 0.0
     furnished = poses(GOOD, GOOD, motions=[0.3, 2.0])
     assert furnished.repetition(1) == pytest.approx(1.0)
-
-
-def test_probabilities_sum_to_one():
-    support = Support(log_odds=1.0, rivals={1: 0.0, 2: -1.0}, repetitions={1: 0.1, 2: 0.1})
-    best = support.confidence
-    nothing = best * np.exp(-1.0)
-    assert best + best * np.exp(0.0) + best * np.exp(-1.0) + nothing == pytest.approx(1.0)
-    assert support.is_related == pytest.approx(1.0 - nothing)
-    assert support.confidence_with([1, 2]) == pytest.approx(1.0 - nothing)
 
 
 def test_a_room_with_pillars_is_explained_by_its_pose_alone():

@@ -16,10 +16,11 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SEEN_THROUGH,
     SMALL,
     WEAKEST,
-    excess_length,
+    excess_lengths,
     gather_evidence,
     large_length,
     may_move,
+    person_length,
 )
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
@@ -63,13 +64,74 @@ def evidence(ref, cur, *poses):
 def test_what_agrees_besides_two_walls_is_excess():
     two = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
     three = np.vstack([two, wall(-2, -2, 3, -2)])
-    assert excess_length(two, np.ones(len(two), dtype=np.uint8)) < 0.2
+    assert excess_lengths(two, np.ones(len(two), dtype=np.uint8))[0] < 0.2
     # both long walls run the same way: one of them, and the short one across it, do not count
-    assert excess_length(three, np.ones(len(three), dtype=np.uint8)) == pytest.approx(5.0, abs=0.3)
+    excess, beyond = excess_lengths(three, np.ones(len(three), dtype=np.uint8))
+    assert excess == pytest.approx(5.0, abs=0.3)
+    assert beyond < 0.2
     codes = np.ones(len(three), dtype=np.uint8)
     codes[80:] = 2  # what does not agree is no excess
-    assert excess_length(three, codes) < 0.2
-    assert excess_length(three, np.zeros(len(three), dtype=np.uint8)) == 0.0
+    assert excess_lengths(three, codes)[0] < 0.2
+    assert excess_lengths(three, np.zeros(len(three), dtype=np.uint8)) == (0.0, 0.0)
+
+
+def test_nothing_of_a_bare_room_lies_beyond_its_four_walls():
+    room = np.vstack(
+        [wall(3, -2, 3, 2), wall(-2, 2, 3, 2), wall(-2, -2, 3, -2), wall(-2, -2, -2, 2)]
+    )
+    assert excess_lengths(room, np.ones(len(room), dtype=np.uint8))[1] < 0.3
+    # a second wall that faces the same way, and one across a corner, are no sides of a rectangle
+    for more in (wall(1.5, 0.5, 1.5, 1.5), wall(2.2, 2.0, 3.0, 1.2)):
+        furnished = np.vstack([room, more])
+        beyond = excess_lengths(furnished, np.ones(len(furnished), dtype=np.uint8))[1]
+        assert beyond == pytest.approx(np.sum(more[:, LENGTH]), abs=0.4)
+
+
+def leaning(distance):
+    """Surfels of a wall at 3 m with a stretch of 0.3 m that stands so far before it, and the rows of that."""
+    surfels = wall(3, -2, 3, 2)
+    rows = np.arange(18, 21)
+    surfels[rows, X] -= distance
+    surfels[rows, CX] -= distance
+    surfels[:, RANGE] = np.hypot(surfels[:, X], surfels[:, Y])
+    return surfels, rows
+
+
+@pytest.mark.parametrize(
+    ("distance", "is_person"), [(0.3, True), (0.15, True), (0.05, False), (-0.3, False)]
+)
+def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distance, is_person):
+    surfels, rows = leaning(distance)
+    codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+    codes[rows] = DYNAMIC
+    bounds, nothing = np.array([0, len(surfels)]), np.zeros(len(surfels), dtype=np.bool_)
+    length = person_length(surfels, bounds, codes, nothing)
+    assert length == pytest.approx(0.3 if is_person else 0.0)
+    # what is a small thing already is not counted twice, and a long stretch is no person
+    assert person_length(surfels, bounds, codes, ~nothing) == 0.0
+    codes[10:21] = DYNAMIC
+    assert person_length(surfels, bounds, codes, nothing) == 0.0
+
+
+def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
+    corner = np.vstack([wall(3, -2, 3, 2), wall(2.6, 2, 3, 2, n=5)[::-1]])
+    codes = np.full(len(corner), INLIER, dtype=np.uint8)
+    codes[36:40] = DYNAMIC
+    nothing = np.zeros(len(corner), dtype=np.bool_)
+    assert person_length(corner, np.array([0, len(corner)]), codes, nothing) == 0.0
+
+
+@pytest.mark.parametrize(("turn", "excess"), [(5.0, 0.0), (15.0, 0.5)])
+def test_what_faces_another_way_than_its_wall_is_excess(turn, excess):
+    """Readings within 0.12 m of a wall's line are of the wall where they face as it does, to 11 degrees."""
+    walls = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
+    corner = wall(3.02, -1, 3.02, -0.5, n=10)
+    angle = np.radians(180.0 + turn)
+    corner[:, NX], corner[:, NY] = np.cos(angle), np.sin(angle)
+    surfels = np.vstack([walls, corner])
+    found = excess_lengths(surfels, np.ones(len(surfels), dtype=np.uint8))[0]
+    plain = excess_lengths(walls, np.ones(len(walls), dtype=np.uint8))[0]
+    assert found - plain == pytest.approx(excess, abs=0.15)
 
 
 def test_only_long_runs_within_one_surface_are_large():
@@ -79,6 +141,10 @@ def test_only_long_runs_within_one_surface_are_large():
     codes[30:] = DYNAMIC
     assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
     assert large_length(surfels, np.array([0, 35, 40]), codes) == 0.0  # a run ends with its surface
+    codes[:8] = DYNAMIC  # each run counts for itself
+    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.8)
+    codes[4:6] = INLIER
+    assert large_length(surfels, np.array([0, 40]), codes) == pytest.approx(1.0)
 
 
 def test_what_may_move_is_small_and_stands_before_something():

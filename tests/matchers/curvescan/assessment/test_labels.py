@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from curvescan.matchers.curvescan.assessment.labels import (
     DYNAMIC,
     INLIER,
     OCCLUDED,
+    agreeing_limits,
     compare_readings,
     static_segments,
 )
 from curvescan.matchers.curvescan.features.range_image import reading_at
-from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, VARIANCE, X, Y
+from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, RANGE, VARIANCE, X, Y
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
@@ -119,3 +121,96 @@ def test_a_reading_agrees_within_three_standard_deviations(side, n_sigmas, is_in
     assert ((codes[is_own] == INLIER) == is_inlier).mean() > 0.97
     if is_inlier:
         assert (partner[is_own] == np.flatnonzero(is_own)).mean() > 0.97
+
+
+def wall(n=361):
+    """Features of a straight wall 3 m ahead."""
+    angles = np.radians(np.linspace(-60.0, 60.0, n))
+    noise = 0.005 * np.random.default_rng(7).standard_normal(n)
+    scan = cs.LaserScan(
+        3.0 / np.cos(angles) + noise,
+        angle_min=angles[0],
+        angle_increment=angles[1] - angles[0],
+        range_max=20.0,
+    )
+    return features(scan)
+
+
+def test_how_far_two_readings_of_one_surface_may_lie_apart():
+    surfels = wall().image.surfels[:2].copy()
+    surfels[:, VARIANCE] = 4e-4, 5e-4
+    surfels[1, RANGE] = 5.0
+    # three standard deviations of both across; along a decimetre, and a tenth of the range
+    limits = agreeing_limits(surfels, 0, surfels, 1, 0.01)
+    np.testing.assert_allclose(limits, [3.0 * 0.03 + 0.01, 0.1 + 0.5], rtol=1e-12)
+    # without a line: 5 cm across, a decimetre along, whichever of them has none
+    for k in (0, 1):
+        alone = surfels.copy()
+        alone[k, VARIANCE] = -1.0
+        limits = agreeing_limits(alone, 0, alone, 1, 0.01)
+        np.testing.assert_allclose(limits, [0.06, 0.1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("more", "code"), [(-0.01, OCCLUDED), (0.01, DYNAMIC)])
+def test_another_thing_stands_five_centimetres_in_front_of_what_agrees(more, code):
+    seen = wall()
+    surfels = seen.image.surfels
+    k = int(np.argmin(np.abs(surfels[:, Y])))  # straight ahead
+    limit, _ = agreeing_limits(surfels, k, surfels, k, 0.01)
+    front = surfels[k, RANGE] - 2.0 * limit - 0.05 - more
+    moved = surfels[k : k + 1].copy()
+    moved[0, [X, Y]] *= front / math.hypot(*moved[0, [X, Y]])
+    codes, partner = compare_readings(moved, seen.image, np.zeros(3), 0.01)
+    assert codes.tolist() == [code]
+    assert partner.tolist() == [-1]
+
+
+def test_what_lies_beside_its_line_along_it_is_not_of_the_surface():
+    """The line's own reading at 3 m: 0.4 m along it is within reach, and a little more is not."""
+    seen = wall()
+    k = int(np.argmin(np.abs(seen.image.surfels[:, Y])))
+    for shift, is_inlier in ((0.39, True), (-0.39, True), (0.42, False), (-0.42, False)):
+        # the line's centre moves away along the wall, and its reading stays
+        other = wall()
+        other.image.surfels[k, [CX, CY]] = 3.0, other.image.surfels[k, Y] + shift
+        other.image.surfels[k, [NX, NY]] = -1.0, 0.0
+        reading = np.array(other.image.surfels[k : k + 1])
+        reading[0, [X, Y]] = 3.0, seen.image.surfels[k, Y]
+        reach = 0.1 + 0.1 * other.image.surfels[k, RANGE]
+        assert reach == pytest.approx(0.4, abs=0.005)
+        codes, _ = compare_readings(reading, other.image, np.zeros(3), 0.01)
+        assert (codes[0] == INLIER) == is_inlier
+
+
+@pytest.mark.parametrize(("n", "has_moved"), [(3, False), (4, True), (5, True)])
+@pytest.mark.parametrize(
+    ("shift", "limit", "least", "is_far"),
+    [
+        (0.05, 4.0, 0.01, True),
+        (0.05, 4.0, 0.06, False),
+        (0.05, 40.0, 0.01, False),
+        (-0.05, 4.0, 0.01, True),
+    ],
+)
+def test_a_surface_has_moved_by_the_mean_of_four_readings(
+    n, has_moved, shift, limit, least, is_far
+):
+    surfels = wall().image.surfels[150:160].copy()
+    surfels[:, VARIANCE] = 0.005**2
+    surfels[:, [CX, CY]] = surfels[:, [X, Y]]
+    surfels[:, [NX, NY]] = -1.0, 0.0
+    partner = np.arange(10)
+    partner[n:] = -1
+    pose = np.array([shift, 0.0, 0.0])
+    bounds = np.array([0, 10])
+    # the mean of n errs by 7 mm over the root of n: 5 cm are 14 standard deviations of four readings
+    found = static_segments(surfels, bounds, partner, surfels, pose, limit, least)
+    assert found[1] == (has_moved and is_far)
+    assert (found[0] == (not (has_moved and is_far))).all()
+    # a partner without a line does not count
+    blind = surfels.copy()
+    blind[0, VARIANCE] = -1.0
+    for one, other in ((surfels, blind), (blind, surfels)):
+        assert static_segments(one, bounds, partner, other, pose, limit, least)[1] == (
+            n > 4 and is_far
+        )

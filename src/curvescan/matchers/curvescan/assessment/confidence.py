@@ -10,13 +10,15 @@ ambiguous. The model and its fit: docs/design-notes/confidence.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
+    BEYOND,
     EXCESS,
     LARGE,
     MISFIT,
@@ -30,11 +32,8 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
-MAX_REPETITION = 0.45
-"""Least share of what supports a pose that another explains at which the two cannot be distinguished."""
-
 GUESSED_REPETITION = 0.3
-"""The same for a guess to decide between the two."""
+"""Least share of what supports a pose that another explains for a guess to decide between the two."""
 
 COEFFICIENTS = {
     "constant": -1.15,
@@ -81,7 +80,24 @@ _FLOORS = {
     "log10_large": 0.2,
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
+_LOGARITHMS = tuple(zip(_COLUMNS, _FLOORS.values(), strict=True))
+_ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
+_WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
+_MOTION, _SEEN_THROUGH = _ROW["motion"], _ROW["log10_seen_through"]
+_DEGENERATE, _FEW_MOTION = _ROW["degenerate"], _ROW["few_motion"]
+_COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
+"""Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
+
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
+_DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
+_BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
+_BARE_MOTION = (
+    1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
+)
+_BARE_CONTRADICTED = (
+    0.05  # of what agrees: more of a bare room is not contradicted at the right pose
+)
+_BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
@@ -89,7 +105,6 @@ _FADING_OF_TWO, _FADING = (
     0.5,
     0.25,
 )  # for each metre and radian: how fast the two kinds count less beyond that
-_MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
@@ -127,52 +142,86 @@ class WeighedPoses:
             is_guessed=self.is_guessed[order],
         )
 
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        """Evidence of each pose."""
+        rows: list[list[float]] = self.evidence.tolist()
+        return rows
+
+    @cached_property
+    def _terms(self) -> list[list[float]]:
+        """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
+        motions, is_guessed = self.motions.tolist(), self.is_guessed.tolist()
+        return [_terms_of(*row) for row in zip(self._rows, motions, is_guessed, strict=True)]
+
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
         """Return what the model weighs of one pose, by the names of its coefficients."""
-        evidence = self.evidence[k].tolist()
-        columns = zip(_FLOORS.items(), _COLUMNS, strict=True)
-        terms = {
-            name: math.log10(max(evidence[column], 0.0) + floor)
-            for (name, floor), column in columns
-        }
-        motion = min(max(float(self.motions[k]) - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
-        # 1 where the pose rests on two walls alone, 0 from some more on
-        few = max(
-            1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0
-        )
-        return {
-            "constant": 1.0,
-            **terms,
-            "motion": motion,
-            "guessed": float(self.is_guessed[k]),
-            "degenerate": float(is_degenerate),
-            "few": few,
-            "few_motion": few * motion,
-            "few_seen_through": few * (terms["log10_seen_through"] + 1.0),
-        }
+        return dict(zip(COEFFICIENTS, self._terms_at(k, is_degenerate), strict=True))
 
     def log_odds(self, k: int, is_degenerate: bool = False) -> float:
         """Return the log odds that one pose is right and the scans have not nothing in common."""
-        terms = self.terms(k, is_degenerate)
-        return sum(coefficient * terms[name] for name, coefficient in COEFFICIENTS.items())
+        return _weighted(_WEIGHTS, self._terms_at(k, is_degenerate))
+
+    def _terms_at(self, k: int, is_degenerate: bool) -> list[float]:
+        if not is_degenerate:
+            return self._terms[k]
+        terms = self._terms[k].copy()
+        terms[_DEGENERATE] = 1.0
+        return terms
 
     def rank(self, k: int) -> float:
         """Return what poses are sorted by, the least first: the log odds, in which a motion counts for little.
 
         A large motion makes any pose less certain; which of two is right it hardly says.
         """
-        terms = self.terms(k)
         odds = self.log_odds(k)
-        for name in ("motion", "few_motion"):
-            odds -= (1.0 - _MOTION_OF_RANK) * COEFFICIENTS[name] * terms[name]
+        for row in (_MOTION, _FEW_MOTION):
+            odds -= (1.0 - _MOTION_OF_RANK) * _WEIGHTS[row] * self._terms[k][row]
         return -odds
 
     def rival_terms(self, k: int) -> dict[str, float]:
         """Return what the model weighs of pose k against the first."""
-        own, best = self.terms(k), self.terms(0)
-        terms = {name: own[name] - best[name] for name in RIVAL_COEFFICIENTS if name in own}
-        terms["motion"] = max(terms["motion"], -_MAX_NEARER)
-        return {**terms, "constant": 1.0, "repetition": self.repetition(k)}
+        return dict(zip(RIVAL_COEFFICIENTS, self._rival_terms_at(k), strict=True))
+
+    def rival_log_odds(self, k: int) -> tuple[float, float]:
+        """Return the log odds that pose k is right and not the first, and its repetition."""
+        terms = self._rival_terms_at(k)
+        return _weighted(_RIVAL_WEIGHTS, terms), terms[-1]
+
+    def _rival_terms_at(self, k: int) -> list[float]:
+        own, best = self._terms[k], self._terms[0]
+        misfit, seen_through, motion = (own[row] - best[row] for row in _COMPARED)
+        return [1.0, misfit, seen_through, max(motion, -_MAX_NEARER), self.repetition(k)]
+
+    @property
+    def may_be_turned(self) -> bool:
+        """Whether the first pose may as well be another, turned: only four walls agree, and a wall contradicts it or the motion is large.
+
+        A rectangle looks the same after half a turn, and two of its walls fit any corner. Of a sensor that sees half a circle the right
+        pose may share next to nothing with the reference, so that no other pose speaks against the first. A guess decides.
+        """
+        if not len(self.poses):
+            return False
+        best = self._rows[0]
+        contradicted = best[SEEN_THROUGH] + best[MISSED]
+        is_wrong_somewhere = (
+            best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
+        )
+        is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
+        return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
+
+    def explains_more(self, k: int) -> bool:
+        """Return whether walls contradict the first pose, and more agrees at pose k, and better.
+
+        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door of an elevator.
+        """
+        own, best = self._rows[k], self._rows[0]
+        return bool(
+            best[SEEN_THROUGH] > _DOUBTFUL * best[AGREEING]
+            and own[AGREEING] > best[AGREEING]
+            and own[MISFIT] < best[MISFIT]
+            and self.scores[k] > self.scores[0]
+        )
 
     def repetition(self, k: int) -> float:
         """Return how much of what supports the first pose the pose k explains as well, as a share.
@@ -181,7 +230,9 @@ class WeighedPoses:
         what is seen through there and not at the first. A pose that rests on two walls alone counts less the farther it
         is from where the sensor is expected, any other where that is much farther.
         """
-        own, best = self.evidence[k].tolist(), self.evidence[0].tolist()
+        own, best = self._rows[k], self._rows[0]
+        if self.explains_more(k):
+            return 1.0
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
@@ -191,6 +242,21 @@ class WeighedPoses:
         if own[EXCESS] < _TWO_WALLS:
             share *= min(1.0, max(0.0, 1.0 - _FADING_OF_TWO * (farther - _NEARER)))
         return float(share * min(1.0, max(0.0, 1.0 - _FADING * (farther - _MUCH_NEARER))))
+
+
+def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
+    total: float = sum(map(operator.mul, weights, terms))
+    return total
+
+
+def _terms_of(evidence: list[float], motion: float, is_guessed: bool) -> list[float]:
+    """Return what the model weighs of a pose, in the order of COEFFICIENTS."""
+    logs = [math.log10(max(evidence[column], 0.0) + floor) for column, floor in _LOGARITHMS]
+    motion = min(max(motion - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
+    # 1 where the pose rests on two walls alone, 0 from some more on
+    few = max(1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0)
+    few_seen_through = few * (logs[_SEEN_THROUGH - 1] + 1.0)
+    return [1.0, *logs, motion, float(is_guessed), 0.0, few, few * motion, few_seen_through]
 
 
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
@@ -208,69 +274,5 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
         motions=motions,
         is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
     )
-    if len(poses) < 2:
-        return weighed
-    return weighed.rows(sorted(range(len(poses)), key=weighed.rank))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Support:
-    """What speaks for the first of some poses and against it.
-
-    Attributes
-    ----------
-    log_odds : float
-        That it is right and the scans have not nothing in common.
-    rivals : dict of int to float
-        Log odds, for each other pose that may be right instead, by its row.
-    repetitions : dict of int to float
-        Share of what supports the first that each of them explains.
-    """
-
-    log_odds: float
-    rivals: dict[int, float]
-    repetitions: dict[int, float]
-
-    @property
-    def confidence(self) -> float:
-        """Probability that the pose is right and no other."""
-        return self.confidence_with([])
-
-    def confidence_with(self, accepted: Sequence[int]) -> float:
-        """Return the probability that the pose is right, or one of the `accepted` rows, that its covariance holds."""
-        odds = {row: math.exp(min(value, _MAX_LOG_ODDS)) for row, value in self.rivals.items()}
-        nothing = math.exp(min(-self.log_odds, _MAX_LOG_ODDS))
-        right = 1.0 + sum(odds[row] for row in accepted if row in odds)
-        return right / (1.0 + sum(odds.values()) + nothing)
-
-    @property
-    def is_related(self) -> float:
-        """Probability that the scans have anything in common, at any of the poses."""
-        return 1.0 - math.exp(min(-self.log_odds, _MAX_LOG_ODDS)) * self.confidence
-
-    def repeated(self) -> list[int]:
-        """Return the rows of the poses that cannot be distinguished from the first."""
-        return [row for row, share in self.repetitions.items() if share > MAX_REPETITION]
-
-
-def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
-    """Return what speaks for the first of some poses.
-
-    Parameters
-    ----------
-    weighed : WeighedPoses
-        The poses.
-    others : sequence of int
-        Rows that may be right instead.
-    is_degenerate : bool
-        Whether the scans leave a direction open at the first.
-    """
-    terms = {k: weighed.rival_terms(k) for k in others}
-    return Support(
-        log_odds=weighed.log_odds(0, is_degenerate),
-        rivals={
-            k: sum(RIVAL_COEFFICIENTS[name] * value for name, value in of.items())
-            for k, of in terms.items()
-        },
-        repetitions={k: of["repetition"] for k, of in terms.items()},
-    )
+    order = sorted(range(len(poses)), key=weighed.rank) if len(poses) > 1 else [0]
+    return weighed if order == list(range(len(order))) else weighed.rows(order)

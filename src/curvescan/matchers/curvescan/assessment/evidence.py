@@ -42,21 +42,26 @@ from curvescan.matchers.curvescan.features.surfels import (
 )
 from curvescan.types import Bools, Codes, Floats, Ints
 
-AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL = range(8)
+AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
 """Columns of an evidence. Metres of surface, the mean of both scans: that agrees; of that besides the two walls, not
 parallel, that agree most; that agrees and fixes the direction fixed least; MISFIT has no unit: mean squared distance of
 readings that agree over their variance; parallel to the other scan's surface and beside it; seen through, and no small
-thing; seen through, in runs longer than 0.5 m; seen through, and small things."""
+thing; seen through, in runs longer than 0.5 m; seen through, and small things; that agrees besides those two walls and
+the two that face them, which are all of a bare room."""
 
-N_EVIDENCE = SMALL + 1
+N_EVIDENCE = BEYOND + 1
 
 _IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
+_CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = (
     0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 )
 _PARALLEL = 0.9  # cosine
 _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
+_OPPOSITE = (
+    -0.98
+)  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
 _ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
 _WALL = 0.12  # metres from its line within which a reading is of a wall
 _N_TAKEN = 48  # readings that stand for all
@@ -144,8 +149,13 @@ def add_evidence(
             found[MISSED] += length if is_parallel(surfels, i, motion, other.surfels, j) else 0.0
     half = 0.5 * (xx - yy)
     found[WEAKEST] += 0.5 * (xx + yy) - math.sqrt(half * half + xy * xy)
-    found[EXCESS] += excess_length(surfels, codes)
+    excess, beyond = excess_lengths(surfels, codes)
+    found[EXCESS] += excess
+    found[BEYOND] += beyond
     found[LARGE] += large_length(surfels, bounds, codes)
+    before_wall = person_length(surfels, bounds, codes, is_small)
+    found[SEEN_THROUGH] -= before_wall
+    found[SMALL] += before_wall
     return n_misfits
 
 
@@ -176,8 +186,49 @@ def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
 
 
 @kernel
-def excess_length(surfels: Floats, codes: Codes) -> float:
-    """Return the length of surface that agrees besides the wall that agrees most and the most of those across it, metres.
+def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> float:
+    """Return the length of surface seen through in runs of no more than 0.5 m that stand before what is on both sides of them, metres.
+
+    A person who leans on a wall is of one surface with it.
+    """
+    total = 0.0
+    for k in range(bounds.size - 1):
+        run, first = 0.0, -1
+        for i in range(bounds[k], bounds[k + 1]):
+            is_in = codes[i] == DYNAMIC and not is_small[i]
+            if is_in:
+                first = i if first < 0 else first
+                run += surfels[i, LENGTH]
+            if first >= 0 and (not is_in or i == bounds[k + 1] - 1):
+                last = i if is_in else i - 1
+                dx, dy = surfels[last, X] - surfels[first, X], surfels[last, Y] - surfels[first, Y]
+                if dx * dx + dy * dy <= _LARGE_EXTENT * _LARGE_EXTENT:
+                    middle = (first + last) // 2
+                    stands_free = stands_before(surfels, bounds, k, middle, first, -1)
+                    if stands_free and stands_before(surfels, bounds, k, middle, last, 1):
+                        total += run
+                run, first = 0.0, -1
+    return total
+
+
+@kernel
+def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, step: int) -> bool:
+    """Return whether a run of readings of surface k stands before what is beside its reading `edge`, on the side of `step`."""
+    beside = edge + step
+    if beside < 0 or beside >= surfels.shape[0]:
+        return True
+    if surfels[beside, RANGE] - surfels[edge, RANGE] > _IN_FRONT:
+        return True
+    if beside < bounds[k] or beside >= bounds[k + 1]:
+        return False
+    wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
+    dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
+    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > _IN_FRONT)
+
+
+@kernel
+def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
+    """Return the length of surface that agrees besides the two walls, not parallel, that agree most, and of that besides those that face them, metres.
 
     A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
     readings, and of many only some are taken.
@@ -197,29 +248,49 @@ def excess_length(surfels: Floats, codes: Codes) -> float:
             count += 1
         seen += 1
     taken = np.zeros(count, dtype=np.bool_)
-    wall, walls = -1, 0.0
-    for turn in range(2):
-        best, best_row = 0.0, -1
-        for seed in range(0, count, max(count // _N_SEEDS, 1)):
-            i = rows[seed]
-            nx, ny = surfels[i, NX], surfels[i, NY]
-            if turn == 1 and (
-                taken[seed] or abs(nx * surfels[wall, NX] + ny * surfels[wall, NY]) > _ACROSS
-            ):
-                continue
-            length = 0.0
-            for k in range(count):
-                if not taken[k] and is_on_wall(surfels, rows[k], i):
-                    length += surfels[rows[k], LENGTH]
-            if length > best:
-                best, best_row = length, i
-        if best_row < 0:
-            break
+    walls = np.full(
+        4, -1
+    )  # a reading of each: the longest, the longest across, those that face them
+    excess, beyond = total, total
+    for turn in range(4):
+        length, walls[turn] = longest_wall(surfels, rows, taken, walls, turn)
         for k in range(count):
-            taken[k] = taken[k] or is_on_wall(surfels, rows[k], best_row)
-        wall = best_row
-        walls += best * stride
-    return max(total - walls, 0.0)
+            if walls[turn] >= 0:
+                taken[k] = taken[k] or is_on_wall(surfels, rows[k], walls[turn])
+        beyond -= length * stride
+        excess = beyond if turn < 2 else excess
+    return max(excess, 0.0), max(beyond, 0.0)
+
+
+@kernel
+def longest_wall(
+    surfels: Floats, rows: Ints, taken: Bools, walls: Ints, turn: int
+) -> tuple[float, int]:
+    """Return the length of readings on the longest wall of those left, and one on it, -1 without any.
+
+    The first may be any, the second runs across the first, the third faces the first and the fourth the second.
+    """
+    best, best_row = 0.0, -1
+    if turn > 0 and walls[0 if turn == 1 else turn - 2] < 0:
+        return best, best_row
+    count = taken.size
+    for seed in range(0, count, max(count // _N_SEEDS, 1)):
+        i = rows[seed]
+        if taken[seed]:
+            continue
+        if turn > 0:
+            wall = walls[0 if turn == 1 else turn - 2]
+            nx, ny = surfels[i, NX], surfels[i, NY]
+            facing = nx * surfels[wall, NX] + ny * surfels[wall, NY]
+            if abs(facing) > _ACROSS if turn == 1 else facing > _OPPOSITE:
+                continue
+        length = 0.0
+        for k in range(count):
+            if not taken[k] and is_on_wall(surfels, rows[k], i):
+                length += surfels[rows[k], LENGTH]
+        if length > best:
+            best, best_row = length, i
+    return best, best_row
 
 
 @kernel

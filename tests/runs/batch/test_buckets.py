@@ -1,4 +1,4 @@
-"""Batches over a real S3 server in another process: in, out, shared, killed, and resumed."""
+"""Batches over servers of S3 and of Google's storage in other processes: in, out, shared, killed, and resumed."""
 
 from __future__ import annotations
 
@@ -20,27 +20,34 @@ import curvescan as cs
 from curvescan.runs.batch.storage.object_store import Bucket
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import CountedJob, NamedJob
+from tests.runs.batch.gcs_server import gcs_server
 from tests.runs.batch.s3_server import s3_server
 
 pytest.importorskip("obstore", reason="needs obstore: pip install 'curvescan[cloud]'")
-pytest.importorskip("moto", reason="needs an S3 server: pip install 'moto[server]'")
 
 
-@pytest.fixture(scope="module")
-def server():
-    with s3_server() as env:
-        yield env
+@pytest.fixture(scope="module", params=["s3", "gs"])
+def server(request, tmp_path_factory):
+    """A bucket's address, and the environment in which its server is found."""
+    if request.param == "gs":
+        with gcs_server(tmp_path_factory.mktemp("account")) as env:
+            yield "gs://fleet", env
+    else:
+        pytest.importorskip("moto", reason="needs an S3 server: pip install 'moto[server]'")
+        with s3_server() as env:
+            yield "s3://fleet", env
 
 
 @pytest.fixture
 def bucket(server, monkeypatch, tmp_path):
-    """The bucket ``s3://fleet``, empty; temporary files go to a folder of the test."""
-    for name, value in server.items():
+    """The bucket, empty; temporary files go to a folder of the test."""
+    address, env = server
+    for name, value in env.items():
         monkeypatch.setenv(name, value)
     (tmp_path / "tmp").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     monkeypatch.setattr(tempfile, "tempdir", None)
-    bucket = Bucket("s3://fleet")
+    bucket = Bucket(address)
     for found in bucket.list(""):
         bucket.delete(found.key)
     return bucket
@@ -61,7 +68,7 @@ def by_name(result):
 
 def test_a_batch_from_a_bucket_into_a_bucket(bucket, tmp_path):
     put_logs(bucket, "a.log", "b-kill.log", "c-hang.log", "d-raise.log", "deep/a.log", "e.log")
-    logs, out = "s3://fleet/logs/**/*.log", "s3://fleet/out/run"
+    logs, out = f"{bucket.address}/logs/**/*.log", f"{bucket.address}/out/run"
     result = cs.run_batch(logs, out=out, job=NamedJob(), workers=2, timeout=3.0)
     records = by_name(result)
     assert [record.exit for record in result.records] == [0, 1, 1, 1, 0, 0]
@@ -70,7 +77,7 @@ def test_a_batch_from_a_bucket_into_a_bucket(bucket, tmp_path):
     assert records["d-raise.log"].sentence.startswith("RuntimeError: of no known kind")
     assert len({record.folder for record in result.records}) == 6
     for record in result.records:
-        assert record.input.startswith("s3://fleet/logs/")
+        assert record.input.startswith(f"{bucket.address}/logs/")
         assert record.etag
         held = [f"out/run/{record.folder}/result"] * (not record.is_failed)
         assert keys(bucket, f"out/run/{record.folder}") == held
@@ -83,13 +90,13 @@ def test_a_batch_from_a_bucket_into_a_bucket(bucket, tmp_path):
     (said,) = [key for key in keys(bucket, "out/run") if "workers-" in key]
     assert b"of no known kind" in bucket.read(said)[0]
     # the temporary files of the worker that was killed go when the next one begins; those of the others are gone
-    cs.run_batch("s3://fleet/logs/e.log", out=out, job=NamedJob(), workers=1)
+    cs.run_batch(f"{bucket.address}/logs/e.log", out=out, job=NamedJob(), workers=1)
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
 def test_resume_runs_what_has_another_content(bucket):
     put_logs(bucket, "a.log", "b.log")
-    logs, out = "s3://fleet/logs/*.log", "s3://fleet/out"
+    logs, out = f"{bucket.address}/logs/*.log", f"{bucket.address}/out"
     cs.run_batch(logs, out=out, job=NamedJob(), workers=2)
     started = time.perf_counter()
     again = cs.run_batch(logs, out=out, job=NamedJob(), resume=True)
@@ -107,8 +114,8 @@ def test_resume_runs_what_has_another_content(bucket):
 def test_logs_here_and_results_there_and_the_other_way_round(bucket, tmp_path):
     put_logs(bucket, "a.log")
     (tmp_path / "b.log").write_text("x" * 20)
-    logs = ["s3://fleet/logs/a.log", tmp_path / "b.log"]
-    for out in (str(tmp_path / "out"), "s3://fleet/mixed"):
+    logs = [f"{bucket.address}/logs/a.log", tmp_path / "b.log"]
+    for out in (str(tmp_path / "out"), f"{bucket.address}/mixed"):
         result = cs.run_batch(logs, out=out, job=NamedJob(), workers=1)
         assert [record.exit for record in result.records] == [0, 0]
         assert {record.scans for record in result.records} == {10, 20}
@@ -121,8 +128,8 @@ def test_a_real_log_gives_the_same_bits_from_a_bucket(bucket, tmp_path):
     cs.write_log(tmp_path / "bag", scans)  # a ROS 2 bag: a folder
     for file in (tmp_path / "bag").iterdir():
         bucket.upload(file, f"logs/first floor/bag/{file.name}")
-    result = cs.run_batch("s3://fleet/logs/**", out="s3://fleet/out", workers=1)
-    assert [record.input for record in result.records] == ["s3://fleet/logs/first floor/bag"]
+    result = cs.run_batch(f"{bucket.address}/logs/**", out=f"{bucket.address}/out", workers=1)
+    assert [record.input for record in result.records] == [f"{bucket.address}/logs/first floor/bag"]
     assert [record.sentence for record in result.records if record.is_failed] == []
     cs.run(tmp_path / "bag", out=tmp_path / "alone")
     for name in ("trajectory.tum", "trajectory.csv", "map.pgm"):
@@ -134,13 +141,13 @@ _SUPERVISOR = """
 import curvescan as cs
 from tests.runs.batch.batch_jobs import CountedJob
 
-cs.run_batch("s3://fleet/logs/*.log", out="s3://fleet/out", job=CountedJob(tally={tally!r}), workers=2, resume={resume})
+cs.run_batch("{address}/logs/*.log", out="{address}/out", job=CountedJob(tally={tally!r}), workers=2, resume={resume})
 """
 
 
-def start(tally, resume=True):
+def start(bucket, tally, resume=True):
     env = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
-    code = _SUPERVISOR.format(tally=str(tally), resume=resume)
+    code = _SUPERVISOR.format(address=bucket.address, tally=str(tally), resume=resume)
     return subprocess.Popen([sys.executable, "-c", code], env=env, cwd=ROOT)
 
 
@@ -155,7 +162,7 @@ def runs(tally):
 def test_two_batches_at_once_share_the_logs(resume, bucket, tmp_path):
     put_logs(bucket, *(f"{k:02}-slow.log" for k in range(16)))
     tally = tmp_path / "tally"
-    batches = [start(tally, resume), start(tally, resume)]
+    batches = [start(bucket, tally, resume), start(bucket, tally, resume)]
     assert [batch.wait(timeout=120) for batch in batches] == [0, 0]
     begun, workers = runs(tally)
     assert set(begun.values()) == {1}
@@ -168,7 +175,7 @@ def test_two_batches_at_once_share_the_logs(resume, bucket, tmp_path):
 def test_a_killed_supervisor_is_resumed_at_once(bucket, tmp_path):
     put_logs(bucket, *(f"{k:02}-slow.log" for k in range(10)))
     tally = tmp_path / "tally"
-    supervisor = start(tally)
+    supervisor = start(bucket, tally)
     deadline = time.monotonic() + 60.0
     while len(keys(bucket, "out/manifest")) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -178,8 +185,8 @@ def test_a_killed_supervisor_is_resumed_at_once(bucket, tmp_path):
     n_done = len(keys(bucket, "out/manifest"))
     started = time.monotonic()
     job = CountedJob(tally=str(tally))
-    logs = "s3://fleet/logs/*.log"
-    result = cs.run_batch(logs, out="s3://fleet/out", job=job, workers=2, resume=True)
+    logs = f"{bucket.address}/logs/*.log"
+    result = cs.run_batch(logs, out=f"{bucket.address}/out", job=job, workers=2, resume=True)
     assert time.monotonic() - started < 30.0  # half the lease: it is seen that their owner is gone
     assert result.n_skipped >= n_done
     assert [record.exit for record in result.records] == [0] * 10
@@ -189,7 +196,9 @@ def test_a_killed_supervisor_is_resumed_at_once(bucket, tmp_path):
 
 def test_another_batch_with_other_options_is_refused(bucket):
     put_logs(bucket, "a.log")
-    cs.run_batch("s3://fleet/logs/a.log", out="s3://fleet/out", job=NamedJob(), workers=1)
+    cs.run_batch(
+        f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1
+    )
     (record,) = keys(bucket, "out/manifest")
     name = Path(record).stem
     claim = {"owner": "elsewhere:1:ab", "options": "other", "renewal": 1}
@@ -197,17 +206,22 @@ def test_another_batch_with_other_options_is_refused(bucket):
     with pytest.raises(
         cs.OutputError, match="a batch with other options writes to the same folder"
     ):
-        cs.run_batch("s3://fleet/logs/a.log", out="s3://fleet/out", job=NamedJob(), workers=1)
+        cs.run_batch(
+            f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1
+        )
     assert keys(bucket, "out/claims") == [f"out/claims/{name}.json"]
 
 
 def test_what_is_not_there_is_a_sentence(bucket, tmp_path, monkeypatch):
     put_logs(bucket, "a.log")
-    with pytest.raises(cs.InvalidArgumentError, match=r"no log matches 's3://fleet/logs/\*\.bag'"):
-        cs.run_batch("s3://fleet/logs/*.bag", out=tmp_path / "out", job=NamedJob())
-    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
-    with pytest.raises(cs.StorageError, match=r"cannot read s3://fleet/logs/a\.log: "):
-        cs.run_batch("s3://fleet/logs/a.log", out=tmp_path / "out", job=NamedJob())
+    with pytest.raises(
+        cs.InvalidArgumentError, match=r"no log matches '\w\w://fleet/logs/\*\.bag'"
+    ):
+        cs.run_batch(f"{bucket.address}/logs/*.bag", out=tmp_path / "out", job=NamedJob())
+    for name in ("AWS_ENDPOINT_URL", "GOOGLE_BASE_URL"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    with pytest.raises(cs.StorageError, match=r"cannot read \w\w://fleet/logs/a\.log: "):
+        cs.run_batch(f"{bucket.address}/logs/a.log", out=tmp_path / "out", job=NamedJob())
 
 
 def test_an_object_that_changes_while_it_is_read_is_an_error(bucket, tmp_path):

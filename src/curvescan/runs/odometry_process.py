@@ -1,0 +1,203 @@
+"""The odometry of a SLAM run in a process of its own.
+
+The odometry knows nothing of the map and need not wait for it: it runs ahead on another core while the back end closes
+loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. A process that
+cannot be started, or ends too early, costs time alone: the odometry is then made here.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from queue import Full, Queue
+from types import TracebackType
+from typing import Any
+
+from curvescan.odometry.odometry import Odometry
+from curvescan.odometry.run import OdometryInTurn, PlacedScan, placed, pose_at
+from curvescan.odometry.step import OdometryStep
+from curvescan.scan import LaserScan
+from curvescan.types import Pose
+
+_SERVE = "import sys; sys.path[:] = {}; from {} import serve; serve()"
+_ENVIRONMENT = {"CURVESCAN_COMPILE_HELPERS": "0", "OMP_NUM_THREADS": "1"}
+
+_BATCH = 32
+"""Scans sent at once."""
+
+_AHEAD = 32
+"""Batches that the odometry may be ahead, so that memory does not grow with the log."""
+
+_LOOK_S = 0.2
+"""Time after which a thread that waits looks whether it is still wanted, seconds."""
+
+_MIN_SCANS = 1000
+"""Of a shorter log the process is not worth its start."""
+
+
+def can_run_ahead(n_scans: int) -> bool:
+    """Return whether a process for the odometry of so many scans is worth it, and there is a core and a Python for it."""
+    if hasattr(os, "sched_getaffinity"):
+        n_cores = len(os.sched_getaffinity(0))
+    else:
+        n_cores = os.cpu_count() or 1
+    is_python = "python" in Path(sys.executable or "").name
+    return n_cores > 1 and is_python and n_scans >= _MIN_SCANS
+
+
+class OdometryProcess:
+    """The odometry of a log in a process of its own, which starts at once; iterate over it once, inside ``with``.
+
+    Its steps are those of the odometry here but for the traces of their matches, which are not carried over.
+
+    Parameters
+    ----------
+    odometry : Odometry
+        Fresh, or one that has begun; it stays as it is.
+    scans : iterable of LaserScan
+        A log: it is iterated over in a thread, and once more where the process ends too early.
+    odometry_poses : (n, 3) float64 or None
+        See :func:`curvescan.odometry.run_odometry`.
+
+    Attributes
+    ----------
+    odometry : Odometry
+        At the end of the iteration the one that has placed all scans.
+    """
+
+    def __init__(
+        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
+    ) -> None:
+        self.odometry = odometry
+        self._begun = pickle.dumps(odometry)
+        self._scans, self._odometry_poses = scans, odometry_poses
+        self._sent: Queue[Any] = Queue(_AHEAD)
+        self._heard: Queue[Any] = Queue(_AHEAD)
+        self._is_closed = False
+        self._process = _start()
+        for work in (self._send, self._hear) if self._process else ():
+            threading.Thread(target=work, daemon=True).start()
+
+    def __enter__(self) -> OdometryProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._is_closed = True
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def __iter__(self) -> Iterator[PlacedScan]:
+        n_done = 0
+        while self._process is not None:
+            scans = self._sent.get()
+            if isinstance(scans, BaseException):
+                raise scans
+            steps = self._heard.get()
+            if steps is None:
+                break
+            if scans is None:
+                self.odometry = steps
+                return
+            for scan, (step, seconds) in zip(scans, steps, strict=True):
+                yield PlacedScan(scan, step, seconds)
+            n_done += len(scans)
+        self.odometry = pickle.loads(self._begun)
+        yield from islice(
+            OdometryInTurn(self.odometry, self._scans, self._odometry_poses), n_done, None
+        )
+
+    def _send(self) -> None:
+        """Send all scans, and keep them for the iteration."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        try:
+            with self._process.stdin as requests:
+                requests.write(self._begun)
+                for batch in _batches(self._scans, self._odometry_poses):
+                    if not self._put(self._sent, [scan for scan, _ in batch]):
+                        return
+                    pickle.dump(batch, requests, pickle.HIGHEST_PROTOCOL)
+                    requests.flush()
+                pickle.dump(None, requests)
+        except OSError as error:  # of the pipe, as the other one tells; or of the log
+            self._put(self._sent, None if isinstance(error, BrokenPipeError) else error)
+        except BaseException as error:  # noqa: BLE001  it is raised in the iteration
+            self._put(self._sent, error)
+        else:
+            self._put(self._sent, None)
+
+    def _hear(self) -> None:
+        """Keep the steps that come back, and None at the end of them."""
+        assert self._process is not None
+        assert self._process.stdout is not None
+        with self._process.stdout as replies, suppress(Exception):
+            # whatever comes of a process that ends in the middle of a word, or of the pipe's end
+            while self._put(self._heard, pickle.load(replies)):
+                pass
+        self._put(self._heard, None)
+
+    def _put(self, queue: Queue[Any], item: object) -> bool:
+        """Append to a queue when there is room, and return whether that was still wanted."""
+        while not self._is_closed:
+            with suppress(Full):
+                queue.put(item, timeout=_LOOK_S)
+                return True
+        return False
+
+
+def serve() -> None:
+    """Place the scans that come in on stdin, and send the steps to stdout: the main function of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends with its pipes
+    requests, replies = sys.stdin.buffer, sys.stdout.buffer
+    sys.stdout = sys.stderr
+    with suppress(EOFError, OSError):
+        odometry: Odometry = pickle.load(requests)
+        while (batch := pickle.load(requests)) is not None:
+            done = [placed(odometry, scan, pose) for scan, pose in batch]
+            found = [(_without_trace(one.step), one.seconds) for one in done]
+            pickle.dump(found, replies, pickle.HIGHEST_PROTOCOL)
+            replies.flush()
+        pickle.dump(odometry, replies, pickle.HIGHEST_PROTOCOL)
+        replies.flush()
+
+
+def _start() -> subprocess.Popen[bytes] | None:
+    paths = [str(Path(entry).absolute()) for entry in sys.path]
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", _SERVE.format(paths, __name__)],
+            env={**os.environ, **_ENVIRONMENT},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError:
+        return None
+
+
+def _batches(
+    scans: Iterable[LaserScan], odometry_poses: Pose | None
+) -> Iterator[list[tuple[LaserScan, Pose | None]]]:
+    left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
+    while batch := list(islice(left, _BATCH)):
+        yield batch
+
+
+def _without_trace(step: OdometryStep) -> OdometryStep:
+    """Return a step without what the matcher did on the way, which is larger than all the rest."""
+    return step if step.match is None else replace(step, match=replace(step.match, trace=None))

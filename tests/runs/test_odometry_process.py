@@ -1,0 +1,98 @@
+"""The odometry in a process of its own: the same bits, whatever becomes of the process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.errors import LogFormatError
+from curvescan.odometry.run import OdometryInTurn
+from curvescan.runs import odometry_process
+from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
+from curvescan.slam import Slam, run_slam
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def log():
+    return cs.simulate("office-floor", n_scans=90, seed=3)
+
+
+def bits(run):
+    closures = [(c.i, c.j, c.outcome) for c in run.slam.closures]
+    return run.revised.trajectory.poses.tobytes(), run.online.covariances.tobytes(), closures
+
+
+def ahead_of(slam, log, poses=None):
+    return OdometryProcess(slam.odometry, log, poses)
+
+
+def test_slam_has_the_same_bits(log):
+    runs = []
+    for poses in (None, log.odometry.poses):
+        for is_ahead in (False, True):
+            slam = Slam()
+            if is_ahead:
+                with ahead_of(slam, log, poses) as ahead:
+                    runs.append(run_slam(log, slam, odometry_poses=poses, ahead=ahead))
+            else:
+                runs.append(run_slam(log, slam, odometry_poses=poses))
+    assert bits(runs[0]) == bits(runs[1])
+    assert bits(runs[2]) == bits(runs[3])
+    assert runs[1].revised.outcomes == runs[0].revised.outcomes
+    # and it goes on where the process ended
+    after = [run.slam.add(log[5]).pose for run in runs[:2]]
+    np.testing.assert_array_equal(*after)
+
+
+@pytest.mark.parametrize("n_before_the_end", [0, 40])
+def test_a_process_that_ends_too_early_costs_time_alone(log, n_before_the_end):
+    expected = [one.step.pose for one in OdometryInTurn(cs.Odometry(), log, None)]
+    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+        found = []
+        if n_before_the_end == 0:
+            ahead._process.kill()
+        for one in ahead:
+            found.append(one.step.pose)
+            if len(found) == n_before_the_end:
+                ahead._process.kill()
+        assert len(ahead.odometry._state.motion.last.pose) == 3
+    np.testing.assert_array_equal(found, expected)
+    assert ahead.odometry._state.n_scans == len(log)
+
+
+def test_without_another_process_the_odometry_is_made_here(log, monkeypatch):
+    def refuse(*_args, **_kwargs):
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(odometry_process.subprocess, "Popen", refuse)
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        assert len(list(ahead)) == 9
+
+
+def test_what_the_log_raises_is_raised(log):
+    def broken():
+        yield from log[:40]
+        raise LogFormatError("broken here")
+
+    with (
+        OdometryProcess(cs.Odometry(), broken(), None) as ahead,
+        pytest.raises(LogFormatError, match="broken here"),
+    ):
+        list(ahead)
+
+
+def test_a_run_that_is_given_up_leaves_no_process(log):
+    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+        next(iter(ahead))
+    assert ahead._process.poll() is not None
+
+
+def test_short_logs_and_single_cores_do_without(monkeypatch):
+    monkeypatch.setattr(odometry_process.os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
+    assert can_run_ahead(100_000)
+    assert not can_run_ahead(100)
+    monkeypatch.setattr(odometry_process.os, "sched_getaffinity", lambda _: {0}, raising=False)
+    assert not can_run_ahead(100_000)
