@@ -204,6 +204,8 @@ def _warm_up_whatever_matches(_: str) -> None:
 def _warm_up_slam() -> None:
     """Call the kernels of SLAM: three keyframes that stand in a triangle, and the three edges between them."""
     # SciPy's sparse matrices take their time to load
+    from curvescan.slam.localization.correlative import likely_poses
+    from curvescan.slam.localization.field import DistanceField
     from curvescan.slam.loops.cycles import cycle_distances
     from curvescan.slam.loops.overlap import foretold_overlap, range_profile
     from curvescan.slam.loops.place_index import signature
@@ -230,6 +232,14 @@ def _warm_up_slam() -> None:
     marginal_covariances(pattern, data, anchors)
     largest_clique(np.ones((3, 3), dtype=np.bool_))
     cycle_distances(ends, poses, np.array([np.eye(3)] * 3), poses, np.ones(3), 0.5)
+    field = DistanceField(
+        distance=np.zeros((1, 1), dtype=np.float32),
+        is_free=np.ones((1, 1), dtype=np.bool_),
+        origin=np.zeros(2),
+        resolution=1.0,
+    )
+    field.agreement(np.ones((8, 2)), np.zeros(3))
+    likely_poses(field, np.zeros((1, 2)), np.ones((8, 2)), 1)
     crowded_places(poses, np.zeros(3, dtype=np.int64), 3, 1.0, 1.0, 1)
     profile = range_profile(_scan(_room(0.0, 0.0)))
     foretold_overlap(profile[np.newaxis], anchors, poses[:1], profile)

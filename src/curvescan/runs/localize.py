@@ -19,7 +19,8 @@ from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
 from curvescan.runs.plain import as_plain
 from curvescan.runs.results import write_record
 from curvescan.scan import LaserScan
-from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
+from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
+from curvescan.slam.localizer import Localizer
 from curvescan.types import Floats, Pose
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from curvescan.slam.config import SlamConfig
-    from curvescan.slam.localizer import Localizer, LocalizerOutcome, LocalizerStep
+    from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
+    from curvescan.slam.localizer import Localizer
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
     from curvescan.slam.map import SlamMap, load_map
     from curvescan.slam.run import SlamRun, run_slam
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "Closure": "loops.closures",
     "Localizer": "localizer",
-    "LocalizerOutcome": "localizer",
-    "LocalizerStep": "localizer",
+    "LocalizerOutcome": "localization.step",
+    "LocalizerStep": "localization.step",
     "Slam": "slam",
     "SlamConfig": "config",
     "SlamMap": "map",

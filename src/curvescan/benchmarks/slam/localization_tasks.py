@@ -18,10 +18,15 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation import World, build_world, simulate
 from curvescan.slam import Slam, SlamMap, load_map
-from curvescan.types import Bools, Floats, Pose
+from curvescan.slam.localization.correlative import refined_poses, thinned
+from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.types import Bools, Floats, Points, Pose
 
-MAPPED_M = 2.0
-"""A place is in the map where the sensor came as near as this when the map was made, metres."""
+SHOWN, PARTLY_SHOWN = 0.8, 0.5
+"""A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one does."""
+
+_FIT_M, _FIT_GAIN = 0.6, 0.02
+"""A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,20 +41,78 @@ class LocalizationTask:
         The map.
     scans : sequence of LaserScan
         The log.
+    references, keyframes : (n, 3), (m, 3) float64
+        Poses of the scans, and of the map's keyframes, by the reference, in a frame of its own.
     poses : (n, 3) float64
-        Where each scan was taken in the frame of the map: metres, metres, radians.
-    is_mapped : (n,) bool
-        Whether its place is in the map.
+        Where each scan was taken in the frame of the map, by the keyframe nearest to it: metres, metres, radians.
     is_exact : (n,) bool
         Whether its reference pose was given, not interpolated.
+    is_true : bool
+        Whether the reference is the truth; else it is SLAM's, and may itself err against the map.
+    field : DistanceField
+        The map as cells.
     """
 
     name: str
     slam_map: SlamMap
     scans: Sequence[LaserScan]
+    references: Pose
+    keyframes: Pose
     poses: Pose
-    is_mapped: Bools
     is_exact: Bools
+    is_true: bool
+    field: DistanceField
+
+    def shown(self, k: int) -> float:
+        """Return the share of the readings of a scan that end on walls of the map."""
+        return self.field.agreement(points_of(self.scans[k]), self.poses[k]).on_wall
+
+    def seen_from(self, keyframe: int, k: int) -> Pose:
+        """Return the pose of a scan in the frame of the map by one keyframe: how maps bend elsewhere does not matter."""
+        seen = se2.between(self.keyframes[keyframe], self.references[k])
+        pose: Pose = se2.compose(self.slam_map.poses[keyframe], seen)
+        return pose
+
+    def fitted(self, k: int, pose: Pose) -> Pose:
+        """Return a reference pose of a scan, moved to where the scan fits the map better nearby, where the reference is not the truth."""
+        if self.is_true:
+            return pose
+        points = points_of(self.scans[k])
+        moved = refined_poses(self.field, pose[np.newaxis], thinned(points))[0]
+        gain = self.field.agreement(points, moved).score - self.field.agreement(points, pose).score
+        is_near = np.hypot(*(moved - pose)[:2]) < _FIT_M
+        return moved if gain > _FIT_GAIN and is_near else pose
+
+
+def points_of(scan: LaserScan) -> Points:
+    """Return the valid readings of a scan in the frame of the sensor."""
+    return np.ascontiguousarray(scan.points[scan.valid])
+
+
+def _task(
+    name: str,
+    slam_map: SlamMap,
+    scans: Sequence[LaserScan],
+    references: Pose,
+    mapped: Pose,
+    is_exact: Bools,
+    *,
+    is_true: bool,
+) -> LocalizationTask:
+    """Return a task by the reference poses of its scans and of the scans that made the map."""
+    read = _read_back(slam_map)
+    keyframes = mapped[read.indices]
+    return LocalizationTask(
+        name=name,
+        slam_map=read,
+        scans=scans,
+        references=references,
+        keyframes=keyframes,
+        poses=in_frame_of(read.poses, keyframes, references)[0],
+        is_exact=is_exact,
+        is_true=is_true,
+        field=field_of(read),
+    )
 
 
 def in_frame_of(anchors: Pose, references: Pose, wanted: Pose) -> tuple[Pose, Floats]:
@@ -75,7 +138,7 @@ def task_of_log(log: Path, reference: Path, *, stride: int = 1) -> LocalizationT
     Parameters
     ----------
     log, reference : Path
-        The log, and poses of the sensor with the stamps of scans.
+        The log, and poses of the sensor with the stamps of scans: SLAM of the whole log, say.
     stride : int
         Take every so many scans.
     """
@@ -86,16 +149,15 @@ def task_of_log(log: Path, reference: Path, *, stride: int = 1) -> LocalizationT
     slam = Slam()
     for scan in scans[:half]:
         slam.add(scan)
-    trajectory = slam.finish()
-    known = is_exact[:half]
-    carried, distance = in_frame_of(trajectory.poses[known], poses[:half][known], poses[half:])
-    return LocalizationTask(
-        name=whole.name,
-        slam_map=_read_back(slam.map),
-        scans=scans[half:],
-        poses=carried,
-        is_mapped=distance < MAPPED_M,
-        is_exact=is_exact[half:],
+    slam.finish()
+    return _task(
+        whole.name,
+        slam.map,
+        scans[half:],
+        poses[half:],
+        poses[:half],
+        is_exact[half:],
+        is_true=False,
     )
 
 
@@ -141,19 +203,19 @@ def task_of_floor(
     slam = Slam()
     for scan in lap:
         slam.add(scan)
-    trajectory = slam.finish()
+    slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
     drive = simulate(
         later, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None
     )
-    poses, distance = in_frame_of(trajectory.poses, lap.truth.poses, drive.truth.poses)
-    return LocalizationTask(
-        name=f"{world} {seed}" + f", {moved_share:.0%} moved" * (moved_share > 0.0),
-        slam_map=_read_back(slam.map),
-        scans=list(drive),
-        poses=poses,
-        is_mapped=distance < MAPPED_M,
-        is_exact=np.ones(len(poses), dtype=np.bool_),
+    return _task(
+        f"{world} {seed}" + f", {moved_share:.0%} moved" * (moved_share > 0.0),
+        slam.map,
+        list(drive),
+        drive.truth.poses,
+        lap.truth.poses,
+        np.ones(len(drive), dtype=np.bool_),
+        is_true=True,
     )
 
 

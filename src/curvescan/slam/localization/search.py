@@ -1,0 +1,211 @@
+"""MapSearch: where in a map the sensor may be, over the scans since it began to look.
+
+Each view, half a metre or half a radian after the last, brings poses at which its scan ends on walls, and earlier ones carried on by the odometry.
+A pose gathers support by what the scan says of it: readings on walls speak for it, readings in free space and beams through walls against it. One
+view is enough where it leaves next to nothing open and no other place comes near; else several must add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.slam.localization.correlative import (
+    contour_length,
+    likely_poses,
+    refined_poses,
+    thinned,
+)
+from curvescan.slam.localization.field import DistanceField
+from curvescan.slam.localization.matching import Hit
+from curvescan.types import Ints, Points, Pose
+
+STEP_M, _CLEARANCE_M = 0.3, 0.15
+"""Places that are tried: so far from each other, and from walls, metres."""
+
+_N_PLACES = 20_000
+"""Places that are tried for a scan, at most; in larger maps those near the keyframes most like it."""
+
+_NEUTRAL = 0.6
+"""Agreement, in [-1, 1], from which on a view speaks for a pose: poses in places that the map does not show reach as much."""
+
+_MOST_FOR, _MOST_AGAINST = 0.4, 0.15
+"""The most that one view says."""
+
+_CONTOUR_M = 10.0
+"""A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
+
+_ONE_VIEW = 0.2
+"""Support that one view alone needs: 80 of 100 readings end on walls and none elsewhere in the map."""
+
+_SEVERAL_VIEWS = 1.0
+"""Support that several views need together."""
+
+_CHANGED = 0.5
+"""What matches without a guess say of a place, and what it has more than any other, where the map has changed."""
+
+_MARGIN, _MARGIN_SHARE = 0.1, 0.25
+"""The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
+
+_SAME_M, _SAME_RAD = 0.5, 0.26
+"""Poses nearer to each other are one, metres and radians."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """A pose of the sensor that the scans so far speak for.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        In the map.
+    view : float
+        By the last view alone.
+    support : float
+        Sum over the views, with what matches say.
+    matched : float
+        What matches without a guess say of it.
+    """
+
+    pose: Pose
+    view: float
+    support: float
+    matched: float = 0.0
+
+
+class MapSearch:
+    """Looks for a sensor in a map.
+
+    Parameters
+    ----------
+    field : DistanceField
+        The map.
+    keyframes : (n, 3) float64
+        Poses of its keyframes.
+    n_tried : int
+        Poses looked at for each view.
+    """
+
+    def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
+        self.field = field
+        self._n_tried = n_tried
+        self._places = field.places(STEP_M, _CLEARANCE_M)
+        self._nearest: Ints = (
+            cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
+            if len(self._places)
+            else np.empty(0, dtype=np.int64)
+        )
+        self.clear()
+
+    def afresh(self) -> MapSearch:
+        """Return a search of the same map that has seen nothing."""
+        other = copy(self)
+        other.clear()
+        return other
+
+    def clear(self) -> None:
+        """Forget earlier views."""
+        self._found: list[Place] = []
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether there are poses that earlier views speak for."""
+        return bool(self._found)
+
+    def add(
+        self,
+        points: Points,
+        moved: UncertainPose | None,
+        similarity: Ints | None = None,
+        matched: Sequence[Hit] = (),
+    ) -> None:
+        """Take up a view.
+
+        Parameters
+        ----------
+        points : (m, 2) float64
+            Valid readings in the frame of the sensor.
+        moved : UncertainPose or None
+            The sensor's motion since the last view; None where it is not known, and earlier views say nothing.
+        similarity : (n,) int64 or None
+            Keyframes, those most like the scan first; only needed where :attr:`is_large`.
+        matched : sequence of Hit
+            Matches without a guess: they speak for their places too, also where much has changed since the map was made.
+        """
+        few = thinned(points)
+        places = self._places if similarity is None else self._near(similarity)
+        poses = likely_poses(self.field, places, few, self._n_tried)
+        earlier = self._found if moved is not None else []
+        if earlier:
+            assert moved is not None
+            carried = se2.compose(np.array([place.pose for place in earlier]), moved.pose)
+            poses = np.concatenate((refined_poses(self.field, carried, few), poses))
+        poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
+        new: list[Place] = []
+        for k, pose in enumerate(poses):
+            before = earlier[k] if k < len(earlier) else None
+            if any(is_same(pose, place.pose) for place in new):
+                continue
+            view = self.said(points, pose)
+            scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
+            by_matches = max(scores, default=0.0)
+            support = view + by_matches + (before.support if before else 0.0)
+            by_matches += before.matched if before else 0.0
+            new.append(Place(pose=pose, view=view, support=support, matched=by_matches))
+        new.sort(key=lambda place: -place.support)
+        self._found = new[: self._n_tried]
+
+    def said(self, points: Points, pose: Pose) -> float:
+        """Return how much one scan speaks for a pose."""
+        view = self.field.agreement(points, pose).score - _NEUTRAL
+        weight = min(contour_length(points) / _CONTOUR_M, 1.0)
+        return weight * float(np.clip(view, -_MOST_AGAINST, _MOST_FOR))
+
+    @property
+    def winner(self) -> Place | None:
+        """The place that the last view alone, or all views together, speak for enough and clearly more than for any other."""
+        by_view = sorted(self._found, key=lambda place: -place.view)
+        for best in (*by_view[:1], *self._found[:1]):
+            if self.is_clear(best):
+                return best
+        return None
+
+    def is_clear(self, best: Place) -> bool:
+        """Return whether the last view alone, or all views together, speak for a place enough and clearly more than for any other."""
+        others = [place for place in self._found if not is_same(place.pose, best.pose)]
+        is_seen = _is_clear(best.view, [place.view for place in others], _ONE_VIEW)
+        is_known = _is_clear(best.support, [place.support for place in others], _SEVERAL_VIEWS)
+        most = max((place.support for place in others), default=-1.0)
+        # where much has changed since the map was made, matches and the lack of any other place decide
+        is_matched = min(best.matched, best.support - most) >= _CHANGED and best.support > 0.4
+        # nor may the views before speak against what one says
+        return is_known or is_matched or (is_seen and best.support >= best.view - _MARGIN)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the map has too many places to try all."""
+        return len(self._places) > _N_PLACES
+
+    def _near(self, similarity: Ints) -> Points:
+        rank = np.empty(len(similarity), dtype=np.int64)
+        rank[similarity] = np.arange(len(similarity))
+        order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
+        return np.ascontiguousarray(self._places[order])
+
+
+def _is_clear(best: float, others: list[float], least: float) -> bool:
+    """Return whether a support is enough and clearly more than that of any other place."""
+    margin = max(_MARGIN, _MARGIN_SHARE * best)
+    return best >= least and best - max(others, default=-1.0) >= margin
+
+
+def is_same(one: Pose, other: Pose) -> bool:
+    """Return whether two poses of the sensor are one place."""
+    x, y, theta = se2.between(one, other).tolist()
+    return bool(np.hypot(x, y) < _SAME_M and abs(theta) < _SAME_RAD)

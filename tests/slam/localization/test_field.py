@@ -1,0 +1,75 @@
+"""DistanceField: what a scan says of a pose is what a slow look at every cell says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.slam.localization.field import ON_WALL_M, DistanceField, field_of
+from tests.slam.map_example import FILE, ROOM, lap, scans
+
+
+@pytest.fixture(scope="module")
+def field() -> DistanceField:
+    return field_of(cs.load_map(FILE))
+
+
+def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) -> list[float]:
+    """Return the shares by looking at a beam every millimetre."""
+    n_rows, n_columns = field.distance.shape
+
+    def cell(place: np.ndarray) -> tuple[float, bool] | None:
+        column, row = np.floor((place - field.origin) / field.resolution).astype(int)
+        inside = 0 <= row < n_rows and 0 <= column < n_columns
+        return (
+            (float(field.distance[row, column]), bool(field.is_free[row, column]))
+            if inside
+            else None
+        )
+
+    counts = np.zeros(3)
+    for end in se2.transform(pose, points):
+        found = cell(end)
+        if found and found[0] <= ON_WALL_M:
+            counts[0] += 1
+        elif found and found[1] and found[0] > 0.25:
+            counts[1] += 1
+        reach = float(np.hypot(*(end - pose[:2])))
+        ways = np.arange(0.0, max(reach - 0.4, 0.0), 0.001)
+        beam = pose[:2] + ways[:, np.newaxis] * (end - pose[:2]) / reach
+        cells = [cell(place) for place in beam]
+        counts[2] += any(c is not None and c[0] == 0.0 for c in cells)
+    return (counts / len(points)).tolist()
+
+
+def test_a_scan_agrees_with_where_it_was_taken_and_not_with_elsewhere(field: DistanceField) -> None:
+    poses = lap()[[12, 70, 120]]
+    for pose, scan in zip(se2.between(lap()[0], poses), scans(poses, seed=3), strict=True):
+        points = scan.points[scan.valid]
+        assert field.agreement(points, pose).score > 0.9
+        assert field.agreement(points, se2.compose(pose, [0.6, 0.5, 2.0])).score < 0.5
+
+
+def test_the_shares_are_those_of_a_slow_look(field: DistanceField) -> None:
+    rng = np.random.default_rng(2)
+    scan = scans(lap()[40:41], seed=5)[0]
+    points = np.ascontiguousarray(scan.points[scan.valid][::6])
+    for _ in range(8):
+        pose = np.array([*rng.uniform(-3, 3, 2), rng.uniform(-3, 3)])
+        found = field.agreement(points, pose)
+        slow = _slow_agreement(field, points, pose)
+        assert found[:2] == pytest.approx(slow[:2], abs=1e-12)
+        # steps of two thirds of a cell miss some beams that only cut a corner of a wall's cell, and see no others
+        assert slow[2] - 0.08 <= found.through <= slow[2] + 1.1 / len(points)
+
+
+def test_a_sensor_can_be_where_it_is_free_and_clear_of_walls(field: DistanceField) -> None:
+    places = field.places(0.3, 0.15)
+    in_world = se2.transform(lap()[0], places)
+    assert len(places) > 200
+    inside = (in_world > [0.0, 0.0]).all(1) & (in_world < [9.0, 7.0]).all(1)
+    assert inside.mean() > 0.97
+    pillars = np.hypot(*(in_world[:, np.newaxis] - ROOM.circles[:, :2]).transpose(2, 0, 1))
+    assert (pillars > ROOM.circles[:, 2]).all()

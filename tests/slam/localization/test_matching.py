@@ -1,0 +1,64 @@
+"""MapMatcher: matches are within the gate, and several of one scan are worth no more than one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.matching import Hit, MapMatcher, fused
+from tests.slam.map_example import FILE, lap, scans
+
+
+@pytest.fixture(scope="module")
+def matching() -> MapMatcher:
+    stored = cs.load_map(FILE)
+    keyframes = Keyframes("curvescan", None, 100)
+    for k, scan in enumerate(stored.scans):
+        keyframes.add(scan, k)
+    return MapMatcher(stored, keyframes, SlamConfig())
+
+
+def _hit(x: float, sigma: tuple[float, float]) -> Hit:
+    cov = np.diag([sigma[0] ** 2, sigma[1] ** 2, 0.01**2])
+    return Hit(keyframe=0, here=UncertainPose(np.array([x, 0.0, 0.0]), cov), score=0.8)
+
+
+def test_matches_of_one_scan_are_worth_no_more_than_one() -> None:
+    both = fused([_hit(1.0, (0.01, 0.01)), _hit(1.02, (0.01, 0.01))])
+    assert both.pose[0] == pytest.approx(1.01)
+    assert np.sqrt(both.cov[0, 0]) == pytest.approx(0.01)
+
+
+def test_what_one_match_leaves_open_another_fixes() -> None:
+    both = fused([_hit(0.3, (10.0, 0.01)), _hit(1.0, (0.01, 10.0))])
+    assert both.pose[0] == pytest.approx(1.0, abs=1e-4)
+    assert np.sqrt(both.cov[[0, 1], [0, 1]]) == pytest.approx([0.01 * 2**0.5] * 2, rel=1e-3)
+
+
+def test_a_scan_is_matched_where_it_is_expected_and_nowhere_else(matching: MapMatcher) -> None:
+    pose = lap()[33]
+    scan = scans(lap()[33:34], seed=8)[0]
+    true = se2.between(lap()[0], pose)
+    vague = np.diag(np.square([0.15, 0.15, 0.06]))
+    guess = se2.compose(true, [0.1, -0.05, 0.03])
+    hits, is_due = matching.around(scan, UncertainPose(guess, vague))
+    assert hits
+    assert is_due
+    off = se2.between(true, fused(hits).pose)
+    assert np.hypot(*off[:2]) < 0.03
+    # within a centimetre of a place a metre away nothing matches
+    sure = np.diag(np.square([0.01, 0.01, 0.01]))
+    assert not matching.around(scan, UncertainPose(se2.compose(true, [1.0, 0, 0]), sure))[0]
+
+
+def test_the_map_s_own_error_is_added(matching: MapMatcher) -> None:
+    here = UncertainPose(np.array([1.0, 2.0, 0.3]), np.diag([1e-6, 1e-6, 1e-8]))
+    around, in_all = matching.in_map(here, 12)
+    assert (np.diagonal(around.cov) > np.diagonal(here.cov)).all()
+    assert (np.linalg.eigvalsh(in_all - around.cov) > -1e-15).all()
+    assert np.trace(in_all) > np.trace(around.cov)

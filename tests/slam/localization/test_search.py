@@ -1,0 +1,125 @@
+"""Search of a whole map: the right pose is among the likely ones; a place is sure only where nothing else comes near."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.slam import SlamMap
+from curvescan.slam.localization.correlative import contour_length, likely_poses, thinned
+from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.slam.localization.search import MapSearch, Place, is_same
+from tests.slam.map_example import FILE, lap, scans
+
+
+@pytest.fixture(scope="module")
+def stored() -> SlamMap:
+    return cs.load_map(FILE)
+
+
+@pytest.fixture(scope="module")
+def field(stored: SlamMap) -> DistanceField:
+    return field_of(stored)
+
+
+def _points(scan: cs.LaserScan) -> np.ndarray:
+    return np.ascontiguousarray(scan.points[scan.valid])
+
+
+@pytest.mark.slow
+def test_the_first_of_the_likely_poses_is_right_wherever_the_sensor_looks(
+    field: DistanceField,
+) -> None:
+    rng = np.random.default_rng(4)
+    poses = lap()[rng.integers(0, 150, 20)]
+    poses[:, 2] = rng.uniform(-np.pi, np.pi, 20)  # the map was made looking ahead
+    places = field.places(0.3, 0.15)
+    for pose, scan in zip(se2.between(lap()[0], poses), scans(poses, seed=6), strict=True):
+        found = likely_poses(field, places, thinned(_points(scan)), 3)
+        off = se2.between(np.broadcast_to(pose, found.shape), found)
+        right = (np.hypot(off[:, 0], off[:, 1]) < 0.15) & (np.abs(off[:, 2]) < 0.05)
+        assert right[0]
+
+
+def test_readings_are_thinned_along_the_contour() -> None:
+    near = np.column_stack((np.full(100, 1.0), np.linspace(-1.0, 1.0, 100)))
+    far = np.column_stack((np.linspace(-2.0, 2.0, 21), np.full(21, 3.0)))
+    points = np.concatenate((near, far))
+    few = thinned(points, 30)
+    assert 25 <= len(few) <= 30
+    assert np.count_nonzero(few[:, 1] == 3.0) > 15
+    # two walls of 2 and 4 m, and the jump between them counted as 0.3 m
+    assert contour_length(points) == pytest.approx(6.3)
+
+
+def test_nothing_is_likely_without_readings(field: DistanceField) -> None:
+    assert likely_poses(field, field.places(0.3, 0.15), np.zeros((3, 2)), 5).shape == (0, 3)
+    assert likely_poses(field, np.empty((0, 2)), np.ones((30, 2)), 5).shape == (0, 3)
+
+
+def _search(stored: SlamMap, field: DistanceField, *found: Place) -> MapSearch:
+    search = MapSearch(field, stored.poses, 5)
+    search._found = list(found)
+    return search
+
+
+def _place(x: float, support: float, view: float | None = None) -> Place:
+    view = support if view is None else view
+    return Place(pose=np.array([x, 0.0, 0.0]), view=view, support=support)
+
+
+@pytest.mark.parametrize(
+    ("found", "is_sure"),
+    [
+        ([(0.0, 0.3)], True),
+        ([(0.0, 0.1)], False),  # too little
+        ([(0.0, 0.3), (3.0, 0.25)], False),  # another is nearly as good
+        ([(0.0, 0.3), (3.0, 0.1)], True),
+        ([(0.0, 2.0), (3.0, 1.7)], False),  # many views say nearly the same of both
+        ([(0.0, 2.0), (3.0, 1.4)], True),
+    ],
+)
+def test_a_place_is_sure_where_no_other_comes_near(
+    stored: SlamMap, field: DistanceField, found: list[tuple[float, float]], is_sure: bool
+) -> None:
+    search = _search(stored, field, *[_place(x, support) for x, support in found])
+    assert (search.winner is not None) is is_sure
+
+
+def test_several_views_together_need_more_than_one(stored: SlamMap, field: DistanceField) -> None:
+    assert _search(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
+    assert _search(stored, field, _place(0.0, 0.3, 0.15)).winner is None
+    assert _search(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
+
+
+def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
+    assert _search(stored, field, _place(0.0, -0.3, 0.3)).winner is None
+
+
+@pytest.mark.slow
+def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
+    poses = lap()[[10, 20, 30]]
+    search = MapSearch(field, stored.poses, 5)
+    supports = []
+    for k, scan in enumerate(scans(poses, seed=2)):
+        moved = UncertainPose(se2.between(poses[k - 1], poses[k]), np.zeros((3, 3))) if k else None
+        search.add(_points(scan), moved, None)
+        best = search._found[0]
+        assert is_same(best.pose, se2.between(lap()[0], poses[k]))
+        supports.append(best.support)
+    assert supports[0] < supports[1] < supports[2]
+    # without the motion between them views do not add up
+    search.add(_points(scans(poses[:1], seed=2)[0]), None, None)
+    assert search._found[0].support == search._found[0].view
+
+
+@pytest.mark.slow
+def test_a_view_of_little_says_little(stored: SlamMap, field: DistanceField) -> None:
+    pose = se2.between(lap()[0], lap()[20])
+    points = _points(scans(lap()[20:21], seed=2)[0])
+    search = MapSearch(field, stored.poses, 5)
+    assert search.said(points, pose) > 0.2
+    assert search.said(points[:30], pose) < 0.5 * search.said(points, pose)
