@@ -15,6 +15,7 @@ import numpy as np
 
 from curvescan._compilation import watch
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.dynamic import dynamic_readings
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
@@ -102,6 +103,8 @@ def _warm_up_drive(method: str) -> None:
     for config in (None, OdometryConfig.scan_to_scan()):
         run = run_odometry(scans, Odometry(method, config=config), odometry_poses=wheels)
     build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
+    # nothing has moved there
+    dynamic_readings(_scan(0.5 * _room(0.0, 0.0)), [(scans[0], np.zeros(3))])
 
 
 def help_compile(k: int) -> None:
