@@ -110,4 +110,4 @@ $(DOCS_INSTALLED): $(INSTALLED)
 
 clean:
 	rm -rf $(VENV) $(LOWEST) $(FLEET) .cache demo docs/_build docs/gallery docs/reference/generated
-	rm -rf docs/reference/commands.md src/curvescan/__pycache__
+	rm -rf docs/reference/commands docs/reference/commands.md src/curvescan/__pycache__

@@ -30,18 +30,22 @@ RUN_BY_US = {"Karto in slam_toolbox, defaults": {"intel": "0.057 (1.9)", "aces":
 """What was built and run beside curvescan, once, with wheels: metres (degrees)."""
 
 
+Spread = tuple[float | None, float | None]
+"""Mean and standard deviation; None where a row was taken over from a run whose figure was not kept."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One method over one log: errors of all its relations, mean and standard deviation, metres and degrees."""
+    """One method over one log: errors of all its relations, metres and degrees."""
 
     log: str
     task: str
     method: str
     wheels: bool
-    translation: tuple[float, float]
-    rotation: tuple[float, float]
-    near_translation: tuple[float, float]
-    near_rotation: tuple[float, float]
+    translation: Spread
+    rotation: Spread
+    near_translation: Spread
+    near_rotation: Spread
     n_relations: int
     version: str
 
@@ -80,8 +84,9 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
     found = {}
     for prefix, which in (("", "all"), ("near_", "near")):
         translation, rotation = errors.spreads(which)
-        found[f"{prefix}translation"] = (translation.mean, translation.std)
-        found[f"{prefix}rotation"] = (math.degrees(rotation.mean), math.degrees(rotation.std))
+        degrees = (math.degrees(rotation.mean), math.degrees(rotation.std))
+        found[f"{prefix}translation"] = (round(translation.mean, 6), round(translation.std, 6))
+        found[f"{prefix}rotation"] = (round(degrees[0], 6), round(degrees[1], 6))
     return Row(
         log=log,
         task=task,
@@ -116,11 +121,11 @@ def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
     chains = [head, *published(("scan matching",), logs), *measured(rows, "odometry", logs, "")]
     near = [head, *measured(rows, "odometry", logs, "near_")]
     return (
-        "### Loops closed\n\n"
+        "## Loops closed\n\n"
         + markdown(slam)
-        + "\n### Odometry: past poses are not revised\n\n"
+        + "\n## Odometry: past poses are not revised\n\n"
         + markdown(chains)
-        + "\n### Odometry, relations of scans less than 5 s apart\n\n"
+        + "\n## Odometry, relations of scans less than 5 s apart\n\n"
         + markdown(near)
     )
 
@@ -131,10 +136,15 @@ def published(methods: tuple[str, ...], logs: list[str]) -> Iterator[list[str]]:
         cells = []
         for log in logs:
             (error,) = [one for one in BENCHMARKS[log].errors if one.method.startswith(method)]
-            degrees = "" if error.rotation is None else f" ({error.rotation[0]:g})"
-            cells.append(f"{error.translation[0]:g}{degrees}")
+            degrees = "" if error.rotation is None else f" ({_published(error.rotation[0], 1)})"
+            cells.append(f"{_published(error.translation[0], 3)}{degrees}")
         source = "Hess et al. 2016, tuned" if method == "Cartographer" else "Kümmerle et al. 2009"
         yield [f"{method}, {source}", SENSORS[True], *cells]
+
+
+def _published(figure: float, n_digits: int) -> str:
+    """Return a figure with the digits that it was published with, and so many at least."""
+    return max(f"{figure:.{n_digits}f}", f"{figure:g}", key=len)
 
 
 def measured(
@@ -153,6 +163,8 @@ def measured(
 def figures(row: Row, prefix: str) -> str:
     """Return a row's mean errors: metres (degrees)."""
     metres, degrees = getattr(row, f"{prefix}translation")[0], getattr(row, f"{prefix}rotation")[0]
+    if metres is None or degrees is None:
+        return ""
     return f"{metres:.4f} ({degrees:.3f})" if metres < 0.1 else f"{metres:.3f} ({degrees:.2f})"
 
 

@@ -82,13 +82,9 @@ sphinx_gallery_conf = {
 
 
 def write_commands(_app: object) -> None:
-    """Write reference/commands.md: the whole help of each command, as the command prints it."""
-    parts = [
-        "# Commands",
-        "",
-        "Each command's full help, as `curvescan COMMAND --help-all` prints it.",
-        "",
-    ]
+    """Write reference/commands.md, and a page with the whole help of each command, as the command prints it."""
+    pages = DOCS / "reference" / "commands"
+    pages.mkdir(exist_ok=True)
     for name in COMMANDS:
         done = subprocess.run(
             [sys.executable, "-m", "curvescan", name, "--help-all"],
@@ -97,8 +93,14 @@ def write_commands(_app: object) -> None:
             check=True,
             env=os.environ | {"COLUMNS": "80", "TERM": "dumb", "NO_COLOR": "1"},
         )
-        parts += [f"## curvescan {name}", "", "```text", done.stdout.rstrip(), "```", ""]
-    (DOCS / "reference" / "commands.md").write_text("\n".join(parts), encoding="utf-8")
+        text = f"# curvescan {name}\n\n```text\n{done.stdout.rstrip()}\n```\n"
+        (pages / f"{name}.md").write_text(text, encoding="utf-8")
+    listed = "\n".join(f"commands/{name}" for name in COMMANDS)
+    text = (
+        "# Commands\n\nEach command's full help, as `curvescan COMMAND --help-all` prints it.\n\n"
+        f"```{{toctree}}\n:maxdepth: 1\n\n{listed}\n```\n"
+    )
+    pages.with_suffix(".md").write_text(text, encoding="utf-8")
 
 
 def write_formula(translator: Any, node: Any) -> None:

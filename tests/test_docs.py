@@ -17,7 +17,7 @@ from curvescan.evaluation.published import BENCHMARKS
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
-GENERATED = ("_build", "gallery", "reference/generated", "reference/commands.md")
+GENERATED = ("_build", "gallery", "reference/generated", "reference/commands")
 # pages that the build writes, as links name them
 BUILT = {DOCS / "reference/commands.md", DOCS / "gallery/index.rst"} | {
     DOCS / "gallery" / f"{script.stem}.rst"
