@@ -75,18 +75,12 @@ DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 def run(arguments: list[str]) -> int:
     """Return the exit status of a command line (130 when Ctrl-C ended it before there was a result)."""
-    if arguments in (["--version"], ["-V"]):
-        print(f"curvescan {__version__}")
-        return DONE
-    if (text := _help(arguments)) is not None:
-        print(text)
-        return DONE
-    if HELP_ALL in arguments:
-        arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
-    if not arguments:
-        print(FIRST_STEPS)
-        return DONE
     try:
+        if (text := _help(arguments)) is not None:
+            print(text)
+            return DONE
+        if HELP_ALL in arguments:
+            arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
         return int(_parse_and_call(arguments))
     except CurvescanError as error:
         print(f"curvescan: {printable(with_flags(str(error)), MAX_SENTENCE)}", file=sys.stderr)
@@ -95,13 +89,17 @@ def run(arguments: list[str]) -> int:
         print("curvescan: interrupted, nothing written", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # the reader of our output (head, less) has gone: nobody is left to tell
+        # the reader of our output (head, less) has gone: nobody is left to read it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
 
 
 def _help(arguments: list[str]) -> str | None:
-    """Return the help on one screen for -h; None without it, or with --help-all."""
+    """Return what needs no command: the version, the first steps without arguments, the help on one screen for -h; else None."""
+    if arguments in (["--version"], ["-V"]):
+        return f"curvescan {__version__}"
+    if not arguments:
+        return FIRST_STEPS
     if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
         return None
     if arguments[0] in COMMANDS:
