@@ -1,8 +1,8 @@
 """Fit the confidence of the default matcher anew: `python bench/fit_confidence.py [--n 150] [--seed 40] [--check]`.
 
-Runs the matcher on every deceptive world, on the bench's scenarios, and, where CURVESCAN_DATA holds them, on the first half
-of the pairs of another generator and on keyframes of real logs (neighbours: right; far apart: nothing shared), without a
-guess and with a good or a made-up one. Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of
+Runs the matcher on every deceptive world, on the bench's scenarios, on offices and buildings with round people in them, and,
+where CURVESCAN_DATA holds them, on keyframes of real logs (neighbours: right; far apart: nothing shared), without a
+guess and with a good or a made-up one. Pairs of another generator are judged with, not fitted to. Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of
 reliability with each family of sets left out of the fit in turn, and draws the diagram of the whole. Every set counts the
 same. With --check nothing is fitted: table and diagram are those of the constants as they are.
 """
@@ -30,6 +30,7 @@ from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
 from curvescan.simulation.deceptive import DECEPTIONS, deceptive_pairs
+from curvescan.simulation.sensing.people import People
 from curvescan.types import Floats, Pose
 
 Pair = tuple[LaserScan, LaserScan, Pose | None, Pose | None]
@@ -37,6 +38,7 @@ Pair = tuple[LaserScan, LaserScan, Pose | None, Pose | None]
 
 LIMITS = (0.4, 0.5, 0.55, 0.6, 0.7, 0.8)
 N_RIVALS = 4
+SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
 NEAR_SIM, NEAR_REAL = (0.1, np.radians(2.0)), (0.25, np.radians(3.0))
 KEY_LOGS = (
     "keyframed-corrected/belgioioso-corrected.log.gz",
@@ -48,6 +50,8 @@ KEY_LOGS = (
 PEOPLE = "pairs-people/pairs.npz"
 # what deceives a scan matcher by its nature: nothing in the two scans shows it
 UNFITTED = ("company",)
+# of a generator that is to judge, not to be fitted to
+JUDGING = "people "
 
 
 def key_scans(path: Path) -> tuple[list[LaserScan], Pose]:
@@ -87,7 +91,7 @@ def family(name: str) -> str:
     """Return to which generator a set belongs."""
     if name.startswith("people"):
         return "another generator"
-    if name.startswith("office "):
+    if name.startswith(("office ", "crowd ")):
         return "offices"
     return "real logs" if any(word in name for word in (" near", " far")) else "deceptive worlds"
 
@@ -131,6 +135,18 @@ def sets(n: int, seed: int) -> Iterator[tuple[str, Iterable[Pair]]]:
             seed=seed,
         )
         yield f"office {scenario.name}", ((p.reference, p.current, p.pose, None) for p in made)
+    for world, (size, reach, turn) in itertools.product(("office", "building"), SIZES):
+        made = simulate_pairs(
+            world,
+            n_pairs=n,
+            translation_max=reach,
+            rotation_max=np.radians(turn),
+            people_share=0.15,
+            people=People(body_radius=0.2),
+            seed=seed,
+        )
+        plain = ((p.reference, p.current, p.pose, None) for p in made)
+        yield f"crowd {world}, {size}", plain
     for name in ("another room, 180 deg", "another room, 360 deg", "turned away, office"):
         pairs = deceptive_pairs(name, n_pairs=n, seed=seed + 1)
         plain = ((p.reference, p.current, p.pose, None) for p in pairs)
@@ -320,11 +336,14 @@ def main() -> None:
         is_rival=np.array(table.is_rival),
         right=np.array(table.right),
     )
-    is_fitted = ~np.array(table.is_repeated) & ~np.isin(names, UNFITTED)
-    weights = np.array([1.0 / np.sum(names == one) for one in names]) * is_fitted
+    is_judged = np.char.startswith(names, JUDGING)
+    is_shown = ~np.array(table.is_repeated) & ~np.isin(names, UNFITTED)
+    is_fitted = is_shown & ~is_judged
+    weights = np.array([1.0 / np.sum(names == one) for one in names])
     p, right = np.array(table.confidence), data.right == 0
     if not arguments.check:
-        coefficients = fit(data, weights / weights.sum())
+        fitted = weights * is_fitted
+        coefficients = fit(data, fitted / fitted.sum())
         keys = [*model.COEFFICIENTS, *model.RIVAL_COEFFICIENTS]
         for key, value in zip(keys, coefficients, strict=True):
             print(f'    "{key}": {value:.2f},')
@@ -332,9 +351,9 @@ def main() -> None:
     p = np.where(table.is_repeated, 0.0, p)
     show_sets(table, p)
     for left_out in sorted(set(families)):
-        rows = is_fitted & (families == left_out)
+        rows = is_shown & (families == left_out)
         if not arguments.check:
-            kept = weights * (families != left_out)
+            kept = weights * is_fitted * (families != left_out)
             p_out = data.probabilities(fit(data, kept / kept.sum()))[:, 1]
             print(f"{left_out}, left out of the fit:", *_bands(p_out, right, weights, rows))
         print(f"{left_out}:", *_bands(p, right, weights, rows))

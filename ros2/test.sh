@@ -15,4 +15,5 @@ if [ ! -e "$venv/.installed" ]; then
     touch "$venv/.installed"
 fi
 export NUMBA_CACHE_DIR="${NUMBA_CACHE_DIR:-$PWD/.cache/kernels-ros}" MPLBACKEND=Agg PYTHONPATH="$PWD/src"
-"$venv/bin/python" -m pytest -q -p no:cacheprovider -rs ros2/curvescan_ros/test
+# what the rebuilt packages bring along (lark) warns of its own age
+"$venv/bin/python" -m pytest -q -p no:cacheprovider -rs -W ignore::DeprecationWarning ros2/curvescan_ros/test

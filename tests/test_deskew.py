@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +24,7 @@ from curvescan.deskew import (
 )
 from curvescan.io import read_log
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.simulation import SENSORS, World, simulate
 from curvescan.simulation.sensing.raycast import cast_rays
 from tests.scenes import ROOM
@@ -253,17 +253,16 @@ def test_the_shift_is_that_of_the_readings_at_the_ends():
 def chain(scans, *, is_deskewed=True):
     """Poses of a chain of matches; each sweep is deskewed with the last motion, again where the match found another."""
     poses, motion = [np.zeros(3)], np.zeros(3)
-    stamps = deque(maxlen=12)
+    deskewer = Deskewer()
     reference = reference_scan = None
     for scan in scans:
-        stamps.append(scan.stamp)
-        seconds = usual_period(tuple(stamps), scan.scan_time)
-        velocity = predicted_velocity(motion, seconds)
+        deskewer = deskewer.ticked(scan)
+        velocity = deskewer.velocity(motion)
         current = cs.prepare(deskew(scan, velocity) if is_deskewed else scan)
         if reference is not None:
             result = cs.match(reference, current, guess=motion)
             assert result.ok
-            found = predicted_velocity(result.pose, seconds)
+            found = deskewer.velocity(result.pose)
             if is_deskewed and sweep_shift(scan, found - velocity) > WORTH_AGAIN:
                 if reference_scan is not None:  # the first: nothing was known of its velocity
                     reference = cs.prepare(deskew(reference_scan, found))

@@ -119,6 +119,7 @@ def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, cap
         assert record["config"]["odometry"]["deskew"] is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["idc", "cox", "histogram", "icp", "plicp"])
 def test_odometry_and_match_run_every_method(log, tmp_path, capsys, method):
     out = tmp_path / "o"
@@ -383,6 +384,7 @@ def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypa
     assert 'icp is left out: method "icp" needs SciPy' in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "n_scans"), [("malaga-sena-loop/malaga-sena-loop.clf.gz", 224)])
 def test_a_real_log_runs_through(real_data: Path, tmp_path, name, n_scans):
     assert run(["odometry", str(real_data / name), "--out", str(tmp_path / "o")]) == 0

@@ -16,10 +16,8 @@ DECEIVED = ("company",)
 MOST_DECEIVED = {
     "turned away, office": 1,
     "turned away, doors": 3,
-    "small room": 3,
-    "shelves": 1,
-    "elevator": 3,
-    "elevator, 180 deg": 3,
+    "elevator": 1,
+    "elevator, 180 deg": 2,
     "crowded corridor": 1,
 }
 

@@ -34,6 +34,7 @@ def test_without_arguments_three_commands_are_shown(capsys):
     ]
 
 
+@pytest.mark.slow
 def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
     options = ["--speed", "0", "--no-page", "--odometry-only"]
     out, record = tmp_path / "out", tmp_path / "run.mcap"
@@ -94,6 +95,7 @@ def test_a_robot_finds_itself_in_the_map_of_slam(tmp_path, capsys):
     assert np.hypot(*(poses[0] - poses[1])[known].T).max() < 0.1
 
 
+@pytest.mark.slow
 def test_the_simulated_robot(tmp_path, capsys):
     assert run(["live", "--speed", "0", "--scans", "10", "--no-page", "--odometry-only"]) == 0
     assert "simulated office-floor" in capsys.readouterr().out

@@ -85,3 +85,27 @@ def test_a_slice_of_a_trajectory_is_one():
     np.testing.assert_array_equal(part.poses, t.poses[2:6:2])
     np.testing.assert_array_equal(part.covariances, t.covariances[2:6:2])
     np.testing.assert_array_equal(t[-1], t.poses[-1])
+
+
+def test_the_poses_in_a_log_are_its_odometry(tmp_path):
+    log = tmp_path / "robot.log"
+    log.write_text("".join(f"FLASER 2 1 1 {k} 0 0 {k} 0 0 {k} host 0\n" for k in range(1, 4)))
+    with pytest.raises(cs.LogFormatError, match=r"read_log\(path\)\.odometry"):
+        cs.Trajectory.read(log)
+    assert len(cs.read_log(log).odometry) == len(cs.read_poses(log).trajectory) == 3
+
+
+def test_the_results_of_a_run_stand_for_their_trajectory(tmp_path):
+    given = some_trajectory()
+    given.write(tmp_path / "trajectory.csv")
+    np.testing.assert_array_equal(cs.Trajectory.read(tmp_path).poses, given.poses)
+    (tmp_path / "trajectory.csv").unlink()
+    with pytest.raises(cs.LogFileError, match=r"a folder without a trajectory\.csv"):
+        cs.Trajectory.read(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "\n\n"])
+def test_an_empty_file_is_no_trajectory(tmp_path, text):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(cs.LogFormatError, match="is empty"):
+        cs.Trajectory.read(tmp_path / "t.csv")

@@ -72,6 +72,7 @@ def test_rough_surfaces_seen_with_a_few_readings_match_a_metre_apart():
     assert min(scores) > 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.03, 0.05])
 def test_the_covariance_of_noisy_scans_is_that_of_their_errors(sigma):
     sensor = replace(SENSORS["sick-lms200"], sigma_range=sigma)

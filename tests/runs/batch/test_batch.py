@@ -372,6 +372,7 @@ def test_what_is_left_to_the_defaults_is_filled_in():
         cs.SlamJob(config={"keyframe": {}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flags", [(), ("--slam",)])
 def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsys):
     log = tmp_path / "office.npz"
