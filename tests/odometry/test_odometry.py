@@ -391,6 +391,20 @@ def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():
     assert np.trace(steps[22].covariance) < 4.0 * np.trace(steps[19].covariance)
 
 
+def test_where_loops_are_left_to_others_earlier_keyframes_serve_recovery_alone():
+    scans, truth = in_the_office(2, 40)
+    drive = [*scans[:20], elsewhere(1), *scans[21:], *scans[::-1]]
+    for closes_loops in (True, False):
+        keyframes = cs.KeyframesConfig(closes_loops=closes_loops)
+        odometry = cs.Odometry(config=OdometryConfig(keyframes=keyframes))
+        outcomes = [odometry.add(scan).outcome for scan in drive]
+        assert outcomes[20] is StepOutcome.PREDICTED
+        assert (StepOutcome.LOOP_CLOSED in outcomes) == closes_loops
+        assert StepOutcome.LOST not in outcomes
+        if not closes_loops:
+            assert outcomes[21] is StepOutcome.RELOCALIZED
+
+
 def test_the_motions_chain_to_the_poses_where_nothing_leaps():
     scans, _ = in_the_office(4, 30)
     odometry, chained = cs.Odometry(), np.zeros(3)

@@ -36,6 +36,8 @@ class KeyframesConfig:
     the track is lost and starts anew. 0: never."""
     max_tries: int = 3
     """Earlier keyframes tried for a scan, at most."""
+    closes_loops: bool = True
+    """Whether they are tried also for scans that match the keyframe in use; else only after a failure. SLAM leaves loops to its graph."""
     drift: float = 2.0
     """Standard deviations of the chain are taken to be this many times too small when deciding whether two places
     are the same: matches that follow each other err together."""

@@ -261,6 +261,8 @@ def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> Uncerta
 def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement:
     """Return the placement by an earlier keyframe if one is known here; else the scan becomes a keyframe if one is due."""
     config = o.config.keyframes
+    if not config.closes_loops:
+        return with_keyframe(o, placement) if is_due else placement
     turn = math.pi if o.state.n_searches > 0 else _TURN_OF_CLOSURE * config.turn
     found, disputed = search_loop_closures(
         placement.current, placement.localization, o.keyframes, config, turn=turn

@@ -220,7 +220,7 @@ class OptimizerConfig:
 
 def _front_end() -> OdometryConfig:
     # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(max_tries=0, max_keyframes=4))
+    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4))
 
 
 @dataclass(frozen=True, kw_only=True)
