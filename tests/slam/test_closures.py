@@ -82,8 +82,12 @@ def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(
 ) -> None:
     assert _off(result, 0.8) is ClosureOutcome.WAITING
     assert _off(result, 1.4) is ClosureOutcome.WAITING
+    # however sure the graph is: it may have a wrong turn
+    assert _off(result, 0.5, sigma_m=0.01) is ClosureOutcome.WAITING
+    assert _judged_off(result, 0.5, sigma_m=0.01).is_doubtful
     # the next room may look the same
     assert _off(result, 3.7) is ClosureOutcome.UNEXPECTED
+    assert _off(result, 1.6, sigma_m=0.01) is ClosureOutcome.UNEXPECTED
 
 
 def test_what_the_graph_cannot_exclude_waits_however_far_it_is(result: MatchResult) -> None:

@@ -153,11 +153,9 @@ class ClosuresConfig:
     """Least confidence of a match: the probability that it is right."""
     n_agreeing: int = 3
     """Matches that must agree where the graph does not know the relative pose well."""
-    doubt: float = 9.0
-    """Matches up to this many times the gate away wait for twice as many that agree: the graph may be wrong where nothing
-    shows it."""
     doubt_m: float = 1.5
-    """But no farther away than this, metres: the next room may look the same."""
+    """Matches that contradict the graph by no more than this, metres, wait for twice as many that agree: the graph may be wrong where
+    nothing shows it. Farther away the next room may look the same."""
     distinctive: float = 0.9
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     margin: float = 2.0
@@ -220,7 +218,9 @@ class OptimizerConfig:
 
 def _front_end() -> OdometryConfig:
     # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4))
+    return OdometryConfig(
+        keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

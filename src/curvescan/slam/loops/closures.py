@@ -140,8 +140,7 @@ def judged(
         outcome = ClosureOutcome.UNTESTABLE
     elif is_against:
         off = found.pose - expected.pose
-        is_far = distance > rules.doubt * rules.gate
-        is_far |= math.hypot(off[0], off[1]) > rules.doubt_m
+        is_far = math.hypot(off[0], off[1]) > rules.doubt_m
         is_open = result.degenerate_direction is not None
         outcome = (
             ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
