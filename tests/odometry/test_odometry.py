@@ -392,7 +392,7 @@ def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():
 
 
 def test_where_loops_are_left_to_others_earlier_keyframes_serve_recovery_alone():
-    scans, truth = in_the_office(2, 40)
+    scans, _ = in_the_office(2, 40)
     drive = [*scans[:20], elsewhere(1), *scans[21:], *scans[::-1]]
     for closes_loops in (True, False):
         keyframes = cs.KeyframesConfig(closes_loops=closes_loops)
