@@ -10,6 +10,7 @@ from curvescan.benchmarks.stamp_jitter import measure_jitter, timed_log
 SCANS = timed_log()[:80]
 
 
+@pytest.mark.slow
 def test_a_unit_in_the_last_place_changes_no_pose():
     spread = measure_jitter(SCANS, name="floor", n_runs=2)
     assert (spread.spread_m, spread.spread_rad) == (0.0, 0.0)
@@ -18,6 +19,7 @@ def test_a_unit_in_the_last_place_changes_no_pose():
     assert row[2:] == ("one unit in the last place", "2", "0 mm, 0 deg", "0.0 %")
 
 
+@pytest.mark.slow
 def test_stamps_that_say_something_else_are_seen():
     """Moved by up to a third of a period: another velocity, and other deskewed scans."""
     spread = measure_jitter(SCANS, name="floor", jitter=0.03, n_runs=2)

@@ -377,6 +377,7 @@ def test_the_module_runs_as_the_command_does():
     assert done.stdout == f"curvescan {__version__}\n"
 
 
+@pytest.mark.slow
 def test_a_method_whose_package_is_missing_is_left_out_and_said(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.spatial", None)
     usable = load_usable_methods()

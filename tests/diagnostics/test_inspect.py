@@ -293,6 +293,7 @@ def test_undeclared_code_is_found_and_a_limit_proposed(code: float) -> None:
     assert 0.9 * code < proposed < code
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_standing_sensor_is_not_taken_for_a_code(noise: float) -> None:
     rows = noisy_room(300, seed=2) if noise else np.repeat(noisy_room(1, seed=2), 300, axis=0)
