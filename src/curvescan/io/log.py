@@ -124,7 +124,65 @@ class ScanAccess:
         return next(islice(iter(cast(Log, self)), i, None))
 
 
-class LogSlice(ScanAccess):
+class LogView(ScanAccess):
+    """A log seen through another: it says what the log below says, but for what a subclass says anew.
+
+    Parameters
+    ----------
+    log : Log
+        The log below.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+
+    @property
+    def name(self) -> str:
+        """Name of the log below."""
+        return self._log.name
+
+    @property
+    def format(self) -> str:
+        """Format of the log below."""
+        return self._log.format
+
+    @property
+    def odometry(self) -> Trajectory | None:
+        """Wheel odometry of the log below."""
+        return self._log.odometry
+
+    def robot_odometry(self) -> Trajectory | None:
+        """Return the wheel odometry of the robot, where the log below knows the laser's mount."""
+        return self._log.robot_odometry() if isinstance(self._log, MountedLog) else None
+
+    def hangs_upside_down(self) -> bool:
+        """Return what the log below says."""
+        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return the angle that the gyroscope has turned by at each scan; None without one."""
+        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+
+    @property
+    def read_errors(self) -> tuple[ReadError, ...]:
+        """Faults of the log below."""
+        return self._log.read_errors
+
+    @property
+    def tag_counts(self) -> Mapping[str, int]:
+        """Messages of the log below."""
+        return self._log.tag_counts
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the log below."""
+        return self._log.notes
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+
+class LogSlice(LogView):
     """Some scans of a log, as a log: a view that holds none of them.
 
     Parameters
@@ -136,53 +194,30 @@ class LogSlice(ScanAccess):
     """
 
     def __init__(self, log: Log, numbers: range) -> None:
-        self._log, self._numbers = log, numbers
+        super().__init__(log)
+        self._numbers = numbers
 
     @property
     def name(self) -> str:
         """Name of the whole log, and which scans."""
         r = self._numbers
         step = "" if r.step == 1 else f":{r.step}"
-        return f"{self._log.name}[{r.start}:{r.stop}{step}]"
-
-    @property
-    def format(self) -> str:
-        """Format of the whole log."""
-        return self._log.format
+        return f"{super().name}[{r.start}:{r.stop}{step}]"
 
     @property
     def odometry(self) -> Trajectory | None:
         """Wheel odometry at these scans."""
-        return self._rows(self._log.odometry)
+        return self._rows(super().odometry)
 
     def robot_odometry(self) -> Trajectory | None:
         """Return the wheel odometry of the robot at these scans, where the log knows the laser's mount."""
         log = self._log
         return self._rows(log.robot_odometry() if isinstance(log, MountedLog) else log.odometry)
 
-    def hangs_upside_down(self) -> bool:
-        """Return what the whole log says."""
-        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
-
     def turned_by_gyro(self) -> Floats | None:
         """Return the angle that the log's gyroscope has turned by at these scans; None without one."""
-        turned = self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+        turned = super().turned_by_gyro()
         return None if turned is None else turned[list(self._numbers)]
-
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        """Faults of the whole log."""
-        return self._log.read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        """Messages of the whole log."""
-        return self._log.tag_counts
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on the whole log."""
-        return self._log.notes
 
     def __len__(self) -> int:
         return len(self._numbers)

@@ -6,18 +6,16 @@ One record, and one view of a log that applies it to every scan and to the wheel
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.read_errors import ReadError
-from curvescan.io.log import GyroLog, Log, MountedLog, ScanAccess
+from curvescan.io.log import Log, LogView, MountedLog
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan, mirrored, swept_backwards
-from curvescan.types import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,21 +92,13 @@ def apply_setup(log: Log, setup: SensorSetup) -> Log:
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
 
 
-class _LogSetUp(ScanAccess):
+class _LogSetUp(LogView):
     """A log as its user has set it up; a Log."""
 
     def __init__(self, log: Log, setup: SensorSetup, *, is_mirrored: bool) -> None:
-        self._log = log
+        super().__init__(log)
         self._setup = setup
         self._is_mirrored = is_mirrored
-
-    @property
-    def name(self) -> str:
-        return self._log.name
-
-    @property
-    def format(self) -> str:
-        return self._log.format
 
     @property
     def odometry(self) -> Trajectory | None:
@@ -122,25 +112,14 @@ class _LogSetUp(ScanAccess):
     def robot_odometry(self) -> Trajectory | None:
         """Return what the log says of the robot; with a pose of the laser given, its odometry is the robot's."""
         if isinstance(self._log, MountedLog):
-            return self._log.robot_odometry()
+            return super().robot_odometry()
         return None if self._setup.laser_pose is None else self._log.odometry
 
     def hangs_upside_down(self) -> bool:
         """Return what the user says, else the log; the scans have been mirrored for it."""
         if self._setup.upside_down is not None:
             return self._setup.upside_down
-        return isinstance(self._log, MountedLog) and self._log.hangs_upside_down()
-
-    def turned_by_gyro(self) -> Floats | None:
-        return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
-
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        return self._log.read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        return self._log.tag_counts
+        return super().hangs_upside_down()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -170,9 +149,6 @@ class _LogSetUp(ScanAccess):
                 f"yaw {math.degrees(theta):.1f} deg"
             )
         return (*self._log.notes, *notes)
-
-    def __len__(self) -> int:
-        return len(self._log)
 
     def __iter__(self) -> Iterator[LaserScan]:
         scans = fresh(self._log) if self._setup.drop_stale else self._log
