@@ -20,11 +20,15 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
     """Return the shares by looking at a beam every millimetre."""
     n_rows, n_columns = field.distance.shape
 
-    def cell(place: np.ndarray) -> tuple[float, bool] | None:
+    def cell(place: np.ndarray) -> tuple[float, bool, bool] | None:
         column, row = np.floor((place - field.origin) / field.resolution).astype(int)
         inside = 0 <= row < n_rows and 0 <= column < n_columns
         return (
-            (float(field.distance[row, column]), bool(field.is_free[row, column]))
+            (
+                float(field.distance[row, column]),
+                bool(field.is_free[row, column]),
+                bool(field.is_solid[row, column]),
+            )
             if inside
             else None
         )
@@ -40,7 +44,7 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
         ways = np.arange(0.0, max(reach - 0.4, 0.0), 0.001)
         beam = pose[:2] + ways[:, np.newaxis] * (end - pose[:2]) / reach
         cells = [cell(place) for place in beam]
-        counts[2] += any(c is not None and c[0] == 0.0 for c in cells)
+        counts[2] += any(c is not None and c[2] for c in cells)
     return (counts / len(points)).tolist()
 
 
