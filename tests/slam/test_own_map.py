@@ -59,19 +59,3 @@ def test_in_its_own_map_the_sensor_is_tracked(world: str, seed: int, tmp_path: P
     off = np.array(off)[followed]
     assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
     assert np.abs(off[:, 2]).max() < radians(3.0)
-
-
-@pytest.mark.slow
-def test_beams_of_which_nothing_came_back_wear_no_wall_away() -> None:
-    from curvescan.slam.localization.field import field_of
-
-    at_once = replace(SPINNING, time_increment=0.0)
-    log = cs.simulate("clutter", sensor=at_once, n_scans=120, seed=4, odometry_noise=None)
-    scans = _with_dark_walls(log, 4)
-    slam = cs.Slam()
-    for scan in scans:
-        slam.add(scan)
-    field = field_of(slam.map)
-    true = slam.trajectory().poses
-    for scan, pose in list(zip(scans, true, strict=True))[::10]:
-        assert field.agreement(np.ascontiguousarray(scan.points[scan.valid]), pose).score > 0.85

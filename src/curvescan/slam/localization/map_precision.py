@@ -35,7 +35,7 @@ class MapPrecision:
         used = slam_map.weights > 0.5
         ends, cov = slam_map.ends[used], slam_map.edge_covariances[used]
         position = np.maximum(cov[:, 0, 0], cov[:, 1, 1])
-        self._variances, self._ways = _best_edges(len(slam_map), ends, position, cov[:, 2, 2])
+        self._variances, self._ways = _best_edges(len(self._poses), ends, position, cov[:, 2, 2])
         self._from = -1
         self._before: Ints = np.empty(0, dtype=np.int64)
 

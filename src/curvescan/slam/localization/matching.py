@@ -93,7 +93,12 @@ class MapMatcher:
         self._precision = MapPrecision(slam_map)
 
     def around(
-        self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, n_most: int = _N_FUSED
+        self,
+        scan: LaserScan,
+        expected: UncertainPose,
+        *,
+        seen_from: int = -1,
+        n_most: int = _N_FUSED,
     ) -> tuple[list[Hit], bool]:
         """Return matches with keyframes that should show a scan, within the gate of where it is expected, and whether one was due.
 
