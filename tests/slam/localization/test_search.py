@@ -11,7 +11,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
 from curvescan.slam.localization.correlative import contour_length, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
-from curvescan.slam.localization.search import MapSearch, Place, is_same
+from curvescan.slam.localization.matching import Hit
+from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from tests.slam.map_example import FILE, lap, scans
 
 
@@ -68,7 +69,7 @@ def _search(stored: SlamMap, field: DistanceField, *found: Place) -> MapSearch:
 
 def _place(x: float, support: float, view: float | None = None) -> Place:
     view = support if view is None else view
-    return Place(pose=np.array([x, 0.0, 0.0]), view=view, support=support)
+    return Place(pose=np.array([x, 0.0, 0.0]), fit=0.6 + view, view=view, support=support)
 
 
 @pytest.mark.parametrize(
@@ -99,6 +100,44 @@ def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: Distanc
     assert _search(stored, field, _place(0.0, -0.3, 0.3)).winner is None
 
 
+def _matched(x: float, matched: float, view: float) -> Place:
+    """Return a place that the views speak for by `view`, and matches besides."""
+    at = np.array([x, 0.0, 0.0])
+    return Place(pose=at, fit=0.6 + view, view=view, support=view + matched, matched=matched)
+
+
+@pytest.mark.parametrize(
+    ("found", "is_sure"),
+    [
+        # furniture was moved: the views speak against the place, matches for it and for no other
+        ([_matched(0.0, 0.7, -0.15)], True),
+        ([_matched(0.0, 0.3, -0.05)], False),  # too few
+        ([_matched(0.0, 0.7, -0.75)], False),  # too much against it
+        ([_matched(0.0, 0.9, -0.15), _matched(3.0, 0.5, -0.15)], False),
+        # another place that its walls explain as well is no changed one, whatever matches say
+        ([_matched(0.0, 0.8, 0.4), _matched(3.0, 0.0, 0.4)], False),
+        ([_matched(0.0, 0.8, 0.4), _matched(3.0, 0.0, 0.1)], True),
+    ],
+)
+def test_matches_decide_where_the_map_has_changed_and_not_between_two_like_places(
+    stored: SlamMap, field: DistanceField, found: list[Place], is_sure: bool
+) -> None:
+    assert (_search(stored, field, *found).winner is not None) is is_sure
+
+
+def test_matches_with_a_guess_say_a_little_of_one_view(
+    stored: SlamMap, field: DistanceField
+) -> None:
+    search = _search(stored, field, _matched(0.0, 0.0, -0.15), _matched(3.0, 0.0, -0.1))
+    here = UncertainPose(np.array([0.1, 0.0, 0.0]), np.eye(3))
+    search.add_matches(search._found[0], [Hit(keyframe=0, here=here, score=0.9)])
+    best = search.leading(1)[0]
+    assert best.pose[0] == 0.0
+    assert 0.2 < best.matched < 0.5
+    search.add_matches(best, [Hit(keyframe=0, here=here, score=0.9)])  # the same view once more
+    assert search.leading(1)[0].matched == best.matched
+
+
 @pytest.mark.slow
 def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceField) -> None:
     poses = lap()[[10, 20, 30]]
@@ -120,6 +159,6 @@ def test_support_is_carried_on_by_the_motion(stored: SlamMap, field: DistanceFie
 def test_a_view_of_little_says_little(stored: SlamMap, field: DistanceField) -> None:
     pose = se2.between(lap()[0], lap()[20])
     points = _points(scans(lap()[20:21], seed=2)[0])
-    search = MapSearch(field, stored.poses, 5)
-    assert search.said(points, pose) > 0.2
-    assert search.said(points[:30], pose) < 0.5 * search.said(points, pose)
+    fit = field.agreement(points, pose).score
+    assert said(points, fit) > 0.2
+    assert said(points[:30], fit) < 0.5 * said(points, fit)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,6 +32,9 @@ STEP_M, _CLEARANCE_M = 0.3, 0.15
 _N_PLACES = 20_000
 """Places that are tried for a scan, at most; in larger maps those near the keyframes most like it."""
 
+_N_LIKELY = 4
+"""So many times more poses are looked at by their walls than are followed."""
+
 _NEUTRAL = 0.6
 """Agreement, in [-1, 1], from which on a view speaks for a pose: poses in places that the map does not show reach as much."""
 
@@ -41,14 +44,21 @@ _MOST_FOR, _MOST_AGAINST = 0.4, 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_ONE_VIEW = 0.2
-"""Support that one view alone needs: 80 of 100 readings end on walls and none elsewhere in the map."""
+_ONE_VIEW = 0.25
+"""Support that one view alone needs: 85 of 100 readings end on walls and none elsewhere in the map."""
 
 _SEVERAL_VIEWS = 1.0
 """Support that several views need together."""
 
-_CHANGED = 0.5
-"""What matches without a guess say of a place, and what it has more than any other, where the map has changed."""
+_CHANGED, _CHANGED_RIVAL = 0.7, 0.2
+"""What matches say of a place where the map has changed, and the most that they say of any other, as a share of it: in a row of rooms that are alike
+they say something of several."""
+
+_LEAST = 0.0
+"""Support that it needs then: the views may speak against it, and not outweigh the matches."""
+
+_GUESSED = 0.35
+"""The most that matches of one view say which had the place as guess: a guess makes much of little."""
 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
@@ -68,18 +78,29 @@ class Place:
     ----------
     pose : (3,) float64
         In the map.
+    fit : float
+        How well the map agrees with the last view there, in [-2, 1].
     view : float
         By the last view alone.
     support : float
         Sum over the views, with what matches say.
     matched : float
-        What matches without a guess say of it.
+        What matches say of it.
+    matched_now : float
+        Of that by the last view.
     """
 
     pose: Pose
+    fit: float
     view: float
     support: float
     matched: float = 0.0
+    matched_now: float = 0.0
+
+    @property
+    def walls(self) -> float:
+        """Of the support what the views say without matches."""
+        return self.support - self.matched
 
 
 class MapSearch:
@@ -143,32 +164,66 @@ class MapSearch:
         """
         few = thinned(points)
         places = self._places if similarity is None else self._near(similarity)
-        poses = likely_poses(self.field, places, few, self._n_tried)
+        # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
+        poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
         earlier = self._found if moved is not None else []
         if earlier:
             assert moved is not None
             carried = se2.compose(np.array([place.pose for place in earlier]), moved.pose)
             poses = np.concatenate((refined_poses(self.field, carried, few), poses))
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
+        # a place that was not among those of earlier views agreed with them no better than the least of them
+        missed = min((place.walls for place in earlier), default=0.0)
         new: list[Place] = []
         for k, pose in enumerate(poses):
             before = earlier[k] if k < len(earlier) else None
             if any(is_same(pose, place.pose) for place in new):
                 continue
-            view = self.said(points, pose)
+            fit = self.field.agreement(points, pose).score
+            view = said(points, fit)
             scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
             by_matches = max(scores, default=0.0)
-            support = view + by_matches + (before.support if before else 0.0)
-            by_matches += before.matched if before else 0.0
-            new.append(Place(pose=pose, view=view, support=support, matched=by_matches))
-        new.sort(key=lambda place: -place.support)
+            support = view + by_matches + (before.support if before else missed)
+            matched_before = before.matched if before else 0.0
+            new.append(
+                Place(
+                    pose=pose,
+                    fit=fit,
+                    view=view,
+                    support=support,
+                    matched=matched_before + by_matches,
+                    matched_now=by_matches,
+                )
+            )
+        new.sort(key=lambda place: (-place.support, -place.fit))
         self._found = new[: self._n_tried]
 
-    def said(self, points: Points, pose: Pose) -> float:
-        """Return how much one scan speaks for a pose."""
-        view = self.field.agreement(points, pose).score - _NEUTRAL
-        weight = min(contour_length(points) / _CONTOUR_M, 1.0)
-        return weight * float(np.clip(view, -_MOST_AGAINST, _MOST_FOR))
+    def leading(self, n: int) -> list[Place]:
+        """Return the places that most speaks for so far, at most `n`."""
+        return self._found[:n]
+
+    def add_matches(self, place: Place, hits: Sequence[Hit]) -> None:
+        """Take up matches of the last view with the keyframes around a place: several views must say the same.
+
+        Parameters
+        ----------
+        place : Place
+            One of :meth:`leading`.
+        hits : sequence of Hit
+            Matches that had the place as guess.
+        """
+        scores = [h.weight * h.score for h in hits if is_same(h.here.pose, place.pose)]
+        more = min(max(scores, default=0.0), _GUESSED) - place.matched_now
+        if more <= 0.0:
+            return
+        better = replace(
+            place,
+            support=place.support + more,
+            matched=place.matched + more,
+            matched_now=place.matched_now + more,
+        )
+        self._found = [better if other is place else other for other in self._found]
+        self._found.sort(key=lambda other: (-other.support, -other.fit))
 
     @property
     def winner(self) -> Place | None:
@@ -183,12 +238,20 @@ class MapSearch:
         """Return whether the last view alone, or all views together, speak for a place enough and clearly more than for any other."""
         others = [place for place in self._found if not is_same(place.pose, best.pose)]
         is_seen = _is_clear(best.view, [place.view for place in others], _ONE_VIEW)
-        is_known = _is_clear(best.support, [place.support for place in others], _SEVERAL_VIEWS)
-        most = max((place.support for place in others), default=-1.0)
-        # where much has changed since the map was made, matches and the lack of any other place decide
-        is_matched = min(best.matched, best.support - most) >= _CHANGED and best.support > 0.4
         # nor may the views before speak against what one says
-        return is_known or is_matched or (is_seen and best.support >= best.view - _MARGIN)
+        if is_seen and best.walls >= best.view - _MARGIN:
+            return True
+        if _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS):
+            return True
+        # where much has changed since the map was made, matches and the lack of any other place decide
+        most = max((place.support for place in others), default=-1.0)
+        rival = max((place.matched for place in others), default=0.0)
+        is_matched = best.matched >= _CHANGED and rival <= _CHANGED_RIVAL * best.matched
+        # but not between two places whose walls explain the views alike
+        is_tied = any(
+            place.view >= _ONE_VIEW and place.walls > best.walls - _MARGIN for place in others
+        )
+        return is_matched and not is_tied and best.support > max(most, _LEAST)
 
     def is_best(self, points: Points, pose: Pose) -> bool:
         """Return whether the map agrees with a scan clearly better at a pose than at any other one found."""
@@ -206,6 +269,12 @@ class MapSearch:
         rank[similarity] = np.arange(len(similarity))
         order = np.argsort(rank[self._nearest], kind="stable")[:_N_PLACES]
         return np.ascontiguousarray(self._places[order])
+
+
+def said(points: Points, fit: float) -> float:
+    """Return how much one scan speaks for a pose, by how well the map agrees with it there."""
+    weight = min(contour_length(points) / _CONTOUR_M, 1.0)
+    return weight * float(np.clip(fit - _NEUTRAL, -_MOST_AGAINST, _MOST_FOR))
 
 
 def _is_clear(best: float, others: list[float], least: float) -> bool:
