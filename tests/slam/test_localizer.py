@@ -10,7 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.benchmarks.slam.localization import first_fixes, tracked
+from curvescan.benchmarks.slam.localization import false_elsewhere, first_fixes, tracked
 from curvescan.benchmarks.slam.localization_tasks import (
     in_frame_of,
     task_of_floor,
@@ -169,10 +169,16 @@ def test_fixes_on_a_simulated_floor_are_right_and_covariances_hold() -> None:
     assert len(found) >= 18
     assert all(f.is_right[-1] for f in found)
     steps = tracked(task, 300)
-    matched = np.array([o is LocalizerOutcome.TRACKED for o in steps.outcomes])
-    assert matched.sum() > 20
+    assert steps.is_matched.sum() > 20
     # chi-square of 3 degrees of freedom has a mean of 3: not more, whatever the map adds
-    assert steps.nees[matched].mean() < 3.6
+    assert steps.nees[steps.is_matched].mean() < 3.6
+    assert np.mean([o is LocalizerOutcome.TRACKED for o in steps.outcomes]) > 0.9
+
+
+@pytest.mark.slow
+def test_on_another_floor_the_sensor_is_not_found() -> None:
+    floor, other = task_of_floor(1, n_test=120), task_of_floor(2, n_test=120)
+    assert false_elsewhere(floor, other, np.random.default_rng(0), n_trials=6) == (0, 6)
 
 
 def test_references_are_carried_by_the_nearest_anchor() -> None:

@@ -44,9 +44,6 @@ _SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
 _LEAST_FIT, _WORSE_FIT = 0.2, 0.05
 """Least agreement with the map of a pose that matches confirm, and how much less than at the pose that the search found."""
 
-_N_GUESSED = 4
-"""Places whose keyframes are matched with a view that does not decide by itself."""
-
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
 
@@ -156,10 +153,6 @@ class Localizer:
         similar = self._matching.similar(scan, self._n_tried)
         self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
         self._view = step
-        if self._search.winner is None:
-            for place in self._search.leading(_N_GUESSED):
-                around, _ = self._matching.around(scan, UncertainPose(place.pose, _SEARCHED))
-                self._search.add_matches(place, around)
         hits = self._confirmed(scan, self._search.winner, similar)
         if not hits:
             return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)

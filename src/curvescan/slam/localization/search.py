@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -44,21 +44,21 @@ _MOST_FOR, _MOST_AGAINST = 0.4, 0.15
 _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
-_ONE_VIEW = 0.25
-"""Support that one view alone needs: 85 of 100 readings end on walls and none elsewhere in the map."""
+_ONE_VIEW, _EXPLAINED = 0.3, 0.2
+"""Support that one view alone needs: 90 of 100 readings end on walls and none elsewhere in the map; 80 where matches say the same."""
 
 _SEVERAL_VIEWS = 1.0
 """Support that several views need together."""
 
-_CHANGED, _CHANGED_RIVAL = 0.7, 0.2
-"""What matches say of a place where the map has changed, and the most that they say of any other, as a share of it: in a row of rooms that are alike
-they say something of several."""
+_MATCHED, _RIVAL = 0.5, 0.3
+"""What matches without a guess say of a place that they know, and the most that they say then of any other, as a share of it: in a row of rooms
+that are alike they say something of several."""
 
-_LEAST = 0.0
+_CHANGED = 1.1
+"""What they say of a place together where the map has changed."""
+
+_LEAST = 0.4
 """Support that it needs then: the views may speak against it, and not outweigh the matches."""
-
-_GUESSED = 0.35
-"""The most that matches of one view say which had the place as guess: a guess makes much of little."""
 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
@@ -85,9 +85,7 @@ class Place:
     support : float
         Sum over the views, with what matches say.
     matched : float
-        What matches say of it.
-    matched_now : float
-        Of that by the last view.
+        What matches without a guess say of it.
     """
 
     pose: Pose
@@ -95,7 +93,6 @@ class Place:
     view: float
     support: float
     matched: float = 0.0
-    matched_now: float = 0.0
 
     @property
     def walls(self) -> float:
@@ -192,38 +189,10 @@ class MapSearch:
                     view=view,
                     support=support,
                     matched=matched_before + by_matches,
-                    matched_now=by_matches,
                 )
             )
         new.sort(key=lambda place: (-place.support, -place.fit))
         self._found = new[: self._n_tried]
-
-    def leading(self, n: int) -> list[Place]:
-        """Return the places that most speaks for so far, at most `n`."""
-        return self._found[:n]
-
-    def add_matches(self, place: Place, hits: Sequence[Hit]) -> None:
-        """Take up matches of the last view with the keyframes around a place: several views must say the same.
-
-        Parameters
-        ----------
-        place : Place
-            One of :meth:`leading`.
-        hits : sequence of Hit
-            Matches that had the place as guess.
-        """
-        scores = [h.weight * h.score for h in hits if is_same(h.here.pose, place.pose)]
-        more = min(max(scores, default=0.0), _GUESSED) - place.matched_now
-        if more <= 0.0:
-            return
-        better = replace(
-            place,
-            support=place.support + more,
-            matched=place.matched + more,
-            matched_now=place.matched_now + more,
-        )
-        self._found = [better if other is place else other for other in self._found]
-        self._found.sort(key=lambda other: (-other.support, -other.fit))
 
     @property
     def winner(self) -> Place | None:
@@ -237,21 +206,23 @@ class MapSearch:
     def is_clear(self, best: Place) -> bool:
         """Return whether the last view alone, or all views together, speak for a place enough and clearly more than for any other."""
         others = [place for place in self._found if not is_same(place.pose, best.pose)]
-        is_seen = _is_clear(best.view, [place.view for place in others], _ONE_VIEW)
-        # nor may the views before speak against what one says
+        rival = max((place.matched for place in others), default=0.0)
+        is_alone = rival <= _RIVAL * best.matched
+        # a view that agrees with a match needs to say less; nor may the views before speak against it
+        least = _EXPLAINED if is_alone and best.matched >= _MATCHED else _ONE_VIEW
+        is_seen = _is_clear(best.view, [place.view for place in others], least)
         if is_seen and best.walls >= best.view - _MARGIN:
             return True
         if _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS):
             return True
-        # where much has changed since the map was made, matches and the lack of any other place decide
-        most = max((place.support for place in others), default=-1.0)
-        rival = max((place.matched for place in others), default=0.0)
-        is_matched = best.matched >= _CHANGED and rival <= _CHANGED_RIVAL * best.matched
+        # where much has changed since the map was made, matches and the lack of any other place decide;
         # but not between two places whose walls explain the views alike
         is_tied = any(
-            place.view >= _ONE_VIEW and place.walls > best.walls - _MARGIN for place in others
+            place.view >= _EXPLAINED and place.walls > best.walls - _MARGIN for place in others
         )
-        return is_matched and not is_tied and best.support > max(most, _LEAST)
+        most = max((place.support for place in others), default=-1.0)
+        is_changed = best.matched >= _CHANGED and best.support > max(most, _LEAST)
+        return is_changed and is_alone and not is_tied
 
     def is_best(self, points: Points, pose: Pose) -> bool:
         """Return whether the map agrees with a scan clearly better at a pose than at any other one found."""
