@@ -17,18 +17,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 from queue import Full, Queue
 from types import TracebackType
 from typing import Any
 
+from curvescan._processes import has_own_python, n_usable_cores, python_command
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.run import OdometryInTurn, PlacedScan, placed, pose_at
 from curvescan.odometry.step import OdometryStep
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
-_SERVE = "import sys; sys.path[:] = {}; from {} import serve; serve()"
 _ENVIRONMENT = {"CURVESCAN_COMPILE_HELPERS": "0", "OMP_NUM_THREADS": "1"}
 
 _BATCH = 32
@@ -46,12 +45,7 @@ _MIN_SCANS = 1000
 
 def can_run_ahead(n_scans: int) -> bool:
     """Return whether a process for the odometry of so many scans is worth it, and there is a core and a Python for it."""
-    if hasattr(os, "sched_getaffinity"):
-        n_cores = len(os.sched_getaffinity(0))
-    else:
-        n_cores = os.cpu_count() or 1
-    is_python = "python" in Path(sys.executable or "").name
-    return n_cores > 1 and is_python and n_scans >= _MIN_SCANS
+    return n_usable_cores() > 1 and has_own_python() and n_scans >= _MIN_SCANS
 
 
 class OdometryProcess:
@@ -177,10 +171,9 @@ def serve() -> None:
 
 
 def _start() -> subprocess.Popen[bytes] | None:
-    paths = [str(Path(entry).absolute()) for entry in sys.path]
     try:
         return subprocess.Popen(
-            [sys.executable, "-c", _SERVE.format(paths, __name__)],
+            python_command(__name__, "serve()"),
             env={**os.environ, **_ENVIRONMENT},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
