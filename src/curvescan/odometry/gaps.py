@@ -125,11 +125,10 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     is_doubtful = result.confidence < MIN_CONFIDENCE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
-    if placement.outcome is StepOutcome.CHAINED:
-        before, made = (*placement.used, last.keyframe), ()
-        gap: Gap | None = Gap(before=before, n_scans=0, first=o.index)
-    else:
-        gap, made = open_gap(o, last)
+    gap, made = open_gap(o, last)
+    if placement.outcome is StepOutcome.CHAINED:  # the previous scan is a keyframe already
+        before = (*placement.used, last.keyframe)
+        gap, made = Gap(before=before, n_scans=0, first=o.index), ()
     if gap is None:
         return None
     questioned = replace(
