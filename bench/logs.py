@@ -21,18 +21,19 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
 
 HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
 
-Truth = Literal["wheels", "corrected", "still", ""]
-"""What the end of the path is compared with: wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
+Truth = Literal["relations", "wheels", "corrected", "still", ""]
+"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
 
 LOGS: dict[str, tuple[str, Truth]] = {
-    "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "wheels"),
-    "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "wheels"),
+    "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "relations"),
+    "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "relations"),
     "intel-lab/intel-corrected.log.gz": ("Intel, keyframes 0.7 m apart", "corrected"),
     "aces/aces-corrected.log.gz": ("ACES, keyframes", "corrected"),
     "keyframed-corrected/belgioioso-corrected.log.gz": ("castle, keyframes 1 m apart", "corrected"),
@@ -103,7 +104,7 @@ class Row:
 
 HEAD = [
     *("log", "what", "format", "scans", "issues by `info`", "options"),
-    *("no match", "relocalized", "path", "its end"),
+    *("no match", "relocalized", "path", "error"),
 ]
 ALIGNED = [":---"] * 3 + ["---:"] + [":---"] * 2 + ["---:"] * 3 + [":---"]
 
@@ -126,14 +127,19 @@ def measure(folder: Path, name: str) -> Row:
         n_failed=int(np.count_nonzero(run.is_failed)),
         n_relocalized=sum(one in CORRECTED for one in run.outcomes),
         length=round(float(travelled(poses)[-1]), 2),
-        end=end_of(poses, log, LOGS[name][1]),
+        end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
         version=cs.__version__,
         measured=date.today().isoformat(),
     )
 
 
-def end_of(poses: np.ndarray, log: cs.Log, truth: Truth) -> str:
-    """Return in words how the path of a log ends."""
+def end_of(found: cs.Trajectory, log: cs.Log, truth: Truth, path: Path) -> str:
+    """Return in words how far the path of a log is from what is known of it."""
+    poses = found.poses
+    if truth == "relations":
+        relations = cs.read_relations(path.with_name(path.name.split(".")[0] + ".relations"))
+        errors = relation_errors(found, relations)
+        return f"{errors.spreads('all')[0].mean:.3f} m over {len(errors):,} checked relations"
     if truth == "still":
         x, y, theta = se2.between(poses[0], poses[-1]).tolist()
         return f"{1e3 * math.hypot(x, y):.1f} mm, {abs(math.degrees(theta)):.2f} deg of drift"
