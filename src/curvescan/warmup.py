@@ -184,6 +184,7 @@ def _no_features() -> CurvescanFeatures:
         beam_idx=np.empty(0, dtype=np.int64),
         bounds=np.zeros(1, dtype=np.int64),
         image=image,
+        wide_image=image,
         full_image=image,
         keypoints=np.empty((0, 5)),
         directions=np.zeros(120),
@@ -238,6 +239,7 @@ def _warm_up_slam() -> None:
     field = DistanceField(
         distance=np.zeros((1, 1), dtype=np.float32),
         is_free=np.ones((1, 1), dtype=np.bool_),
+        is_solid=np.ones((1, 1), dtype=np.bool_),
         origin=np.zeros(2),
         resolution=1.0,
     )
