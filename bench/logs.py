@@ -85,16 +85,27 @@ class Row:
     measured: str
 
     @property
-    def cells(self) -> list[str]:
-        """The row of the table."""
-        what, _ = LOGS[self.log]
+    def name(self) -> str:
+        """Name of the log in the tables: narrow columns are readable ones."""
+        stem = Path(self.log).name.partition(".")[0]
+        return f"`{stem.removesuffix('_simple_environment')}`"
+
+    @property
+    def given(self) -> list[str]:
+        """What the log is."""
         return [
-            f"`{Path(self.log).name}`",
-            what,
-            self.format,
-            f"{self.n_scans:,}",
+            self.name,
+            f"{LOGS[self.log][0]}; {self.format}",
             ", ".join(kind.replace("_", " ") for kind in self.issues) or "none",
-            " ".join(f"`{option}`" for option in self.options) or "-",
+            "<br>".join(f"`{option}`" for option in self.options) or "-",
+        ]
+
+    @property
+    def found(self) -> list[str]:
+        """What became of it."""
+        return [
+            self.name,
+            f"{self.n_scans:,}",
             f"{self.n_failed:,} ({100 * self.n_failed / self.n_scans:.1f} %)",
             f"{self.n_relocalized:,}",
             f"{self.length:,.0f} m",
@@ -102,11 +113,9 @@ class Row:
         ]
 
 
-HEAD = [
-    *("log", "what", "format", "scans", "issues by `info`", "options"),
-    *("no match", "relocalized", "path", "error"),
-]
-ALIGNED = [":---"] * 3 + ["---:"] + [":---"] * 2 + ["---:"] * 3 + [":---"]
+GIVEN = {"log": ":---", "what": ":---", "issues by `info`": ":---", "options": ":---"}
+FOUND = {"log": ":---", "scans": "---:", "no match": "---:", "relocalized": "---:"}
+FOUND |= {"path": "---:", "error": ":---"}
 
 
 def measure(folder: Path, name: str) -> Row:
@@ -166,13 +175,17 @@ def write_rows(rows: dict[str, Row]) -> None:
     """Write all rows, and the table made of them."""
     ordered = [rows[name] for name in LOGS if name in rows]
     ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
-    lines = [HEAD, ALIGNED, *(row.cells for row in ordered)]
     days = sorted({f"{row.measured}, version {row.version}" for row in ordered})
     TABLE.write_text(
-        "".join(f"| {' | '.join(line)} |\n" for line in lines)
-        + f"\nMeasured on {'; '.join(days)}.\n",
+        f"{markdown(GIVEN, [row.given for row in ordered])}\n"
+        f"{markdown(FOUND, [row.found for row in ordered])}\nMeasured on {'; '.join(days)}.\n",
         "utf-8",
     )
+
+
+def markdown(columns: dict[str, str], rows: list[list[str]]) -> str:
+    """Return a table."""
+    return "".join(f"| {' | '.join(row)} |\n" for row in (columns, columns.values(), *rows))
 
 
 def main() -> None:
@@ -181,11 +194,12 @@ def main() -> None:
     default = os.environ.get("CURVESCAN_DATA", "../shared/data")
     parser.add_argument("--data", type=Path, default=Path(default), help="folder of the logs")
     parser.add_argument("--only", nargs="+", default=[], help="names of logs; all if not given")
+    parser.add_argument("--tables", action="store_true", help="no row: the tables anew")
     options = parser.parse_args()
-    for name in LOGS:
+    for name in [] if options.tables else LOGS:
         if not options.only or Path(name).name in options.only:
             row = measure(options.data, name)
-            print(*row.cells, flush=True)
+            print(*row.given, *row.found[1:], flush=True)
             write_rows(read_rows() | {name: row})
     write_rows(read_rows())
 
