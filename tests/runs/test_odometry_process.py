@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,7 @@ def bits(run):
 
 
 def ahead_of(slam, log, poses=None):
-    return OdometryProcess(slam.odometry, log, poses)
+    return OdometryProcess().place(slam.odometry, log, poses)
 
 
 def test_slam_has_the_same_bits(log):
@@ -50,7 +52,7 @@ def test_slam_has_the_same_bits(log):
 @pytest.mark.parametrize("n_before_the_end", [0, 40])
 def test_a_process_that_ends_too_early_costs_time_alone(log, n_before_the_end):
     expected = [one.step.pose for one in OdometryInTurn(cs.Odometry(), log, None)]
-    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log, None) as ahead:
         found = []
         if n_before_the_end == 0:
             ahead._process.kill()
@@ -68,7 +70,7 @@ def test_without_another_process_the_odometry_is_made_here(log, monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(odometry_process.subprocess, "Popen", refuse)
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         assert len(list(ahead)) == 9
 
 
@@ -78,14 +80,14 @@ def test_what_the_log_raises_is_raised(log):
         raise LogFormatError("broken here")
 
     with (
-        OdometryProcess(cs.Odometry(), broken(), None) as ahead,
+        OdometryProcess().place(cs.Odometry(), broken(), None) as ahead,
         pytest.raises(LogFormatError, match="broken here"),
     ):
         list(ahead)
 
 
 def test_a_run_that_is_given_up_leaves_no_process(log):
-    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log, None) as ahead:
         next(iter(ahead))
     assert ahead._process.poll() is not None
 
@@ -96,3 +98,39 @@ def test_short_logs_and_single_cores_do_without(monkeypatch):
     assert not can_run_ahead(100)
     monkeypatch.setattr(odometry_process.os, "sched_getaffinity", lambda _: {0}, raising=False)
     assert not can_run_ahead(100_000)
+
+
+def summed(numbers, *, start):
+    return sum(numbers, start), os.getpid()
+
+
+def test_the_process_calls_functions_when_the_odometry_is_done(log):
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
+        results = [ahead.call_after(summed, [1, k], start=5) for k in range(3)]
+        list(ahead)
+        found = [result() for result in results]
+        assert [total for total, _ in found] == [6, 7, 8]
+        assert {pid for _, pid in found} == {ahead._process.pid}
+
+
+def test_what_the_process_cannot_call_is_called_here(log):
+    here = os.getpid()
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
+        given_up = ahead.call_after(summed, [1], start=1)
+        next(iter(ahead))
+        assert given_up() == (2, here)  # the odometry was not finished
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        unknown_there = ahead.call_after(lambda: os.getpid())
+        after = ahead.call_after(summed, [2], start=1)
+        assert unknown_there() == here
+        assert after() == (3, here)
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        ahead._process.kill()
+        assert ahead.call_after(summed, [1], start=1)() == (2, here)
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        fails = ahead.call_after(summed, None, start=1)
+        with pytest.raises(TypeError):  # and says so here
+            fails()

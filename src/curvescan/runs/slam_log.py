@@ -6,12 +6,14 @@ import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.sensor import judge_sensor
+from curvescan.diagnostics.report import LogReport
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.files.output import output_folder
 from curvescan.io.held import HeldLog
@@ -22,7 +24,6 @@ from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.run import RunDisplay, Silent
 from curvescan.runs.slam import save_slam_run
 from curvescan.slam import Slam, SlamConfig, SlamMap, SlamRun, run_slam
-from curvescan.types import Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,25 +109,26 @@ def slam_log(
     held = HeldLog(log)
     left_out: tuple[str, ...] = ()
     kept = (*inputs, *(() if source is None else (source,)))
-    with nullcontext() if out is None else output_folder(out, inputs=kept) as folder:
+    with (
+        nullcontext() if out is None else output_folder(out, inputs=kept) as folder,
+        _other_process(len(held), n_processes) as other,
+    ):
         shown.begin("looking for what is wrong with the log", 0)
         sensor = judge_sensor(held, is_order_needed=config.odometry.deskew)
         odometry_poses = motion_prior(held, sensor.rotation) if odometry_prior else None
         deskew = config.odometry.deskew and sensor.can_deskew
         rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
         slam = Slam(method, matcher=matcher, config=rules, map=map)
-        # only scans in memory are gone over twice at a time
-        report = None if held.is_held else inspect_log(held, sensor)
-        with nullcontext() if n_processes == 1 else _ahead(slam, held, odometry_poses) as ahead:
-            issues = find_issues(report or inspect_log(held, sensor))
-            shown.begin("SLAM", len(held))
-            run = run_slam(
-                held,
-                slam,
-                odometry_poses=odometry_poses,
-                on_step=lambda _: shown.advance(),
-                ahead=ahead,
-            )
+        inspected = (other.call_after if other else partial)(_inspect, held, sensor)
+        shown.begin("SLAM", len(held))
+        run = run_slam(
+            held,
+            slam,
+            odometry_poses=odometry_poses,
+            on_step=lambda _: shown.advance(),
+            ahead=other.place(slam.odometry, held, odometry_poses) if other else None,
+        )
+        issues = find_issues(inspected())
         verdict = judge_run(run.revised, issues)
         if folder is not None:
             shown.begin("drawing the maps", 0)
@@ -138,13 +140,19 @@ def slam_log(
                 source=None if source is None else Path(source),
                 occupancy=occupancy,
                 verdict=verdict,
+                helper=other,
             )
     return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
 
 
-def _ahead(
-    slam: Slam, log: Log, odometry_poses: Pose | None
+def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
+    """Return what is in a log; that it stands in this file has another process load what draws the maps, before it is needed."""
+    return inspect_log(log, sensor)
+
+
+def _other_process(
+    n_scans: int, n_processes: int
 ) -> AbstractContextManager[OdometryProcess | None]:
-    if not can_run_ahead(len(log)):
+    if n_processes == 1 or not can_run_ahead(n_scans):
         return nullcontext()
-    return OdometryProcess(slam.odometry, log, odometry_poses)
+    return OdometryProcess()

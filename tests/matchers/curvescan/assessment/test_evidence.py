@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
@@ -16,7 +17,6 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     SEEN_THROUGH,
     SMALL,
     WEAKEST,
-    excess_lengths,
     gather_evidence,
     large_length,
     may_move,
@@ -32,6 +32,7 @@ from curvescan.matchers.curvescan.features.surfels import (
     NX,
     NY,
     RANGE,
+    VARIANCE,
     X,
     Y,
 )
@@ -61,32 +62,6 @@ def evidence(ref, cur, *poses):
     )
 
 
-def test_what_agrees_besides_two_walls_is_excess():
-    two = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
-    three = np.vstack([two, wall(-2, -2, 3, -2)])
-    assert excess_lengths(two, np.ones(len(two), dtype=np.uint8))[0] < 0.2
-    # both long walls run the same way: one of them, and the short one across it, do not count
-    excess, beyond = excess_lengths(three, np.ones(len(three), dtype=np.uint8))
-    assert excess == pytest.approx(5.0, abs=0.3)
-    assert beyond < 0.2
-    codes = np.ones(len(three), dtype=np.uint8)
-    codes[80:] = 2  # what does not agree is no excess
-    assert excess_lengths(three, codes)[0] < 0.2
-    assert excess_lengths(three, np.zeros(len(three), dtype=np.uint8)) == (0.0, 0.0)
-
-
-def test_nothing_of_a_bare_room_lies_beyond_its_four_walls():
-    room = np.vstack(
-        [wall(3, -2, 3, 2), wall(-2, 2, 3, 2), wall(-2, -2, 3, -2), wall(-2, -2, -2, 2)]
-    )
-    assert excess_lengths(room, np.ones(len(room), dtype=np.uint8))[1] < 0.3
-    # a second wall that faces the same way, and one across a corner, are no sides of a rectangle
-    for more in (wall(1.5, 0.5, 1.5, 1.5), wall(2.2, 2.0, 3.0, 1.2)):
-        furnished = np.vstack([room, more])
-        beyond = excess_lengths(furnished, np.ones(len(furnished), dtype=np.uint8))[1]
-        assert beyond == pytest.approx(np.sum(more[:, LENGTH]), abs=0.4)
-
-
 def leaning(distance):
     """Surfels of a wall at 3 m with a stretch of 0.3 m that stands so far before it, and the rows of that."""
     surfels = wall(3, -2, 3, 2)
@@ -113,25 +88,44 @@ def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distanc
     assert person_length(surfels, bounds, codes, nothing) == 0.0
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_person_at_a_wall_that_runs_aslant_is_none_the_less_before_it(way):
+    wall_aslant = wall(2.0, -2.0 * way, 4.0, 2.0 * way)
+    normal = wall_aslant[0, [NX, NY]]
+    for distance, is_person in ((0.3, True), (0.03, False)):
+        surfels = wall_aslant.copy()
+        rows = np.arange(18, 21)
+        surfels[rows, X] += distance * normal[0]
+        surfels[rows, Y] += distance * normal[1]
+        # the wall's ranges rise along it by more than a person stands before it: only its line tells
+        surfels[:, RANGE] = 3.0
+        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+        codes[rows] = DYNAMIC
+        nothing = np.zeros(len(surfels), dtype=np.bool_)
+        length = person_length(surfels, np.array([0, len(surfels)]), codes, nothing)
+        assert length == pytest.approx(3 * surfels[0, LENGTH] if is_person else 0.0)
+
+
+def test_a_person_at_the_first_or_the_last_reading_stands_before_nothing_else():
+    surfels, _ = leaning(0.0)
+    nothing = np.zeros(len(surfels), dtype=np.bool_)
+    bounds = np.array([0, len(surfels)])
+    for rows in (np.arange(3), np.arange(37, 40)):
+        moved = surfels.copy()
+        moved[rows, X] -= 0.3
+        moved[:, RANGE] = np.hypot(moved[:, X], moved[:, Y])
+        moved[-1 if rows[0] == 0 else 0, RANGE] = 1.0  # the far end of the wall says nothing
+        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+        codes[rows] = DYNAMIC
+        assert person_length(moved, bounds, codes, nothing) == pytest.approx(0.3)
+
+
 def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
     corner = np.vstack([wall(3, -2, 3, 2), wall(2.6, 2, 3, 2, n=5)[::-1]])
     codes = np.full(len(corner), INLIER, dtype=np.uint8)
     codes[36:40] = DYNAMIC
     nothing = np.zeros(len(corner), dtype=np.bool_)
     assert person_length(corner, np.array([0, len(corner)]), codes, nothing) == 0.0
-
-
-@pytest.mark.parametrize(("turn", "excess"), [(5.0, 0.0), (15.0, 0.5)])
-def test_what_faces_another_way_than_its_wall_is_excess(turn, excess):
-    """Readings within 0.12 m of a wall's line are of the wall where they face as it does, to 11 degrees."""
-    walls = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2)])
-    corner = wall(3.02, -1, 3.02, -0.5, n=10)
-    angle = np.radians(180.0 + turn)
-    corner[:, NX], corner[:, NY] = np.cos(angle), np.sin(angle)
-    surfels = np.vstack([walls, corner])
-    found = excess_lengths(surfels, np.ones(len(surfels), dtype=np.uint8))[0]
-    plain = excess_lengths(walls, np.ones(len(walls), dtype=np.uint8))[0]
-    assert found - plain == pytest.approx(excess, abs=0.15)
 
 
 def test_only_long_runs_within_one_surface_are_large():
@@ -178,8 +172,31 @@ def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     assert other[SEEN_THROUGH] + other[SMALL] > 1.0
 
 
-def test_a_corridor_fixes_nothing_along_itself():
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+def test_what_is_known_of_no_noise_has_no_misfit():
+    ref, cur = pair()
+    [found] = evidence(ref, cur, MOTION)
+    for scan in (ref, cur):
+        variances = scan.image.surfels[:, VARIANCE].copy()
+        scan.image.surfels[::2, VARIANCE] = 0.0
+        [some] = evidence(ref, cur, MOTION)
+        assert some[MISFIT] == pytest.approx(found[MISFIT], rel=0.2)
+        assert some[AGREEING] == found[AGREEING]
+        scan.image.surfels[:, VARIANCE] = variances
+
+
+@pytest.mark.parametrize("heading", [0.4, -1.1, 2.0])
+def test_a_corridor_fixes_nothing_along_itself(heading):
+    """However the sensor is turned in it."""
+    turned = [
+        cs.LaserScan(
+            scan.ranges,
+            angle_min=scan.angle_min + heading,
+            angle_increment=scan.angle_increment,
+            range_max=8.0,
+        )
+        for scan in (hall_scan(0.0, seed=1), hall_scan(0.4, seed=2))
+    ]
+    ref, cur = map(features, turned)
     [found] = evidence(ref, cur, np.zeros(3))
     assert found[AGREEING] > 3.0
     assert found[WEAKEST] < 0.1
