@@ -312,7 +312,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if before is not None:
             rng = np.random.default_rng(given.seed)
             n_false, n = false_elsewhere(task, before, rng, n_trials=given.trials)
-            sys.stdout.write(f"  scans of {before.name}, which it does not show: {n_false} of {n} found\n")
+            sys.stdout.write(
+                f"  scans of {before.name}, which it does not show: {n_false} of {n} found\n"
+            )
         before = task
 
 
