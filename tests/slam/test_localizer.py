@@ -99,7 +99,8 @@ def test_a_map_that_has_changed_in_part_still_serves(stored: SlamMap) -> None:
     localizer = cs.Localizer(stored)
     errors = _errors([localizer.add(s) for s in changed], poses)
     known = np.isfinite(errors)
-    assert known.mean() > 0.7
+    # three of six pieces moved or gone: it takes half a lap to be sure, and is never wrong
+    assert known[75:].all()
     assert errors[known].max() < 0.1
 
 

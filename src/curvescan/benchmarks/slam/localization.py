@@ -309,7 +309,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ):
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
-        if before is not None:
+        if before is not None and not task.name.startswith(before.name):  # not the same floor
             rng = np.random.default_rng(given.seed)
             n_false, n = false_elsewhere(task, before, rng, n_trials=given.trials)
             sys.stdout.write(
