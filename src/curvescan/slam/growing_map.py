@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
+from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import SlamConfig
@@ -29,6 +30,9 @@ from curvescan.slam.pose_graph.posterior import (
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
+
+_MOST_VARIANCE = 30.0**2
+"""Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the rest."""
 
 
 def difference(one: Pose, other: Pose) -> Pose:
@@ -130,27 +134,39 @@ class GrowingMap:
         """Tie a keyframe to the one before it, and return how it lies to that."""
         noise, rules = self.config.noise, self.config.closures
         self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
+        share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
+        motion = UncertainPose(motion.pose, share * motion.cov)
         x, y, theta = np.abs(motion.pose).tolist()
         vague = UncertainPose(
             motion.pose,
             motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
         )
         self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
-        result = self.keyframes.match(before, k, None)
-        is_clear = result.ok and result.degenerate_direction is None
-        if is_clear and is_confident(result, self.config):
-            found = UncertainPose(result.pose, noise.edge(result.covariance))
-            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
-            if fuse(expected, found)[1] < rules.gate:
-                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
-                return found
-            off = difference(expected.pose, found.pose)
-            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
+        by_chain = vague
         if is_measured:
             by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
+        result = self.keyframes.match(before, k, None)
+        if result.ok and is_confident(result, self.config):
+            measured = as_measurement(result)
+            found = UncertainPose(measured.pose, noise.edge(measured.cov))
+            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
+            is_expected = fuse(expected, found)[1] < rules.gate
+            is_open = result.degenerate_direction is not None
+            if is_expected and is_open:
+                # it measures the rotation and the way across, the chain the way along
+                by_chain = fuse(by_chain, found)[0]
+                self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
+                return by_chain
+            if is_expected:
+                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
+                return found
+            if not is_open:
+                off = self._doubt_of(difference(expected.pose, found.pose))
+                by_chain = UncertainPose(by_chain.pose, by_chain.cov + off)
+        if is_measured:
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
             return by_chain
-        return vague
+        return by_chain
 
     def doubt(self, k: int, expected: Pose, found: Pose) -> None:
         """Take the way to a keyframe to be as uncertain as two measurements of it differ."""

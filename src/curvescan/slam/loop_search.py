@@ -101,9 +101,12 @@ class LoopSearch:
         return accepted
 
     def finish(self, index: int) -> None:
-        """Match all that is queued."""
+        """Match all that is queued, and accept what agrees: no further view will come."""
         while self._queue:
             self._try(self._queue.popleft(), index)
+        if self.n_withdrawals == 0:
+            for one in self._waiting.conclude(self._map.graph.poses):
+                self._accept(one)
 
     def densify(self, index: int) -> None:
         """Match each keyframe with the nearest others that it has not been matched with."""
@@ -160,7 +163,6 @@ class LoopSearch:
         if not agreed:
             self._log(closure)
             return []
-        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in agreed]
         for one in agreed:
             self._accept(one)
         return [self._numbered(one) for one in agreed]
