@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
+
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
@@ -15,7 +17,7 @@ from curvescan.slam.jobs import Job, Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.bending import is_bent
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import N_NEIGHBOURS, Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Pose
@@ -175,6 +177,14 @@ class Backend:
     def _settle(self) -> None:
         self._adopt(self._new_job(is_last=True))
         self._search.settle()
+
+    def count_matches(self) -> tuple[int, int]:
+        """Return how many loop closures the graph follows, and how many matches of neighbours that do not follow each other."""
+        graph = self.graph
+        is_followed = graph.is_closure & (graph.weights > 0.5)
+        apart = np.diff(self.keyframes.numbers[graph.ends[is_followed]], axis=1)
+        n_closures = int(np.count_nonzero(apart > N_NEIGHBOURS))
+        return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""

@@ -110,8 +110,8 @@ class NoiseConfig:
         return self.kept * covariance + self.floor
 
     def common(self, edges: Cov) -> Cov:
-        """Return of (m, 3, 3) covariances of edges the part that each of their two scans has in common with its other edges."""
-        return (1.0 - self.kept) / (2.0 * self.kept) * (edges - self.floor)
+        """Return of (m, 3, 3) covariances of edges, without their floor, what each of their two scans adds to all of its edges."""
+        return (1.0 - self.kept) / (2.0 * self.kept) * edges
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,10 +22,11 @@ from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.slam.pose_graph.posterior import (
-    edges_shared,
+    design_effect,
     own_noise,
     variance_factor,
     with_own_noise,
+    without_floor,
 )
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
@@ -285,14 +286,17 @@ class GrowingMap:
         graph, noise = self.graph, self.config.noise
         if graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
         is_match = np.isin(graph.kinds, (EdgeKind.MATCH, EdgeKind.CLOSURE)) & (graph.weights > 0.5)
+        covariances = graph.covariances.copy()
+        covariances[is_match] = without_floor(covariances[is_match], noise.floor)
+        edges = Edges.of(graph.ends, graph.measured, covariances)
         n_least = graph.n_poses - self.n_fragments
         factor = variance_factor(squared_distances(graph.poses, edges)[is_match], n_least)
-        shared = factor * edges_shared(graph.ends, is_match, graph.n_poses)
-        scaled = edges._replace(information=edges.information / shared[:, np.newaxis, np.newaxis])
+        by = np.where(is_match, factor, 1.0)
+        by *= design_effect(graph.ends, is_match, graph.n_poses, 1.0 - noise.kept)
+        scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
         found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
-        common = noise.common(graph.covariances)
+        common = noise.common(covariances)
         return with_own_noise(
             found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0
         )

@@ -57,7 +57,7 @@ class Waiting:
         return self._agreeing(closure, poses, n_views=2)
 
     def conclude(self, poses: Pose) -> list[Closure]:
-        """Return what of the newest keyframe's closures is accepted at the end of a stream, where no further view can be waited for.
+        """Return which closures of the last keyframe are accepted at the end of a stream, where no further view can be waited for.
 
         A log often ends as its loop closes. Matches of one keyframe with several others are enough then, where the graph does not
         contradict them.
@@ -67,7 +67,10 @@ class Waiting:
         poses : (n, 3) float64
             Poses of the keyframes.
         """
-        pending = [c for c in self._closures if not (c.is_accepted or c.is_doubtful)]
+        last = len(poses) - 1
+        pending = [
+            c for c in self._closures if c.j == last and not (c.is_accepted or c.is_doubtful)
+        ]
         return self._agreeing(pending[-1], poses, n_views=1) if pending else []
 
     def _agreeing(self, closure: Closure, poses: Pose, n_views: int) -> list[Closure]:

@@ -24,6 +24,10 @@ UNKNOWN_M = 10.0
 """Standard deviation of a relative pose of which the graph knows nothing, metres."""
 
 
+N_NEIGHBOURS = 10
+"""Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
+
+
 class ClosureOutcome(Enum):
     """What became of a loop-closure candidate; the value is a sentence for people."""
 
@@ -85,6 +89,11 @@ class Closure:
     def is_accepted(self) -> bool:
         """Whether it became an edge of the graph."""
         return self.outcome in (ClosureOutcome.ACCEPTED, ClosureOutcome.AGREED)
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether its keyframes, by their numbers, are far apart along the path: a loop closure, else a match of neighbours."""
+        return self.j - self.i > N_NEIGHBOURS
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
