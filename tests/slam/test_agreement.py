@@ -54,7 +54,11 @@ def test_what_was_accepted_speaks_against_other_places_and_for_its_own() -> None
     assert len([c for one in true for c in waiting.add(one, POSES)]) == 4
     # one more that agrees with those accepted needs no others
     assert len(waiting.add(_closure(5, 35, 0.1), POSES)) == 1
-    assert not [c for one in lookalikes for c in waiting.add(one, POSES)]
+    waiting.optimize()
+    assert not [c for one in lookalikes[:5] for c in waiting.add(one, POSES)]
+    # after the optimization the graph itself expects them elsewhere
+    waiting.adopt()
+    assert len(waiting.add(lookalikes[5], POSES)) == 6
 
 
 def test_a_log_that_ends_as_its_loop_closes_waits_for_no_further_view() -> None:

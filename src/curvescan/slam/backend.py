@@ -152,6 +152,7 @@ class Backend:
     def _adopt(self, job: Job) -> None:
         """Take the poses of an optimization, and withdraw the closures that bend the odometry: the map is never worse than it."""
         self._map.adopt(job.result())
+        self._search.adopt()
         if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
             self._map.fall_back(self._search.withdraw())
             self._adopt(self._new_job())
@@ -175,8 +176,8 @@ class Backend:
         self._settle()
 
     def _settle(self) -> None:
-        self._adopt(self._new_job(is_last=True))
         self._search.settle()
+        self._adopt(self._new_job(is_last=True))
 
     def count_matches(self) -> tuple[int, int]:
         """Return how many loop closures the graph follows, and how many matches of neighbours that do not follow each other."""

@@ -154,8 +154,7 @@ class GrowingMap:
             is_expected = fuse(expected, found)[1] < rules.gate
             is_open = result.degenerate_direction is not None
             if is_expected and is_open:
-                # it measures the rotation and the way across, the chain the way along
-                by_chain = fuse(by_chain, found)[0]
+                by_chain = self._across(before, k, by_chain)
                 self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
                 return by_chain
             if is_expected:
@@ -168,6 +167,19 @@ class GrowingMap:
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
             return by_chain
         return by_chain
+
+    def _across(self, before: int, k: int, motion: UncertainPose) -> UncertainPose:
+        """Return a motion with what a match that leaves a direction open says of the others.
+
+        It is made with the motion as its guess: along the open direction the pose is the guess, near which the covariance holds.
+        """
+        result = self.keyframes.match(before, k, motion.pose)
+        if not result.ok or not is_confident(result, self.config):
+            return motion
+        measured = as_measurement(result)
+        found = UncertainPose(measured.pose, self.config.noise.edge(measured.cov))
+        fused, distance = fuse(motion, found)
+        return fused if distance < self.config.closures.gate else motion
 
     def doubt(self, k: int, expected: Pose, found: Pose) -> None:
         """Take the way to a keyframe to be as uncertain as two measurements of it differ."""

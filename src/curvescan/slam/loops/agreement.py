@@ -25,6 +25,7 @@ class Waiting:
     def __init__(self, config: SlamConfig) -> None:
         self._config = config
         self._closures: list[Closure] = []
+        self._optimized = -1  # the last scan whose closures the newest optimization knows
 
     def confirm(self, closure: Closure) -> None:
         """Take a closure that is accepted already: others of its scans must agree with it."""
@@ -42,8 +43,8 @@ class Waiting:
     def add(self, closure: Closure, poses: Pose) -> list[Closure]:
         """Take a closure, and return those that are accepted now because they agree; none if too few do.
 
-        What was accepted before stays and has its say: what agrees with it needs fewer others, what contradicts it more of them.
-        The graph's own covariances know of an accepted closure only after the next optimization.
+        What was accepted has its say until the graph's own covariances know of it, after the next optimization: what agrees with it needs
+        fewer others, what contradicts it more of them.
 
         Parameters
         ----------
@@ -55,6 +56,18 @@ class Waiting:
         self._closures.append(closure)
         del self._closures[: -self._config.closures.n_waiting]
         return self._agreeing(closure, poses, n_views=2)
+
+    def optimize(self) -> None:
+        """Remember what is accepted as an optimization begins."""
+        self._optimized = max((c.scan for c in self._closures), default=-1)
+
+    def adopt(self) -> None:
+        """Drop what was accepted by agreement before an optimization that has ended: from now on the graph speaks for it."""
+        self._closures = [
+            c
+            for c in self._closures
+            if c.outcome is not ClosureOutcome.AGREED or c.scan > self._optimized
+        ]
 
     def conclude(self, poses: Pose) -> list[Closure]:
         """Return which closures of the last keyframe are accepted at the end of a stream, where no further view can be waited for.
@@ -98,7 +111,13 @@ class Waiting:
         chosen = [group[k] for k in members.tolist()]
         is_doubtful = any(c.is_doubtful for c in chosen)
         n_least = (2 if is_doubtful else 1) * rules.n_agreeing
-        if len(chosen) < n_least or len({c.j for c in chosen}) < n_views + is_doubtful:
+        views = {c.j for c in chosen}
+        if len(chosen) < n_least or len(views) < n_views + is_doubtful:
+            return False
+        # one place may look like another by chance, a stretch of the way hardly
+        if any(c.is_indistinct for c in chosen) and (
+            len(views) < rules.n_stretch or max(views) - min(views) < 2 * rules.n_stretch
+        ):
             return False
         others = np.array([k for k in range(len(group)) if k not in set(members.tolist())])
         if not len(others):

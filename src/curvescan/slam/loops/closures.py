@@ -72,6 +72,8 @@ class Closure:
         What became of it.
     is_doubtful : bool
         Whether twice as many must agree: the graph contradicts it, or knows nothing of the relative pose.
+    is_indistinct : bool
+        Whether nothing is known of the relative pose and other places look as much alike: only a stretch of the way tells.
     """
 
     scan: int
@@ -83,6 +85,7 @@ class Closure:
     distance: float
     outcome: ClosureOutcome
     is_doubtful: bool = False
+    is_indistinct: bool = False
     confidence: float = math.nan
 
     @property
