@@ -14,6 +14,7 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from datetime import date
 from pathlib import Path
 
 import curvescan as cs
@@ -30,8 +31,8 @@ RUN_BY_US = {"Karto in slam_toolbox, defaults": {"intel": "0.057 (1.9)", "aces":
 """What was built and run beside curvescan, once, with wheels: metres (degrees)."""
 
 
-Spread = tuple[float | None, float | None]
-"""Mean and standard deviation; None where a row was taken over from a run whose figure was not kept."""
+Spread = tuple[float, float]
+"""Mean and standard deviation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,7 @@ class Row:
     near_rotation: Spread
     n_relations: int
     version: str
+    measured: str
 
     @property
     def key(self) -> tuple[str, str, str, bool]:
@@ -94,6 +96,7 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
         wheels=wheels,
         n_relations=len(errors),
         version=cs.__version__,
+        measured=date.today().isoformat(),
         **found,
     )
 
@@ -127,7 +130,24 @@ def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
         + markdown(chains)
         + "\n## Odometry, relations of scans less than 5 s apart\n\n"
         + markdown(near)
+        + "\n"
+        + when(list(rows.values()))
     )
+
+
+def when(rows: list[Row]) -> str:
+    """Return the sentence that says when the rows were measured, and with which version."""
+    by: dict[str, list[Row]] = {}
+    for row in rows:
+        by.setdefault(f"on {row.measured} with version {row.version}", []).append(row)
+    most, *others = sorted(by, key=lambda one: -len(by[one]))
+    sentence = f"The rows of this project were measured {most}"
+    for other in others:
+        names = [
+            f"{row.log} {row.task} `{row.method}` ({SENSORS[row.wheels]})" for row in by[other]
+        ]
+        sentence += f"; {', '.join(names)} {other}"
+    return f"{sentence}.\n"
 
 
 def published(methods: tuple[str, ...], logs: list[str]) -> Iterator[list[str]]:
@@ -163,8 +183,6 @@ def measured(
 def figures(row: Row, prefix: str) -> str:
     """Return a row's mean errors: metres (degrees)."""
     metres, degrees = getattr(row, f"{prefix}translation")[0], getattr(row, f"{prefix}rotation")[0]
-    if metres is None or degrees is None:
-        return ""
     return f"{metres:.4f} ({degrees:.3f})" if metres < 0.1 else f"{metres:.3f} ({degrees:.2f})"
 
 

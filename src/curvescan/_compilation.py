@@ -12,18 +12,17 @@ import gc
 import logging
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from curvescan._interrupts import clean_up_at_end
+from curvescan._processes import has_own_python, n_usable_cores, python_command
 
 _LOGGER = logging.getLogger(__package__)
 _NOTICED_S = 1.0
 
 _WARM_UP = Path(__file__).parent / "warmup.py"
-_HELPER = f"import sys; sys.path[:] = {{}}; from {__package__}.warmup import help_compile; help_compile({{}})"
 _HELPERS_VARIABLE = "CURVESCAN_COMPILE_HELPERS"
 _MAX_HELPERS = 3
 _COMPILER_BYTES = 1_000_000_000  # of memory for each process that compiles: it takes 0.3 GB
@@ -107,12 +106,11 @@ def start_helpers(folder: Path | None) -> None:
     n_helpers = _n_helpers()
     if folder is None or not _WARM_UP.exists() or not n_helpers:
         return
-    paths = [str(Path(entry).absolute()) for entry in sys.path]
     try:
         (folder / "helpers-started").touch(exist_ok=False)
         for k in range(n_helpers):
             helper = subprocess.Popen(
-                [sys.executable, "-c", _HELPER.format(paths, k)],
+                python_command(f"{__package__}.warmup", f"help_compile({k})"),
                 env=os.environ | {_HELPERS_VARIABLE: "0"},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -125,18 +123,13 @@ def start_helpers(folder: Path | None) -> None:
 
 
 def _n_helpers() -> int:
-    # the interpreter of a program that embeds Python, or was packed into one file, is not named so
-    if os.environ.get(_HELPERS_VARIABLE) == "0" or "python" not in Path(sys.executable or "").name:
+    if os.environ.get(_HELPERS_VARIABLE) == "0" or not has_own_python():
         return 0
-    if hasattr(os, "sched_getaffinity"):
-        n_cores = len(os.sched_getaffinity(0))
-    else:
-        n_cores = os.cpu_count() or 1
     if hasattr(os, "sysconf"):
         n_bytes = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     else:
         n_bytes = 2 * _COMPILER_BYTES
-    return max(min(_MAX_HELPERS, n_cores - 1, n_bytes // _COMPILER_BYTES - 1), 0)
+    return max(min(_MAX_HELPERS, n_usable_cores() - 1, n_bytes // _COMPILER_BYTES - 1), 0)
 
 
 def _end(helper: subprocess.Popen[bytes], parent: int) -> None:

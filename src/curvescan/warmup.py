@@ -238,6 +238,7 @@ def _warm_up_slam() -> None:
     field = DistanceField(
         distance=np.zeros((1, 1), dtype=np.float32),
         is_free=np.ones((1, 1), dtype=np.bool_),
+        is_solid=np.ones((1, 1), dtype=np.bool_),
         origin=np.zeros(2),
         resolution=1.0,
     )

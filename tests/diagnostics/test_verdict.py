@@ -85,6 +85,13 @@ def test_one_command_takes_every_option():
     assert propose_commands(command, []) == ()
 
 
+def test_a_flag_that_turned_the_beams_the_wrong_way_round_is_left_out():
+    command = ["curvescan", "slam", "a.bag", "--backwards", "--out", "o"]
+    wrong = Issue(topic="beams", kind="beams_reversed", what="reversed", option="--backwards")
+    (sentence,) = propose_commands(command, [wrong, STALE])
+    assert sentence.endswith("; try: curvescan slam a.bag --out o --drop-stale")
+
+
 def test_a_run_on_the_edge_of_the_share_of_unmatched_scans():
     run = run_odometry(drive())
     outcomes = [StepOutcome.MATCHED] * 101

@@ -169,10 +169,12 @@ def test_a_recording_is_read_again(log, tmp_path):
     assert np.allclose(again.odometry.poses, run_odometry(log).trajectory.poses, atol=1e-9)
 
 
-def written(log, folder, mode, engine, *, is_replayed):
+def written(log, folder, mode, engine, *, is_replayed, is_finished=False):
     """Run live, write the results, and return the folder's files by name."""
     sink = ResultsSink(mode=mode, is_lossless=True)
     report = run_live(LogSource(log, speed=0), Tracker(engine), [sink])
+    if is_finished:  # as the command does, for the page
+        sink.finish_with(engine.finish().poses, 1.5)
     sink.close()
     folder.mkdir()
     files = sink.write(
@@ -183,12 +185,16 @@ def written(log, folder, mode, engine, *, is_replayed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["odometry", "SLAM"])
-def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mode):
+@pytest.mark.parametrize(
+    ("mode", "is_finished"), [("odometry", False), ("SLAM", False), ("SLAM", True)]
+)
+def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mode, is_finished):
     offline = tmp_path / "offline"
     offline.mkdir()
     if mode == "SLAM":
-        live = written(log, tmp_path / "live", mode, Slam(), is_replayed=True)
+        live = written(
+            log, tmp_path / "live", mode, Slam(), is_replayed=True, is_finished=is_finished
+        )
         save_slam_run(offline, run_slam(log), log)
     else:
         live = written(log, tmp_path / "live", mode, Odometry(), is_replayed=True)
@@ -203,6 +209,8 @@ def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mod
     record = json.loads(live["run.json"])
     assert record["scans"] == record["live"]["scans"] == len(log)
     assert record["verdict"]["is_trusted"]
+    if is_finished:
+        assert record["slam"]["seconds_to_finish"] == 1.5
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,39 @@ def test_short_logs_and_single_cores_do_without(monkeypatch):
     assert not can_run_ahead(100)
     monkeypatch.setattr(odometry_process.os, "sched_getaffinity", lambda _: {0}, raising=False)
     assert not can_run_ahead(100_000)
+
+
+def summed(numbers, *, start):
+    return sum(numbers, start), os.getpid()
+
+
+def test_the_process_calls_functions_when_the_odometry_is_done(log):
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        results = [ahead.call_after(summed, [1, k], start=5) for k in range(3)]
+        list(ahead)
+        found = [result() for result in results]
+        assert [total for total, _ in found] == [6, 7, 8]
+        assert {pid for _, pid in found} == {ahead._process.pid}
+
+
+def test_what_the_process_cannot_call_is_called_here(log):
+    here = os.getpid()
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        given_up = ahead.call_after(summed, [1], start=1)
+        next(iter(ahead))
+        assert given_up() == (2, here)  # the odometry was not finished
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        unknown_there = ahead.call_after(lambda: os.getpid())
+        after = ahead.call_after(summed, [2], start=1)
+        assert unknown_there() == here
+        assert after() == (3, here)
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        ahead._process.kill()
+        assert ahead.call_after(summed, [1], start=1)() == (2, here)
+    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+        list(ahead)
+        fails = ahead.call_after(summed, None, start=1)
+        with pytest.raises(TypeError):  # and says so here
+            fails()

@@ -29,6 +29,9 @@ MAX_SIGMA = 0.5
 MAX_SIGMA_SHARE = 0.02
 """The same on a long path, as a share of it: what odometry may drift by."""
 
+_REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
+"""Options that turn the beams round: one that was given, and is asked for all the same, is to be left out."""
+
 _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
 
@@ -94,11 +97,13 @@ def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[s
     options = [issue for issue in issues if issue.option]
     if not options:
         return ()
-    added = [
-        word for option in dict.fromkeys(i.option for i in options) for word in shlex.split(option)
-    ]
+    found = dict.fromkeys(issue.option for issue in options)
+    # one that turns the beams round, and was given, was wrong if they are now the wrong way round: it is left out
+    wrong = _REVERSING & found.keys() & set(command)
+    added = [word for option in found if option not in wrong for word in shlex.split(option)]
     what = "; ".join(issue.what for issue in options)
-    return (f"{what}; try: {shlex.join([*command, *added])}",)
+    proposed = shlex.join([*(word for word in command if word not in wrong), *added])
+    return (f"{what}; try: {proposed}",)
 
 
 def _on_matches(run: OdometryRun) -> list[str]:

@@ -28,7 +28,7 @@ from curvescan.runs.localize import LocalizerRun, save_localizer_run
 from curvescan.runs.odometry import save_run
 from curvescan.runs.slam import save_slam_run
 from curvescan.scan import LaserScan
-from curvescan.slam import SlamRun
+from curvescan.slam import Slam, SlamRun
 from curvescan.types import Pose
 
 _LONGEST_STEP_S = 2.0
@@ -135,8 +135,7 @@ class ResultsSink(MapSink):
         if self._mode == "localization":
             self._write_localization(folder, report, name, engine, command, further)
         elif self._mode == "SLAM":
-            started = time.perf_counter()
-            revised = engine.finish()
+            revised = self._finished(engine)
             slam_run = SlamRun(
                 slam=engine,
                 revised=self._run(engine.method, revised, report, len(log or ())),
@@ -144,7 +143,7 @@ class ResultsSink(MapSink):
                 odometry=Trajectory(
                     stamps=np.array(self._stamps), poses=np.array(self._odom).reshape(-1, 3)
                 ),
-                seconds_to_finish=time.perf_counter() - started,
+                seconds_to_finish=self._seconds_to_finish,
             )
             save_slam_run(
                 folder,
@@ -168,6 +167,15 @@ class ResultsSink(MapSink):
                 further=further,
             )
         return tuple(sorted(path.name for path in folder.iterdir()))
+
+    def _finished(self, engine: Slam) -> Trajectory:
+        """Return every pose of the finished graph; one that was finished is not touched again, which would move its poses."""
+        if self._final is not None:
+            return engine.trajectory()
+        started = time.perf_counter()
+        trajectory = engine.finish()
+        self._seconds_to_finish = time.perf_counter() - started
+        return trajectory
 
     def _run(
         self, method: str, trajectory: Trajectory, report: LiveReport, n_whole: int

@@ -120,11 +120,12 @@ class MapSink(WorkerSink):
         if saved_map is not None:
             self._map.begin_with(saved_map.scans, saved_map.poses)
         self._final: Pose | None = None
+        self._seconds_to_finish = 0.0
         super().__init__(name, capacity=capacity, is_lossless=is_lossless)
 
-    def finish_with(self, poses: Pose) -> None:
-        """Say, before the sink is closed, which poses of all scans are the final ones: those of the finished graph."""
-        self._final = poses
+    def finish_with(self, poses: Pose, seconds: float = 0.0) -> None:
+        """Say, before the sink is closed, which poses of all scans are the final ones, and how long it took to finish the graph."""
+        self._final, self._seconds_to_finish = poses, seconds
 
     def _finish(self) -> None:
         if self._final is not None:

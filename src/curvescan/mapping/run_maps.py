@@ -42,7 +42,7 @@ def build_maps(
     poses: Pose,
     is_joined: Bools,
     *,
-    cell: float = 0.05,
+    cell: float | None = 0.05,
     occupancy: OccupancyConfig | None = None,
 ) -> RunMaps:
     """Return the maps of a run.
@@ -55,21 +55,22 @@ def build_maps(
         Pose of the sensor at each scan, frame of the map; none may be NaN.
     is_joined : (n,) bool
         Whether each pose is a motion away from the one before; dynamic readings are not searched across one that is not.
-    cell : float
-        Side of the cells of `standing` and `moved`, metres, > 0.
+    cell : float or None
+        Side of the cells of `standing` and `moved`, metres, > 0; None for neither of them.
     occupancy : OccupancyConfig or None
         How to make the occupancy map; None for none. A map that would be too large is left out, and the rest stays.
     """
-    standing, moving = OccupiedCells(cell), OccupiedCells(cell)
+    standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
     kept, watched = tee(scans)
     for scan, pose, moved in zip(
         kept, poses, dynamic_along(watched, poses, is_joined), strict=False
     ):
-        points = se2.transform(pose, scan.points)
-        standing.add(points[scan.valid & ~moved])
-        moving.add(points[moved])
+        if cell is not None:
+            points = se2.transform(pose, scan.points)
+            standing.add(points[scan.valid & ~moved])
+            moving.add(points[moved])
         if builder:
             try:
                 builder.add(scan, pose, ignored=moved)

@@ -1,8 +1,9 @@
 """The odometry of a SLAM run in a process of its own.
 
 The odometry knows nothing of the map and need not wait for it: it runs ahead on another core while the back end closes
-loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. A process that
-cannot be started, or ends too early, costs time alone: the odometry is then made here.
+loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. When it is done,
+the process calls functions, as long as there is a map to be made and drawn. A process that cannot be started, or ends too
+early, costs time alone: the odometry is then made here, and functions are called here.
 """
 
 from __future__ import annotations
@@ -13,22 +14,24 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 from queue import Full, Queue
 from types import TracebackType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
+from curvescan._processes import has_own_python, n_usable_cores, python_command
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.run import OdometryInTurn, PlacedScan, placed, pose_at
 from curvescan.odometry.step import OdometryStep
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
-_SERVE = "import sys; sys.path[:] = {}; from {} import serve; serve()"
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
 _ENVIRONMENT = {"CURVESCAN_COMPILE_HELPERS": "0", "OMP_NUM_THREADS": "1"}
 
 _BATCH = 32
@@ -46,12 +49,7 @@ _MIN_SCANS = 1000
 
 def can_run_ahead(n_scans: int) -> bool:
     """Return whether a process for the odometry of so many scans is worth it, and there is a core and a Python for it."""
-    if hasattr(os, "sched_getaffinity"):
-        n_cores = len(os.sched_getaffinity(0))
-    else:
-        n_cores = os.cpu_count() or 1
-    is_python = "python" in Path(sys.executable or "").name
-    return n_cores > 1 and is_python and n_scans >= _MIN_SCANS
+    return n_usable_cores() > 1 and has_own_python() and n_scans >= _MIN_SCANS
 
 
 class OdometryProcess:
@@ -82,6 +80,8 @@ class OdometryProcess:
         self._scans, self._odometry_poses = scans, odometry_poses
         self._sent: Queue[Any] = Queue(_AHEAD)
         self._heard: Queue[Any] = Queue(_AHEAD)
+        self._calls: Queue[Any] = Queue()
+        self._is_placed = False  # all scans, by the process, which is there still
         self._is_closed = False
         self._process = _start()
         for work in (self._send, self._hear) if self._process else ():
@@ -97,6 +97,7 @@ class OdometryProcess:
         traceback: TracebackType | None,
     ) -> None:
         self._is_closed = True
+        self._calls.put(None)
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -111,7 +112,7 @@ class OdometryProcess:
             if steps is None:
                 break
             if scans is None:
-                self.odometry = steps
+                self.odometry, self._is_placed = steps, True
                 return
             for scan, (step, seconds) in zip(scans, steps, strict=True):
                 yield PlacedScan(scan, step, seconds)
@@ -121,8 +122,28 @@ class OdometryProcess:
             OdometryInTurn(self.odometry, self._scans, self._odometry_poses), n_done, None
         )
 
+    def call_after(
+        self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs
+    ) -> Callable[[], _R]:
+        """Have the process call a function of a module when the odometry is done, and return what gives its result, after the iteration.
+
+        Results are to be asked for in the order of the calls. Where the process cannot call it, the function is called
+        here, when its result is asked for: it may be called twice.
+        """
+        self._calls.put((function, args, kwargs))
+
+        def result() -> _R:
+            reply = self._heard.get() if self._is_placed else None
+            self._is_placed = reply is not None
+            if reply is None:
+                return function(*args, **kwargs)
+            found: _R = reply[0]
+            return found
+
+        return result
+
     def _send(self) -> None:
-        """Send all scans, and keep them for the iteration."""
+        """Send all scans, and keep them for the iteration; then calls."""
         assert self._process is not None
         assert self._process.stdin is not None
         try:
@@ -134,15 +155,18 @@ class OdometryProcess:
                     pickle.dump(batch, requests, pickle.HIGHEST_PROTOCOL)
                     requests.flush()
                 pickle.dump(None, requests)
+                requests.flush()
+                self._put(self._sent, None)
+                while (call := self._calls.get()) is not None:
+                    requests.write(pickle.dumps(call, pickle.HIGHEST_PROTOCOL))
+                    requests.flush()
         except OSError as error:  # of the pipe, as the other one tells; or of the log
             self._put(self._sent, None if isinstance(error, BrokenPipeError) else error)
         except BaseException as error:  # noqa: BLE001  it is raised in the iteration
             self._put(self._sent, error)
-        else:
-            self._put(self._sent, None)
 
     def _hear(self) -> None:
-        """Keep the steps that come back, and None at the end of them."""
+        """Keep the steps and results that come back, and None at the end of them."""
         assert self._process is not None
         assert self._process.stdout is not None
         with self._process.stdout as replies, suppress(Exception):
@@ -161,7 +185,7 @@ class OdometryProcess:
 
 
 def serve() -> None:
-    """Place the scans that come in on stdin, and send the steps to stdout: the main function of the process."""
+    """Place the scans that come in on stdin, and send the steps to stdout, then call functions: the main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends with its pipes
     requests, replies = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr
@@ -174,13 +198,16 @@ def serve() -> None:
             replies.flush()
         pickle.dump(odometry, replies, pickle.HIGHEST_PROTOCOL)
         replies.flush()
+        while True:
+            function, args, kwargs = pickle.load(requests)
+            pickle.dump((function(*args, **kwargs),), replies, pickle.HIGHEST_PROTOCOL)
+            replies.flush()
 
 
 def _start() -> subprocess.Popen[bytes] | None:
-    paths = [str(Path(entry).absolute()) for entry in sys.path]
     try:
         return subprocess.Popen(
-            [sys.executable, "-c", _SERVE.format(paths, __name__)],
+            python_command(__name__, "serve()"),
             env={**os.environ, **_ENVIRONMENT},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

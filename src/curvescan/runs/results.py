@@ -50,6 +50,7 @@ def save_trajectory_and_maps(
     occupancy: OccupancyConfig,
     truth: Pose | None = None,
     maps: RunMaps | None = None,
+    is_map_drawn: bool = True,
 ) -> SavedMaps:
     """Write trajectory.tum, trajectory.csv, map.png, and the occupancy map: map.pgm with map.yaml, and occupancy.png.
 
@@ -71,16 +72,15 @@ def save_trajectory_and_maps(
         True poses, drawn with the map.
     maps : RunMaps or None
         The maps, where they have been made already; None to read the log once more.
+    is_map_drawn : bool
+        Whether to write map.png.
     """
-    title = ", ".join(filter(None, (f"{log.name}: {len(run.outcomes):,} scans", run.method, what)))
-    if run.is_partial:
-        title += f" (partial: interrupted, {len(log):,} scans in all)"
+    title = title_of(run, log, what)
     write_tum(folder / "trajectory.tum", run.trajectory)
     write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    if maps is None:
-        seen = deskewed_along(log, run.trajectory) if is_deskewed else log
-        maps = build_maps(seen, run.trajectory.poses, run.is_joined, occupancy=occupancy)
-    draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
+    maps = maps or maps_of(run, log, is_deskewed=is_deskewed, occupancy=occupancy)
+    if is_map_drawn:
+        draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
     if maps.grid is None:
         return SavedMaps(
             title=title, maps=maps, left_out=(f"no occupancy map: {maps.why_no_grid}",)
@@ -90,6 +90,27 @@ def save_trajectory_and_maps(
         folder / "occupancy.png", maps.grid, run.trajectory.poses, title=f"{title}: occupancy"
     )
     return SavedMaps(title=title, maps=maps, left_out=())
+
+
+def title_of(run: OdometryRun, log: Log, what: str) -> str:
+    """Return the title of the pictures of a run: the log, the method, and what ran."""
+    title = ", ".join(filter(None, (f"{log.name}: {len(run.outcomes):,} scans", run.method, what)))
+    if run.is_partial:
+        title += f" (partial: interrupted, {len(log):,} scans in all)"
+    return title
+
+
+def maps_of(
+    run: OdometryRun,
+    log: Log,
+    *,
+    is_deskewed: bool,
+    cell: float | None = 0.05,
+    occupancy: OccupancyConfig | None = None,
+) -> RunMaps:
+    """Return the maps of a run, as :func:`build_maps` does, from its scans as they were matched."""
+    seen = deskewed_along(log, run.trajectory) if is_deskewed else log
+    return build_maps(seen, run.trajectory.poses, run.is_joined, cell=cell, occupancy=occupancy)
 
 
 def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_RECORD) -> None:

@@ -17,15 +17,25 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.io.trajectories.tum_csv import write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import RunMaps
+from curvescan.odometry import OdometryRun
 from curvescan.plots.graph import draw_graph
+from curvescan.plots.map import draw_map
 from curvescan.runs.odometry import describe_run
+from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.runs.plain import as_plain
-from curvescan.runs.results import save_trajectory_and_maps, write_record
+from curvescan.runs.results import (
+    maps_of,
+    save_trajectory_and_maps,
+    title_of,
+    write_record,
+)
 from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Pose
+
+_WHAT = "SLAM"  # ran, in titles
 
 CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "kind", "outcome", "meaning",
@@ -44,6 +54,7 @@ def save_slam_run(
     verdict: Verdict | None = None,
     maps: RunMaps | None = None,
     further: Mapping[str, object] | None = None,
+    helper: OdometryProcess | None = None,
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
@@ -72,6 +83,8 @@ def save_slam_run(
         The maps, where they have been made already; None to read the log once more.
     further : mapping or None
         Further entries of run.json.
+    helper : OdometryProcess or None
+        A process that draws map.png and graph.png meanwhile, the odometry being done.
 
     Returns
     -------
@@ -80,33 +93,58 @@ def save_slam_run(
     """
     occupancy = occupancy or OccupancyConfig()
     revised, slam = run.revised, run.slam
+    slam_map, is_deskewed = slam.map, slam.config.odometry.deskew
+    drawn = None
+    if helper is not None and maps is None:
+        drawn = helper.call_after(_draw_places, folder, revised, log, is_deskewed, slam_map, truth)
+        maps = maps_of(revised, log, is_deskewed=is_deskewed, cell=None, occupancy=occupancy)
     saved = save_trajectory_and_maps(
         folder,
         revised,
         log,
-        is_deskewed=slam.config.odometry.deskew,
-        what="SLAM",
+        is_deskewed=is_deskewed,
+        what=_WHAT,
         occupancy=occupancy,
         truth=truth,
         maps=maps,
+        is_map_drawn=drawn is None,
     )
     write_tum(folder / "trajectory_online.tum", run.online)
-    slam_map = slam.map
     # of the sessions before there are only the keyframes
     is_continued = slam_map.n_sessions > 1
     grid = slam_map.occupancy(occupancy) if is_continued else saved.maps.grid
     slam_map = replace(slam_map, grid=grid)
     slam_map.save(folder / "map.csmap")
     save_graph(folder, slam_map)
-    title = f"{saved.title}: pose graph"
-    draw_graph(folder / "graph.png", slam_map, saved.maps.standing, title=title)
     write_closures(folder / "closures.csv", slam.closures)
+    if drawn is None:
+        _draw_graph(folder, slam_map, saved.maps, saved.title)
+    else:
+        drawn()
     record = describe_run(revised, log, slam.odometry, command, source, verdict)
     record |= {"config": {**_as_dict(record["config"]), "slam": as_plain(slam.config)}}
     record |= {"slam": describe_graph(run), "occupancy": as_plain(occupancy)}
     record |= {"left_out": list(saved.left_out)}
     write_record(folder, {**record, **(further or {})})
     return saved.left_out
+
+
+def _draw_places(
+    folder: Path,
+    run: OdometryRun,
+    log: Log,
+    is_deskewed: bool,
+    slam_map: SlamMap,
+    truth: Pose | None,
+) -> None:
+    """Write map.png and graph.png: what needs no occupancy map."""
+    maps, title = maps_of(run, log, is_deskewed=is_deskewed), title_of(run, log, _WHAT)
+    draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
+    _draw_graph(folder, slam_map, maps, title)
+
+
+def _draw_graph(folder: Path, slam_map: SlamMap, maps: RunMaps, title: str) -> None:
+    draw_graph(folder / "graph.png", slam_map, maps.standing, title=f"{title}: pose graph")
 
 
 def save_graph(folder: Path, slam_map: SlamMap) -> None:

@@ -6,12 +6,14 @@ import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.sensor import judge_sensor
+from curvescan.diagnostics.report import LogReport
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.files.output import output_folder
 from curvescan.io.held import HeldLog
@@ -115,10 +117,9 @@ def slam_log(
         deskew = config.odometry.deskew and sensor.can_deskew
         rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
         slam = Slam(method, matcher=matcher, config=rules, map=map)
-        # only scans in memory are gone over twice at a time
-        report = None if held.is_held else inspect_log(held, sensor)
         with nullcontext() if n_processes == 1 else _ahead(slam, held, odometry_poses) as ahead:
-            issues = find_issues(report or inspect_log(held, sensor))
+            begin = ahead.call_after if ahead else partial
+            inspected = begin(_inspect, held, sensor)
             shown.begin("SLAM", len(held))
             run = run_slam(
                 held,
@@ -127,19 +128,26 @@ def slam_log(
                 on_step=lambda _: shown.advance(),
                 ahead=ahead,
             )
-        verdict = judge_run(run.revised, issues)
-        if folder is not None:
-            shown.begin("drawing the maps", 0)
-            left_out = save_slam_run(
-                folder,
-                run,
-                held,
-                command=command,
-                source=None if source is None else Path(source),
-                occupancy=occupancy,
-                verdict=verdict,
-            )
+            issues = find_issues(inspected())
+            verdict = judge_run(run.revised, issues)
+            if folder is not None:
+                shown.begin("drawing the maps", 0)
+                left_out = save_slam_run(
+                    folder,
+                    run,
+                    held,
+                    command=command,
+                    source=None if source is None else Path(source),
+                    occupancy=occupancy,
+                    verdict=verdict,
+                    helper=ahead,
+                )
     return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
+
+
+def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
+    """Return what is in a log; that it stands in this file has another process load what draws the maps, before it is needed."""
+    return inspect_log(log, sensor)
 
 
 def _ahead(

@@ -7,15 +7,17 @@ the scan, the whole map is looked at again: a sensor that was carried away is fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvescan import se2
 from curvescan.configs import as_config
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
+from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
 from curvescan.odometry.step import OdometryStep, StepOutcome
 from curvescan.scan import LaserScan
@@ -79,13 +81,16 @@ class Localizer:
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-        self._matching = MapMatcher(slam_map, self._keyframes, self.config)
-        self._search = MapSearch(field_of(slam_map), slam_map.poses, n_tried)
+        field = field_of(slam_map)
+        self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
+        self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
 
     def reset(self) -> None:
         """Forget where the sensor is: the next scan is the first of another log."""
         self.odometry = Odometry(self._method, matcher=self._matcher, config=self.config.odometry)
+        self._deskewer = Deskewer()
+        self._last: OdometryStep | None = None  # of the scan before
         self._search.clear()
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with
@@ -106,6 +111,7 @@ class Localizer:
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
         """
         step = self.odometry.add(scan, odometry_pose)
+        scan = self._deskewed(scan, step)
         is_unmeasured = step.outcome in _UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         is_doubtful = step.match is not None and not is_confident(step.match, self.config)
@@ -115,6 +121,14 @@ class Localizer:
         if self._here is None or self._anchor is None:
             return self._look(scan, step)
         return self._track(scan, step, self._here, self._anchor)
+
+    def _deskewed(self, scan: LaserScan, step: OdometryStep) -> LaserScan:
+        """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
+        self._deskewer = self._deskewer.ticked(scan)
+        last, self._last = self._last, step
+        if last is None or not self.config.odometry.deskew:
+            return scan
+        return self._deskewer.deskewed(scan, se2.between(last.pose, step.pose))
 
     def locate(self, scan: LaserScan) -> tuple[Hit, ...]:
         """Return where one scan alone is in the map: matches with keyframes there; none where it is not sure.
@@ -139,23 +153,34 @@ class Localizer:
         similar = self._matching.similar(scan, self._n_tried)
         self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
         self._view = step
-        hits = self._confirmed(scan, self._search.winner)
+        hits = self._confirmed(scan, self._search.winner, similar)
         if not hits:
             return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
         return self._take(step, fused(hits), LocalizerOutcome.FOUND, hits[0].keyframe)
 
-    def _confirmed(self, scan: LaserScan, place: Place | None) -> list[Hit]:
-        """Return matches with keyframes around a place that put the scan there, none where they leave a direction open."""
+    def _confirmed(
+        self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()
+    ) -> list[Hit]:
+        """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
         if place is None:
             return []
-        hits, _ = self._matching.around(scan, UncertainPose(place.pose, _SEARCHED))
-        if not hits:
+        found, _ = self._matching.around(scan, UncertainPose(place.pose, _SEARCHED))
+        tried = {hit.keyframe for hit in found}
+        found += [
+            hit
+            for hit in similar
+            if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)
+        ]
+        if not found:
             return []
+        points, field = _points(scan), self._search.field
+        hits = self._matching.settled(points, found)
         here = fused(hits)
         is_open = max(here.cov[0, 0], here.cov[1, 1]) > self.config.closures.certain_m**2
-        points, field = _points(scan), self._search.field
         fit, least = field.agreement(points, here.pose).score, _LEAST_FIT
-        least = max(least, field.agreement(points, place.pose).score - _WORSE_FIT)
+        # unless the map does not agree with its own keyframes there
+        worse = max(_WORSE_FIT, self._matching.misfit(hits[0].keyframe))
+        least = max(least, field.agreement(points, place.pose).score - worse)
         if is_open or fit < least or not is_same(place.pose, here.pose):
             return []
         return hits
@@ -166,12 +191,15 @@ class Localizer:
         """Follow the sensor from where it was."""
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
-        if self._is_near(moved, 0.5) and not self._is_torn:
-            return self._at(step, expected, LocalizerOutcome.PREDICTED)
-        hits, is_due = self._matching.around(scan, vaguely(expected, self.config))
+        if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
+            return self._at(step, expected, LocalizerOutcome.TRACKED)
         points = _points(scan)
+        vague = vaguely(expected, self.config)
+        found, is_due = self._matching.around(scan, vague, seen_from=self._keyframe)
+        hits = self._matching.settled(points, found)
         if hits:
-            now, _ = fuse(expected, fused(hits))
+            before = self._matching.seen_from(expected, self._keyframe, hits[0])
+            now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
             if view.score > 0.0 and (not self._is_torn or self._is_best(scan, points, now)):
                 return self._take(step, now, LocalizerOutcome.TRACKED, hits[0].keyframe)
@@ -193,11 +221,10 @@ class Localizer:
         return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
     def _is_best(self, scan: LaserScan, points: Points, now: UncertainPose) -> bool:
-        """Return whether a scan speaks clearly for where the sensor is expected, and for no other place as well."""
-        here = self._search.said(points, now.pose)
+        """Return whether a scan agrees with where the sensor is expected, and clearly less with any other place."""
         alone = self._search.afresh()
         alone.add(points, None, self._by_similarity(scan))
-        return alone.is_clear(Place(pose=now.pose, view=here, support=here))
+        return alone.is_best(points, now.pose)
 
     def _elsewhere(self, scan: LaserScan, points: Points, expected: UncertainPose) -> list[Hit]:
         """Return matches with keyframes of another place, where the scan alone speaks for it."""

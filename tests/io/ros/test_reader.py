@@ -535,6 +535,20 @@ def test_a_bag_cut_short_is_read_up_to_the_break(
     np.testing.assert_array_equal(log[len(left) - 1].ranges, left[-1].ranges)
 
 
+@pytest.mark.parametrize("n_bytes", range(150_000, 158_192, 630))
+def test_a_database_cut_within_a_page_gives_no_scan_that_was_not_in_it(
+    tmp_path: Path, n_bytes: int
+) -> None:
+    messages = [scan(i, ranges=[1.0 + 0.001 * i] * 361) for i in range(1, 200)]
+    path = storage(write_bag(tmp_path / "bag", "sqlite3", messages))
+    scans = list(read_log(tmp_path / "bag"))
+    path.write_bytes(path.read_bytes()[:n_bytes])
+    left = list(read_log(tmp_path / "bag"))
+    assert left
+    for k, one in enumerate(left):
+        np.testing.assert_array_equal(one.ranges, scans[k].ranges)
+
+
 @pytest.mark.parametrize(("kind_name", "n_bytes"), [("ros1", 4500), ("mcap", 60)])
 def test_a_bag_cut_before_its_first_message(tmp_path: Path, kind_name: str, n_bytes: int) -> None:
     path = storage(write_bag(tmp_path / "bag", kind_name, [scan(i) for i in range(1, 50)]))

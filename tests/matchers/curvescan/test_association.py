@@ -13,6 +13,7 @@ from curvescan.matchers.curvescan.association import (
     is_seen_through,
     lever,
     motion_of,
+    project,
     turned,
     turned_back,
 )
@@ -29,10 +30,11 @@ def test_a_reading_falls_on_the_reading_in_its_direction(way):
     pose = MOTION + np.array([0.01, -0.02, 0.015])
     moved, other, towards = (cur, ref, pose) if way == FORWARD else (ref, cur, cs.se2.inverse(pose))
     surfels, motion = moved.image.surfels, motion_of(pose, way)
+    placed = project(surfels, motion, other.image)
     n_found = 0
     for i in range(0, len(surfels), 3):
         x, y = cs.se2.transform(towards, surfels[i, [X, Y]])
-        found = associate(surfels, i, motion, other.image)
+        found = associate(placed, i, other.image)
         assert (found.x, found.y) == pytest.approx((x, y), abs=_ROUNDING)
         assert found.place == pytest.approx(place_of(x, y, other.image), abs=1e-6)
         assert found.j == reading_at(found.x, found.y, other.image)

@@ -34,6 +34,18 @@ def by_name(result):
     return {record.input.rpartition("/")[2]: record for record in result.records}
 
 
+def loaded_by(words):
+    """Packages that a fresh process has loaded when the command has ended."""
+    code = (
+        "import sys; from curvescan.cli.main import run; assert run(sys.argv[1:]) == 0;"
+        "print(*{name.partition('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.splitlines()[-1].split())
+
+
 def is_alive(pid):
     try:
         os.kill(pid, 0)
@@ -392,6 +404,7 @@ def test_the_command_writes_what_one_command_a_log_writes(flags, tmp_path, capsy
     capsys.readouterr()
     assert command([*words, "--resume"]) == 0
     assert "1 logs (1 stood from before): 1 trusted" in capsys.readouterr().out
+    assert not loaded_by([*words, "--resume"]) & {"numba", "scipy", "matplotlib"}
     # the same options have one digest, from the command and from Python
     job = cs.SlamJob() if flags else None
     assert cs.run_batch(words[1], out=tmp_path / "out", job=job, resume=True).n_skipped == 1

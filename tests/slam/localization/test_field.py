@@ -7,6 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.slam import SlamMap
 from curvescan.slam.localization.field import ON_WALL_M, DistanceField, field_of
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
@@ -20,11 +21,15 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
     """Return the shares by looking at a beam every millimetre."""
     n_rows, n_columns = field.distance.shape
 
-    def cell(place: np.ndarray) -> tuple[float, bool] | None:
+    def cell(place: np.ndarray) -> tuple[float, bool, bool] | None:
         column, row = np.floor((place - field.origin) / field.resolution).astype(int)
         inside = 0 <= row < n_rows and 0 <= column < n_columns
         return (
-            (float(field.distance[row, column]), bool(field.is_free[row, column]))
+            (
+                float(field.distance[row, column]),
+                bool(field.is_free[row, column]),
+                bool(field.is_solid[row, column]),
+            )
             if inside
             else None
         )
@@ -40,7 +45,7 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
         ways = np.arange(0.0, max(reach - 0.4, 0.0), 0.001)
         beam = pose[:2] + ways[:, np.newaxis] * (end - pose[:2]) / reach
         cells = [cell(place) for place in beam]
-        counts[2] += any(c is not None and c[0] == 0.0 for c in cells)
+        counts[2] += any(c is not None and c[2] for c in cells)
     return (counts / len(points)).tolist()
 
 
@@ -73,3 +78,43 @@ def test_a_sensor_can_be_where_it_is_free_and_clear_of_walls(field: DistanceFiel
     assert inside.mean() > 0.97
     pillars = np.hypot(*(in_world[:, np.newaxis] - ROOM.circles[:, :2]).transpose(2, 0, 1))
     assert (pillars > ROOM.circles[:, 2]).all()
+
+
+def _ring_map(*rings: np.ndarray) -> SlamMap:
+    """Return a map of keyframes at one place, by their 360 ranges."""
+    n = len(rings)
+    scans = tuple(
+        cs.LaserScan(r, angle_min=-np.pi, angle_increment=np.pi / 180.0, range_max=8.0)
+        for r in rings
+    )
+    return SlamMap(
+        scans=scans,
+        poses=np.zeros((n, 3)),
+        covariances=np.zeros((n, 3, 3)),
+        indices=np.arange(n),
+        sessions=np.zeros(n, dtype=np.int64),
+        ends=np.empty((0, 2), dtype=np.int64),
+        measured=np.empty((0, 3)),
+        edge_covariances=np.empty((0, 3, 3)),
+        kinds=np.empty(0, dtype=np.int64),
+        weights=np.empty(0),
+    )
+
+
+def test_beams_of_which_nothing_came_back_wear_no_wall_away() -> None:
+    wall, nothing = np.full(360, 3.0), np.full(360, np.inf)
+    half = np.where(np.arange(360) < 180, wall, nothing)
+    field = field_of(_ring_map(wall, half, half, half, nothing, nothing))
+    points = _ring_map(wall).scans[0].points
+    assert field.agreement(points, np.zeros(3)) == (1.0, 0.0, 0.0)
+
+
+def test_what_most_beams_pass_is_a_wall_and_not_solid() -> None:
+    near, far = np.full(360, 2.0), np.full(360, 3.0)
+    field = field_of(_ring_map(near, near, far, far, far, far))
+    points = _ring_map(near, far).scans
+    assert field.agreement(points[0].points, np.zeros(3)) == (1.0, 0.0, 0.0)
+    assert field.agreement(points[1].points, np.zeros(3)).through < 0.05
+    # what stood there once, and a hundred looks found gone, is no wall
+    field = field_of(_ring_map(near, *[far] * 100))
+    assert field.agreement(points[0].points, np.zeros(3)).on_wall < 0.05

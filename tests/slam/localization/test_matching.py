@@ -10,6 +10,7 @@ from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.field import field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from tests.slam.map_example import FILE, lap, scans
 
@@ -20,7 +21,7 @@ def matching() -> MapMatcher:
     keyframes = Keyframes("curvescan", None, 100)
     for k, scan in enumerate(stored.scans):
         keyframes.add(scan, k)
-    return MapMatcher(stored, keyframes, SlamConfig())
+    return MapMatcher(stored, keyframes, SlamConfig(), field_of(stored))
 
 
 def _hit(x: float, sigma: tuple[float, float]) -> Hit:

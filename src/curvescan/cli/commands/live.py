@@ -300,9 +300,11 @@ def _track(
     try:
         report = run_live(source, tracker, sinks)
         if report.n_scans and isinstance(tracker.engine, curvescan.Slam):
+            started = time.perf_counter()
             poses = tracker.engine.finish().poses
+            seconds = time.perf_counter() - started
             for sink in sinks:
-                sink.finish_with(poses)
+                sink.finish_with(poses, seconds)
     finally:
         for sink in sinks:
             sink.close()

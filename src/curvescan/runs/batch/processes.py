@@ -6,18 +6,17 @@ import os
 import pickle
 import signal
 import subprocess
-import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import BinaryIO
 
+from curvescan._processes import n_usable_cores, python_command
 from curvescan.runs.batch.job import Job
 from curvescan.runs.batch.worker import Task
 from curvescan.runs.batch.workers import Event
 
-_SERVE = "import sys; sys.path[:] = {}; from curvescan.runs.batch.worker import serve; serve()"
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a core: libraries that start threads of their own would share it."""
 _PATIENCE_S = 2.0
@@ -36,7 +35,7 @@ class ProcessPool:
     """
 
     def __init__(self, n_workers: int | None, log: Path) -> None:
-        self.n_workers = n_workers or _n_cores()
+        self.n_workers = n_workers or n_usable_cores()
         self._log = log
 
     def warm_up(self, job: Job) -> None:
@@ -55,11 +54,10 @@ class WorkerProcess:
     """A worker process; see :class:`.workers.Worker`."""
 
     def __init__(self, job: bytes, events: SimpleQueue[Event], log: Path) -> None:
-        paths = [str(Path(entry).absolute()) for entry in sys.path]
         once = dict.fromkeys(_ONE_THREAD, "1")
         with log.open("ab") as errors:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _SERVE.format(paths)],
+                python_command("curvescan.runs.batch.worker", "serve()"),
                 env={**once, "MPLBACKEND": "Agg", **os.environ, "CURVESCAN_COMPILE_HELPERS": "0"},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -118,9 +116,3 @@ def _hear(worker: WorkerProcess, replies: BinaryIO, events: SimpleQueue[Event]) 
         while True:
             events.put((worker, pickle.load(replies)))
     events.put((worker, None))
-
-
-def _n_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,13 @@ _OFF_WALL_M = 0.25
 
 _BEFORE_M = 0.4
 """A beam passes through a wall that stands this far before its end, metres."""
+
+_WORN = 0.45
+"""A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough clutter are hit by some beams
+and missed by others. What an occupancy map still shows, where fewer look through, is solid."""
+
+_FREE = 0.48
+"""One look through a cell where nothing ends shows it free."""
 
 N_EVIDENCE = 3
 """Columns of the evidence of a pose: shares of the readings that end on walls, end in free space, and pass through walls."""
@@ -62,9 +69,11 @@ class DistanceField:
     Attributes
     ----------
     distance : (n_rows, n_columns) float32
-        Distance from the nearest occupied cell, metres.
+        Distance from the nearest cell where readings end, metres.
     is_free : (n_rows, n_columns) bool
         Whether a cell was seen to be empty.
+    is_solid : (n_rows, n_columns) bool
+        Whether a cell stops the beams that come to it.
     origin : (2,) float64
         Lower left corner, metres.
     resolution : float
@@ -73,6 +82,7 @@ class DistanceField:
 
     distance: NDArray[np.float32]
     is_free: Bools
+    is_solid: Bools
     origin: Floats
     resolution: float
 
@@ -96,8 +106,8 @@ class DistanceField:
 
     def agreement(self, points: Points, pose: Floats) -> Agreement:
         """Return what the valid readings of a scan, (n, 2) in its own frame, say of a pose."""
-        found = _agreement(self.distance, self.is_free, self.origin, self.resolution, points, pose)
-        return Agreement(*found.tolist())
+        parts = (self.distance, self.is_free, self.is_solid, self.origin, self.resolution)
+        return Agreement(*_agreement(*parts, points, pose).tolist())
 
 
 def field_of(slam_map: SlamMap) -> DistanceField:
@@ -105,25 +115,31 @@ def field_of(slam_map: SlamMap) -> DistanceField:
     resolution = RESOLUTION
     while True:
         try:
-            grid = _grid(slam_map, resolution)
+            worn, solid = (_grid(slam_map, resolution, miss) for miss in (_WORN, None))
             break
         except MapTooLargeError:
             resolution *= 2.0
-    occupied = grid.is_occupied
+    occupied = worn.is_occupied
     if not occupied.any():
         distance = np.full(occupied.shape, np.inf)
     else:
         distance = distance_transform_edt(~occupied) * resolution
     return DistanceField(
         distance=distance.astype(np.float32),
-        is_free=np.ascontiguousarray(grid.is_free),
-        origin=np.asarray(grid.origin, dtype=np.float64),
+        is_free=np.ascontiguousarray(worn.is_free),
+        is_solid=np.ascontiguousarray(solid.is_occupied & occupied),
+        origin=np.asarray(worn.origin, dtype=np.float64),
         resolution=resolution,
     )
 
 
-def _grid(slam_map: SlamMap, resolution: float) -> OccupancyGrid:
-    builder = OccupancyBuilder({"resolution": resolution})
+def _grid(slam_map: SlamMap, resolution: float, miss: float | None) -> OccupancyGrid:
+    """Return the map as cells, the usual ones or with another probability of those that are passed.
+
+    Beams of which nothing came back clear nothing: black and glass walls swallow them as well as open space.
+    """
+    given: dict[str, Any] = {"resolution": resolution, "clear_no_return": False}
+    builder = OccupancyBuilder(given if miss is None else given | {"miss": miss, "free_to": _FREE})
     for scan, pose in zip(slam_map.scans, slam_map.poses, strict=True):
         builder.add(scan, pose)
     return builder.grid()
@@ -133,6 +149,7 @@ def _grid(slam_map: SlamMap, resolution: float) -> OccupancyGrid:
 def _agreement(
     distance: NDArray[np.float32],
     is_free: Bools,
+    is_solid: Bools,
     origin: Floats,
     resolution: float,
     points: Points,
@@ -159,7 +176,7 @@ def _agreement(
             row = math.floor((pose[1] + along * dy - origin[1]) / resolution)
             if not (0 <= row < n_rows and 0 <= column < n_columns):
                 break
-            if distance[row, column] == 0.0:
+            if is_solid[row, column]:
                 n_through += 1
                 break
             along += max(float(distance[row, column]) - 0.5 * resolution, 0.7 * resolution)

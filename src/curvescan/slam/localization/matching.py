@@ -7,7 +7,7 @@ metres away because they look the other way.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,16 +18,24 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.field import DistanceField
+from curvescan.slam.localization.map_precision import MapPrecision
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
-from curvescan.types import Cov, Pose
+from curvescan.types import Cov, Points, Pose
 
 _REACH_M = 8.0
 """Keyframes farther away are not matched, metres."""
 
+_HALF_M = 4.0
+"""One this far away comes behind a near one that shares half as much: clutter looks different from elsewhere, metres."""
+
 _LEAST_OVERLAP = 0.15
 """Nor those that share less of what they see, foretold from where they are."""
+
+_SCORE = 0.25
+"""What the score of a sure match counts for beside the share of readings that the map agrees with."""
 
 _DUE_OVERLAP = 0.4
 """A keyframe that shares as much should match."""
@@ -72,13 +80,25 @@ class MapMatcher:
         Its keyframes.
     config : SlamConfig
         The rules.
+    field : DistanceField
+        The map as cells.
     """
 
-    def __init__(self, slam_map: SlamMap, keyframes: Keyframes, config: SlamConfig) -> None:
+    def __init__(
+        self, slam_map: SlamMap, keyframes: Keyframes, config: SlamConfig, field: DistanceField
+    ) -> None:
+        self.field = field
+        self._misfits: dict[int, float] = {}
         self._map, self._keyframes, self._config = slam_map, keyframes, config
+        self._precision = MapPrecision(slam_map)
 
     def around(
-        self, scan: LaserScan, expected: UncertainPose, *, n_most: int = _N_FUSED
+        self,
+        scan: LaserScan,
+        expected: UncertainPose,
+        *,
+        seen_from: int = -1,
+        n_most: int = _N_FUSED,
     ) -> tuple[list[Hit], bool]:
         """Return matches with keyframes that should show a scan, within the gate of where it is expected, and whether one was due.
 
@@ -88,6 +108,8 @@ class MapMatcher:
             The scan.
         expected : UncertainPose
             Where it was taken, in the map.
+        seen_from : int
+            Keyframe that this is known from: where another one lies is known no better than the map knows it. -1 for none.
         n_most : int
             Matches wanted; twice as many keyframes are tried.
         """
@@ -95,19 +117,64 @@ class MapMatcher:
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
         overlap = foretold_overlap(self._keyframes.profiles, near, relative, range_profile(scan))
-        order = np.argsort(-overlap, kind="stable")[: 2 * n_most]
+        apart = np.hypot(relative[:, 0], relative[:, 1])
+        order = np.argsort(-overlap / (1.0 + apart / _HALF_M), kind="stable")[: 2 * n_most]
         order = order[overlap[order] >= _LEAST_OVERLAP]
         current = self._keyframes.prepare(scan) if len(order) else None
         hits: list[Hit] = []
         for row in order.tolist():
             assert current is not None
             hit = self._hit(int(near[row]), current, relative[row])
-            if hit is not None and fuse(expected, hit.here)[1] < self._config.closures.gate:
+            if hit is not None and self._agrees(self.seen_from(expected, seen_from, hit), hit):
                 hits.append(hit)
                 if len(hits) == n_most:
                     break
         is_due = bool(len(order)) and bool(overlap[order[0]] >= _DUE_OVERLAP)
         return hits, is_due
+
+    def seen_from(self, expected: UncertainPose, keyframe: int, hit: Hit) -> UncertainPose:
+        """Return what is expected by one keyframe, with what the map errs between it and the keyframe of a match."""
+        error = self._precision.between(keyframe, hit.keyframe)
+        return UncertainPose(expected.pose, expected.cov + error)
+
+    def _agrees(self, expected: UncertainPose, hit: Hit) -> bool:
+        return fuse(expected, hit.here)[1] < self._config.closures.gate
+
+    def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
+        """Return matches of one scan, the best one first, and those that agree with it.
+
+        Where the map is bent its keyframes put one scan in several places; their mean is none of them.
+
+        Parameters
+        ----------
+        points : (m, 2) float64
+            Valid readings of the scan in the frame of the sensor.
+        hits : list of Hit
+            Its matches.
+        """
+        if len(hits) < 2:
+            return hits
+        worth = [_SCORE * hit.weight * hit.score - self.shortfall(points, hit) for hit in hits]
+        first = hits[int(np.argmax(worth))]
+        others = [
+            replace(hit, here=self.seen_from(hit.here, first.keyframe, hit))
+            for hit in hits
+            if hit is not first
+        ]
+        return [first, *(hit for hit in others if self._agrees(first.here, hit))]
+
+    def shortfall(self, points: Points, hit: Hit) -> float:
+        """Return by how much less the map agrees with a scan where a match has it than with the keyframe where it was taken."""
+        fit = self.field.agreement(points, hit.here.pose).score
+        return 1.0 - self.misfit(hit.keyframe) - fit
+
+    def misfit(self, k: int) -> float:
+        """Return how much of a keyframe's own scan the map does not agree with: a lot where others have the same walls elsewhere."""
+        if k not in self._misfits:
+            scan = self._map.scans[k]
+            points = np.ascontiguousarray(scan.points[scan.valid])
+            self._misfits[k] = 1.0 - self.field.agreement(points, self._map.poses[k]).score
+        return self._misfits[k]
 
     def similar(self, scan: LaserScan, n_tried: int) -> list[Hit]:
         """Return matches without a guess with keyframes that look like a scan; none that leave a direction open."""

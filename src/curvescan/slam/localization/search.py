@@ -53,6 +53,9 @@ _CHANGED = 0.5
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
 
+_LEAD = 0.15
+"""A pose that is expected agrees better with the map than any other, by this share of the readings."""
+
 _SAME_M, _SAME_RAD = 0.5, 0.26
 """Poses nearer to each other are one, metres and radians."""
 
@@ -186,6 +189,12 @@ class MapSearch:
         is_matched = min(best.matched, best.support - most) >= _CHANGED and best.support > 0.4
         # nor may the views before speak against what one says
         return is_known or is_matched or (is_seen and best.support >= best.view - _MARGIN)
+
+    def is_best(self, points: Points, pose: Pose) -> bool:
+        """Return whether the map agrees with a scan clearly better at a pose than at any other one found."""
+        others = [place.pose for place in self._found if not is_same(place.pose, pose)]
+        most = max((self.field.agreement(points, other).score for other in others), default=-1.0)
+        return self.field.agreement(points, pose).score >= most + _LEAD
 
     @property
     def is_large(self) -> bool:

@@ -17,8 +17,8 @@ class LocalizerOutcome(Enum):
 
     SEARCHING = "Not found in the map yet."
     FOUND = "Found without a guess: no other place in the map explains the scans as well."
-    TRACKED = "Matched with keyframes around."
-    PREDICTED = "Carried on by the odometry from the last scan that was matched with the map."
+    TRACKED = "Matched with keyframes around, or carried on by matches of the odometry less than half a keyframe's distance from where it was."
+    PREDICTED = "Carried on by the odometry: no match with the map where one was due."
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

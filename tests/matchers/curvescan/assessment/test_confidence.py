@@ -23,6 +23,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     MISSED,
     N_EVIDENCE,
     SEEN_THROUGH,
+    SMALL,
     WEAKEST,
 )
 from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION, support_of
@@ -80,6 +81,95 @@ def test_a_far_motion_and_an_open_direction_speak_against_and_a_guess_for_a_pose
     assert set(poses(GOOD, GOOD).rival_terms(1)) == set(RIVAL_COEFFICIENTS)
 
 
+def test_the_log_odds_are_those_of_the_model():
+    """As docs/design-notes/confidence.md has it, here by hand."""
+    evidence = {
+        EXCESS: 0.9,
+        AGREEING: 9.9,
+        WEAKEST: 0.9,
+        MISFIT: 0.9,
+        MISSED: 0.05,
+        SEEN_THROUGH: 0.9,
+        LARGE: 0.8,
+    }
+    found = poses(evidence, motions=[2.5], guessed=True)
+    expected = {
+        "constant": 1.0,
+        "log10_excess": 0.0,
+        "log10_agreeing": 1.0,
+        "log10_weakest": 0.0,
+        "log10_misfit": 0.0,
+        "log10_missed": -1.0,
+        "log10_seen_through": 0.0,
+        "log10_large": 0.0,
+        "motion": 1.5,  # what is more than 1
+        "guessed": 1.0,
+        "degenerate": 0.0,
+        "few": 0.5,  # of 2 m that are enough there are 0.9, and the 0.1 added to all
+        "few_motion": 0.75,
+        "few_seen_through": 0.5,  # ten times the least
+    }
+    assert found.terms(0) == pytest.approx(expected, abs=1e-12)
+    assert found.terms(0, is_degenerate=True) == pytest.approx(expected | {"degenerate": 1.0})
+    total = sum(COEFFICIENTS[name] * value for name, value in expected.items())
+    assert found.log_odds(0) == pytest.approx(total)
+    assert found.log_odds(0, is_degenerate=True) == pytest.approx(
+        total + COEFFICIENTS["degenerate"]
+    )
+    # a fifth of what a motion weighs is left where poses are sorted
+    motion = COEFFICIENTS["motion"] * 1.5 + COEFFICIENTS["few_motion"] * 0.75
+    assert found.rank(0) == pytest.approx(-(total - 0.8 * motion))
+    far = poses(evidence, motions=[9.0])
+    assert far.terms(0)["motion"] == 3.0  # as unlikely as 4
+    enough = poses({**evidence, EXCESS: 3.0}, motions=[9.0]).terms(0)
+    assert enough["few"] == enough["few_motion"] == enough["few_seen_through"] == 0.0
+    nothing = poses({}).terms(0)
+    assert nothing["log10_missed"] == pytest.approx(np.log10(0.05))
+    assert nothing["log10_large"] == pytest.approx(np.log10(0.2))
+    assert nothing["few"] == pytest.approx(0.95)
+
+
+def test_a_rival_is_weighed_by_what_it_has_more_than_the_best():
+    other = {**GOOD, MISFIT: 7.9, SEEN_THROUGH: 0.9, EXCESS: 0.75}
+    found = poses({**GOOD, MISFIT: 0.7}, other, motions=[3.0, 3.5])
+    terms = found.rival_terms(1)
+    assert terms["constant"] == 1.0
+    assert terms["log10_misfit"] == pytest.approx(1.0)
+    assert terms["log10_seen_through"] == pytest.approx(1.0)
+    assert terms["motion"] == pytest.approx(0.5)
+    odds, repetition = found.rival_log_odds(1)
+    assert repetition == terms["repetition"] == found.repetition(1)
+    total = sum(RIVAL_COEFFICIENTS[name] * value for name, value in terms.items())
+    assert odds == pytest.approx(total)
+    # nearer to the guess speaks for it, up to a metre
+    assert poses(GOOD, GOOD, motions=[3.5, 3.0]).rival_terms(1)["motion"] == pytest.approx(-0.5)
+    assert poses(GOOD, GOOD, motions=[3.9, 1.0]).rival_terms(1)["motion"] == -1.0
+
+
+def test_a_repetition_is_the_mean_of_two_shares_less_what_contradicts():
+    """The excess 0.75 of 2 m with half a metre more each is half, the weakest 0.3 of 2.1 with 0.3 a quarter."""
+    best = {**GOOD, EXCESS: 2.0, WEAKEST: 2.1}
+    other = {**best, EXCESS: 0.75, WEAKEST: 0.3}
+    share = np.sqrt(0.5 * 0.25)
+    assert poses(best, other).repetition(1) == pytest.approx(share)
+    # 15 % of the 8 m that agree there is what explains nothing any more; half of it leaves half
+    for column in (SEEN_THROUGH, SMALL):
+        assert poses(best, {**other, column: 0.6}).repetition(1) == pytest.approx(0.5 * share)
+        # what contradicts the best as well says nothing
+        both = poses({**best, column: 0.3}, {**other, column: 0.9})
+        assert both.repetition(1) == pytest.approx(0.5 * share)
+    # a quarter less for each metre and radian beyond 2.2 farther than the best
+    for farther, left in ((2.2, 1.0), (4.2, 0.5), (6.2, 0.0)):
+        found = poses(best, other, motions=[0.3, 0.3 + farther])
+        assert found.repetition(1) == pytest.approx(left * share)
+    # on two walls alone half less, from 0.7 on
+    two = {**other, EXCESS: 0.25}
+    share = np.sqrt(0.3 * 0.25)
+    for farther, left in ((0.7, 1.0), (1.7, 0.5), (2.7, 0.0)):
+        found = poses(best, two, motions=[0.3, 0.3 + farther])
+        assert found.repetition(1) == pytest.approx(left * share)
+
+
 def test_a_pose_that_explains_as_much_repeats_and_one_that_is_contradicted_does_not():
     as_good, less = dict(GOOD), {**GOOD, EXCESS: 0.0, WEAKEST: 0.1}
     seen_through = {**GOOD, SEEN_THROUGH: 1.5}
@@ -116,6 +206,13 @@ def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradic
     assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}).may_be_turned
     assert poses({**GOOD, BEYOND: 0.0, MISSED: 0.5}).may_be_turned
     assert not poses({**GOOD, BEYOND: 1.0, SEEN_THROUGH: 0.5}, motions=[1.5]).may_be_turned
+    # 1.45 m and rad, 5 % of what agrees, 0.2 m beyond four walls
+    assert not poses({**GOOD, BEYOND: 0.0}, motions=[1.44]).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.19}, motions=[1.46]).may_be_turned
+    assert not poses({**GOOD, BEYOND: 0.21}, motions=[1.46]).may_be_turned
+    assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.19}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.2, MISSED: 0.21}).may_be_turned
+    assert poses({**GOOD, BEYOND: 0.0, EXCESS: 2.9, SEEN_THROUGH: 0.5}).may_be_turned
     # a guess decides
     assert not poses({**GOOD, BEYOND: 0.0, SEEN_THROUGH: 0.5}, guessed=True).may_be_turned
     # a long third wall, and something that changed

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
@@ -32,6 +33,7 @@ from curvescan.matchers.curvescan.features.surfels import (
     NX,
     NY,
     RANGE,
+    VARIANCE,
     X,
     Y,
 )
@@ -113,6 +115,38 @@ def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distanc
     assert person_length(surfels, bounds, codes, nothing) == 0.0
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_person_at_a_wall_that_runs_aslant_is_none_the_less_before_it(way):
+    wall_aslant = wall(2.0, -2.0 * way, 4.0, 2.0 * way)
+    normal = wall_aslant[0, [NX, NY]]
+    for distance, is_person in ((0.3, True), (0.03, False)):
+        surfels = wall_aslant.copy()
+        rows = np.arange(18, 21)
+        surfels[rows, X] += distance * normal[0]
+        surfels[rows, Y] += distance * normal[1]
+        # the wall's ranges rise along it by more than a person stands before it: only its line tells
+        surfels[:, RANGE] = 3.0
+        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+        codes[rows] = DYNAMIC
+        nothing = np.zeros(len(surfels), dtype=np.bool_)
+        length = person_length(surfels, np.array([0, len(surfels)]), codes, nothing)
+        assert length == pytest.approx(3 * surfels[0, LENGTH] if is_person else 0.0)
+
+
+def test_a_person_at_the_first_or_the_last_reading_stands_before_nothing_else():
+    surfels, _ = leaning(0.0)
+    nothing = np.zeros(len(surfels), dtype=np.bool_)
+    bounds = np.array([0, len(surfels)])
+    for rows in (np.arange(3), np.arange(37, 40)):
+        moved = surfels.copy()
+        moved[rows, X] -= 0.3
+        moved[:, RANGE] = np.hypot(moved[:, X], moved[:, Y])
+        moved[-1 if rows[0] == 0 else 0, RANGE] = 1.0  # the far end of the wall says nothing
+        codes = np.full(len(surfels), INLIER, dtype=np.uint8)
+        codes[rows] = DYNAMIC
+        assert person_length(moved, bounds, codes, nothing) == pytest.approx(0.3)
+
+
 def test_a_piece_of_a_wall_that_goes_on_on_one_side_is_no_person():
     corner = np.vstack([wall(3, -2, 3, 2), wall(2.6, 2, 3, 2, n=5)[::-1]])
     codes = np.full(len(corner), INLIER, dtype=np.uint8)
@@ -178,8 +212,31 @@ def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     assert other[SEEN_THROUGH] + other[SMALL] > 1.0
 
 
-def test_a_corridor_fixes_nothing_along_itself():
-    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+def test_what_is_known_of_no_noise_has_no_misfit():
+    ref, cur = pair()
+    [found] = evidence(ref, cur, MOTION)
+    for scan in (ref, cur):
+        variances = scan.image.surfels[:, VARIANCE].copy()
+        scan.image.surfels[::2, VARIANCE] = 0.0
+        [some] = evidence(ref, cur, MOTION)
+        assert some[MISFIT] == pytest.approx(found[MISFIT], rel=0.2)
+        assert some[AGREEING] == found[AGREEING]
+        scan.image.surfels[:, VARIANCE] = variances
+
+
+@pytest.mark.parametrize("heading", [0.4, -1.1, 2.0])
+def test_a_corridor_fixes_nothing_along_itself(heading):
+    """However the sensor is turned in it."""
+    turned = [
+        cs.LaserScan(
+            scan.ranges,
+            angle_min=scan.angle_min + heading,
+            angle_increment=scan.angle_increment,
+            range_max=8.0,
+        )
+        for scan in (hall_scan(0.0, seed=1), hall_scan(0.4, seed=2))
+    ]
+    ref, cur = map(features, turned)
     [found] = evidence(ref, cur, np.zeros(3))
     assert found[AGREEING] > 3.0
     assert found[WEAKEST] < 0.1

@@ -29,7 +29,7 @@ def test_the_score_is_that_of_the_slow_twin(seed):
     here = slow_score(ref, cur, back)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     n = len(cur.image.samples)
-    one = score_samples(cur.image.samples, 0, n, ref.image, pose[0], pose[1], c, s, 0.05, 0.01)
+    one = score_samples(cur.image.samples, ref.image, pose[0], pose[1], c, s, 0.05, 0.01)
     assert abs(one - there) < 1e-9
     both = score_pose(pose, ref.image, cur.image, 0.05, 0.01, 64, -1.0)
     assert abs(both - (there + here) / (2 * n)) < 1e-9

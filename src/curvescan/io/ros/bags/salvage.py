@@ -10,7 +10,7 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -33,6 +33,7 @@ _MCAP_END = b"\x02" + (20).to_bytes(8, "little") + bytes(20) + _MCAP_MAGIC
 _MCAP_CHUNK, _MCAP_CHUNK_HEAD = b"\x06", 41  # up to the name of the compression
 _MCAP_DATA_END, _MCAP_FOOTER = 0x0F, 0x02
 _SQLITE_ENDINGS = ("-wal", "-journal")
+_LARGEST_PAGE = 1 << 16  # stands as 1 in the two bytes of the header
 
 
 def salvage(file: Path, kind: BagKind, target: Path) -> None:
@@ -170,9 +171,11 @@ def _fields(data: bytes) -> Header:
 
 def _salvage_sqlite(file: Path, target: Path) -> None:
     """Copy the tables row by row, in the order of their numbers, until the database breaks off."""
-    uri = f"{file.absolute().as_uri()}?immutable=1&mode=ro"
     with (
-        closing(sqlite3.connect(uri, uri=True)) as source,
+        _whole_pages(file, target.with_name(f"{target.name}-pages")) as sound,
+        closing(
+            sqlite3.connect(f"{sound.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+        ) as source,
         closing(sqlite3.connect(target)) as goal,
     ):
         # else a file that is shorter than it says is not looked at
@@ -193,6 +196,24 @@ def _salvage_sqlite(file: Path, target: Path) -> None:
                     values = [_as_text(v) if name != b"messages" else v for v in row]
                     goal.execute(f"insert into {name.decode()} values ({marks})", values)
         goal.commit()
+
+
+@contextmanager
+def _whole_pages(file: Path, copy: Path) -> Iterator[Path]:
+    """Yield a database without the last of its pages if that is cut: SQLite reads what is missing of one as zeros."""
+    with file.open("rb") as source:
+        size = int.from_bytes(source.read(18)[16:], "big")
+    n_bytes = file.stat().st_size
+    n_over = n_bytes % (_LARGEST_PAGE if size == 1 else max(size, 1))
+    if not n_over:
+        yield file
+        return
+    try:
+        shutil.copyfile(file, copy)
+        os.truncate(copy, n_bytes - n_over)
+        yield copy
+    finally:
+        copy.unlink(missing_ok=True)
 
 
 def _as_text(value: object) -> object:

@@ -1,4 +1,4 @@
-"""Evidence: what the readings of both scans say of one pose, and which directions they leave open."""
+"""Assessment: what the readings of both scans say of one pose, and which directions they leave open."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from curvescan.matchers.curvescan.refinement import refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Assessment:
     """What two scans say of a pose.
 
@@ -86,42 +86,17 @@ def assess_pose(
 ) -> Assessment:
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
-    (
-        codes_ref,
-        codes_cur,
-        partner_ref,
-        partner_cur,
-        n_inliers,
-        is_static_ref,
-        is_static_cur,
-        n_dynamic,
-        information,
-        spurious,
-        axes,
-        units,
-    ) = assess(
-        ref.image,
-        ref.bounds,
-        cur.image,
-        cur.bounds,
-        pose,
-        rules.margin,
-        rules.dynamic_sigmas,
-        rules.dynamic_min_m,
-    )
     return Assessment(
-        codes_ref=codes_ref,
-        codes_cur=codes_cur,
-        partner_ref=partner_ref,
-        partner_cur=partner_cur,
-        n_inliers=n_inliers,
-        is_static_ref=is_static_ref,
-        is_static_cur=is_static_cur,
-        n_dynamic=n_dynamic,
-        information=information,
-        spurious=spurious,
-        axes=axes,
-        units=units,
+        *assess(
+            ref.image,
+            ref.bounds,
+            cur.image,
+            cur.bounds,
+            pose,
+            rules.margin,
+            rules.dynamic_sigmas,
+            rules.dynamic_min_m,
+        )
     )
 
 
@@ -149,7 +124,7 @@ def assess(
     limit: float,
     least: float,
 ) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
-    """Return the fields of an Evidence; margin, limit and least as in ScoringConfig."""
+    """Return the fields of an Assessment, in their order; margin, limit and least as in ScoringConfig."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
     codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)

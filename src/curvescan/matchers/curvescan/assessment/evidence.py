@@ -24,6 +24,7 @@ from curvescan.matchers.curvescan.association import (
     associate,
     is_seen_through,
     motion_of,
+    project,
     turned,
     turned_back,
 )
@@ -124,10 +125,11 @@ def add_evidence(
     """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`, and return how many of them have a misfit."""
     codes = np.zeros(surfels.shape[0], dtype=np.uint8)
     motion = motion_of(pose, way)
+    placed = project(surfels, motion, other)
     n_misfits = 0
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(surfels.shape[0]):
-        j, _, x, y, across, along = associate(surfels, i, motion, other)
+        j, _, x, y, across, along = associate(placed, i, other)
         if j < 0:
             continue
         length = surfels[i, LENGTH]

@@ -13,6 +13,7 @@ from curvescan.matchers.curvescan.association import (
     distances,
     is_seen_through,
     motion_of,
+    project,
     projected,
 )
 from curvescan.matchers.curvescan.features.range_image import RangeImage
@@ -81,10 +82,10 @@ def compare_readings(
     codes = np.empty(m, dtype=np.uint8)
     partner = np.empty(m, dtype=np.int64)
     surfels_other = other.surfels
-    motion = motion_of(pose, FORWARD)
+    placed = project(surfels, motion_of(pose, FORWARD), other)
     for i in range(m):
         codes[i], partner[i] = OCCLUDED, -1
-        j, _, x, y, across, along = associate(surfels, i, motion, other)
+        j, _, x, y, across, along = associate(placed, i, other)
         if j < 0:
             continue
         limit, reach = agreeing_limits(surfels, i, surfels_other, j, margin)

@@ -146,8 +146,14 @@ def bearing(x: float, y: float) -> float:
 @inlined
 def place_of(x: float, y: float, image: RangeImage) -> float:
     """Return where a point stands in the azimuth table, in slots, one turn off at most; NaN of what is too far away."""
+    return place_in(x, y, image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN])
+
+
+@inlined
+def place_in(x: float, y: float, azimuth_min: float, slots_a_radian: float) -> float:
+    """Return where a point stands in the azimuth table, as :func:`place_of` does, of these two columns of `azimuth`."""
     # both angles lie in [-pi, pi], so that their difference is at most one turn off
-    return float((bearing(x, y) - image.azimuth[AZIMUTH_MIN]) * image.azimuth[SLOTS_A_RADIAN] + 0.5)
+    return float((bearing(x, y) - azimuth_min) * slots_a_radian + 0.5)
 
 
 @kernel

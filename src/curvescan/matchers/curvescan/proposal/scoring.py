@@ -17,6 +17,7 @@ from curvescan.matchers.curvescan.association import (
     Motion,
     associate,
     is_seen_through,
+    project,
     turned,
 )
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
@@ -51,8 +52,6 @@ _MAX_ALIKE = 4
 @kernel
 def score_samples(
     samples: Floats,
-    low: int,
-    high: int,
     image: RangeImage,
     x: float,
     y: float,
@@ -61,15 +60,16 @@ def score_samples(
     tolerance: float,
     slope: float,
 ) -> float:
-    """Return the agreements less half the contradictions of samples low..high - 1 of one scan in another.
+    """Return the agreements less half the contradictions of samples of one scan in another.
 
     (x, y), c and s are the place and the direction's cosine and sine of the first in the second.
     """
     score = 0.0
     surfels = image.surfels
     motion = Motion(c, s, x, y, FORWARD)
-    for k in range(low, high):
-        j, place, qx, qy, across, _ = associate(samples, k, motion, image)
+    placed = project(samples, motion, image)
+    for k in range(samples.shape[0]):
+        j, place, qx, qy, across, _ = associate(placed, k, image)
         if j < 0:
             continue
         limit = tolerance + slope * surfels[j, RANGE]
@@ -116,30 +116,8 @@ def score_pose(
     n_ref, n_cur = ref.samples.shape[0], cur.samples.shape[0]
     low, high, score, rate = n_first - n_first, n_first, 0.0, 0.0  # not the constant 0: see explore
     while low < max(n_ref, n_cur):
-        score += score_samples(
-            cur.samples,
-            low,
-            min(high, n_cur),
-            ref,
-            x,
-            y,
-            c,
-            s,
-            tolerance,
-            slope,
-        )
-        score += score_samples(
-            ref.samples,
-            low,
-            min(high, n_ref),
-            cur,
-            ix,
-            iy,
-            c,
-            -s,
-            tolerance,
-            slope,
-        )
+        score += score_samples(cur.samples[low:high], ref, x, y, c, s, tolerance, slope)
+        score += score_samples(ref.samples[low:high], cur, ix, iy, c, -s, tolerance, slope)
         rate = score / (min(high, n_ref) + min(high, n_cur))
         # few samples err more: what is certain of a score narrows with the root of their number
         if rate < least - _PROSPECT / math.sqrt(min(high, n_ref) + min(high, n_cur)):

@@ -1,0 +1,186 @@
+"""Measure the table of docs/logs.md: `python bench/logs.py [--data FOLDER] [--only intel.clf.gz]`.
+
+Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options but those that
+the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one before; bench/logs.md has
+the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+from dataclasses import asdict, dataclass
+from datetime import date
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.evaluation.trajectory_errors import ate, travelled
+from curvescan.odometry.step import StepOutcome
+
+HERE = Path(__file__).parent
+ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
+
+Truth = Literal["wheels", "corrected", "still", ""]
+"""What the end of the path is compared with: wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
+
+LOGS: dict[str, tuple[str, Truth]] = {
+    "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "wheels"),
+    "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "wheels"),
+    "intel-lab/intel-corrected.log.gz": ("Intel, keyframes 0.7 m apart", "corrected"),
+    "aces/aces-corrected.log.gz": ("ACES, keyframes", "corrected"),
+    "keyframed-corrected/belgioioso-corrected.log.gz": ("castle, keyframes 1 m apart", "corrected"),
+    "keyframed-corrected/seattle-corrected.log.gz": (
+        "university, corridors of 30 m, keyframes",
+        "corrected",
+    ),
+    "keyframed-corrected/acapulco-corrected.log.gz": ("convention centre, keyframes", "corrected"),
+    "leg-tracker-people/general_tracking_moving_1.bag.gz": (
+        "wheelchair among walking people, Hokuyo",
+        "wheels",
+    ),
+    "leg-tracker-people/demo_stationary_simple_environment.bag.gz": (
+        "Hokuyo at rest, people walk past",
+        "still",
+    ),
+    "leg-tracker-people/positive_1.bag.gz": ("Hokuyo at rest, one person", "still"),
+    "ccny-handheld-hokuyo/demo.bag": ("Hokuyo carried by hand", ""),
+    "mumble-rplidar-a1/kitchen_1": ("RPLIDAR A1 on a rover in a flat", ""),
+    "mumble-rplidar-a1/slow_half_hallway": ("the same, a hallway", ""),
+    "turtlebot4-rplidar/macfirst_floor_take_2": ("RPLIDAR on a TurtleBot 4", "wheels"),
+    "mines-urg04/exp1.dat.gz": ("URG-04LX on a rover", "wheels"),
+    "malaga-sena-loop/malaga-sena-loop.clf.gz": ("SICK on a wheelchair, one loop", "wheels"),
+    "ual-campus-sick/ual-campus.clf.gz": ("SICK on a car, outdoors, 4 m/s", "wheels"),
+}
+"""Each log, by its path in the folder of logs: what it is, and what its end is compared with."""
+
+CORRECTED = (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
+"""Outcomes that put right the drift since an earlier keyframe."""
+
+NOT_LISTED = ("note",)
+"""Kinds of issues that are remarks of the reader."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A log, its issues, and what became of its odometry; metres."""
+
+    log: str
+    format: str
+    n_scans: int
+    issues: list[str]
+    options: list[str]
+    n_failed: int
+    n_relocalized: int
+    length: float
+    end: str
+    version: str
+    measured: str
+
+    @property
+    def cells(self) -> list[str]:
+        """The row of the table."""
+        what, _ = LOGS[self.log]
+        return [
+            f"`{Path(self.log).name}`",
+            what,
+            self.format,
+            f"{self.n_scans:,}",
+            ", ".join(kind.replace("_", " ") for kind in self.issues) or "none",
+            " ".join(f"`{option}`" for option in self.options) or "-",
+            f"{self.n_failed:,} ({100 * self.n_failed / self.n_scans:.1f} %)",
+            f"{self.n_relocalized:,}",
+            f"{self.length:,.0f} m",
+            self.end or "-",
+        ]
+
+
+HEAD = [
+    *("log", "what", "format", "scans", "issues by `info`", "options"),
+    *("no match", "relocalized", "path", "its end"),
+]
+ALIGNED = [":---"] * 3 + ["---:"] + [":---"] * 2 + ["---:"] * 3 + [":---"]
+
+
+def measure(folder: Path, name: str) -> Row:
+    """Read a log, and follow it."""
+    log = cs.read_log(folder / name)
+    issues = cs.find_issues(cs.inspect_log(log))
+    given = {issue.argument.partition("=")[0]: True for issue in issues if issue.argument}
+    log = cs.read_log(folder / name, **given)
+    run = cs.run_odometry(log)
+    poses = run.trajectory.poses
+    return Row(
+        log=name,
+        format=log.format,
+        n_scans=len(poses),
+        issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
+        options=[issue.option for issue in issues if issue.option],
+        n_failed=int(np.count_nonzero(run.is_failed)),
+        n_relocalized=sum(one in CORRECTED for one in run.outcomes),
+        length=round(float(travelled(poses)[-1]), 2),
+        end=end_of(poses, log, LOGS[name][1]),
+        version=cs.__version__,
+        measured=date.today().isoformat(),
+    )
+
+
+def end_of(poses: np.ndarray, log: cs.Log, truth: Truth) -> str:
+    """Return in words how the path of a log ends."""
+    if truth == "still":
+        x, y, theta = se2.between(poses[0], poses[-1]).tolist()
+        return f"{1e3 * math.hypot(x, y):.1f} mm, {abs(math.degrees(theta)):.2f} deg of drift"
+    if not truth or log.odometry is None:
+        return ""
+    known = log.odometry.poses
+    is_known = np.isfinite(known).all(axis=1)
+    poses, known = poses[is_known], known[is_known]
+    if truth == "corrected":
+        errors = ate(poses, known)
+        return f"{float(np.sqrt(np.mean(errors**2))):.2f} m ATE against its corrected poses"
+    moved = [se2.between(path[0], path[-1]) for path in (known, poses)]
+    x, y, theta = se2.between(*moved).tolist()
+    return f"{math.hypot(x, y):.1f} m, {abs(math.degrees(theta)):.0f} deg from the wheels"
+
+
+def read_rows() -> dict[str, Row]:
+    """Return the rows that were measured, by log."""
+    lines = ROWS.read_text("utf-8").splitlines() if ROWS.exists() else []
+    return {row.log: row for row in (Row(**json.loads(line)) for line in lines)}
+
+
+def write_rows(rows: dict[str, Row]) -> None:
+    """Write all rows, and the table made of them."""
+    ordered = [rows[name] for name in LOGS if name in rows]
+    ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
+    lines = [HEAD, ALIGNED, *(row.cells for row in ordered)]
+    days = sorted({f"{row.measured}, version {row.version}" for row in ordered})
+    TABLE.write_text(
+        "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        + f"\nMeasured on {'; '.join(days)}.\n",
+        "utf-8",
+    )
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    default = os.environ.get("CURVESCAN_DATA", "../shared/data")
+    parser.add_argument("--data", type=Path, default=Path(default), help="folder of the logs")
+    parser.add_argument("--only", nargs="+", default=[], help="names of logs; all if not given")
+    options = parser.parse_args()
+    for name in LOGS:
+        if not options.only or Path(name).name in options.only:
+            row = measure(options.data, name)
+            print(*row.cells, flush=True)
+            write_rows(read_rows() | {name: row})
+    write_rows(read_rows())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""Processes of this Python: how many there are cores for, and how one begins that imports what this one can."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+
+def n_usable_cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def has_own_python() -> bool:
+    """Return whether the interpreter can be started again.
+
+    That of a program that embeds Python, or was packed into one file, is not named so.
+    """
+    return "python" in Path(sys.executable or "").name
+
+
+def python_command(module: str, call: str) -> list[str]:
+    """Return the command of a process that imports from the same places as this one, and calls a function of a module.
+
+    Parameters
+    ----------
+    module : str
+        Where the function is: ``"package.module"``.
+    call : str
+        The call, with its arguments: ``"serve()"``.
+    """
+    paths = [str(Path(entry).absolute()) for entry in sys.path]
+    name = call.partition("(")[0]
+    code = f"import sys; sys.path[:] = {paths}; from {module} import {name}; {call}"
+    return [sys.executable, "-c", code]

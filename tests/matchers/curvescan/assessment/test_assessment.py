@@ -1,0 +1,162 @@
+"""Assessment of one pose: both ways, without what moved, and which directions are open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.assessment.assessment import (
+    Assessment,
+    assess_pose,
+    degenerate_directions,
+    remove_dynamic,
+    without_dynamic,
+)
+from curvescan.matchers.curvescan.assessment.labels import (
+    DYNAMIC,
+    INLIER,
+    OCCLUDED,
+    compare_readings,
+)
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.surfels import X
+from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
+from tests.matchers.curvescan.scenes import MOTION, features, pair
+
+CONFIG = CurvescanConfig()
+RULES = CONFIG.information
+
+
+def assessed(*, n_inliers=20, n_readings=60, **fields):
+    """An Assessment whose readings say nothing; one of the fields may be given."""
+    codes, partner = np.zeros(n_readings, dtype=np.uint8), np.full(n_readings, -1)
+    whole = {
+        "codes_ref": codes,
+        "codes_cur": codes,
+        "partner_ref": partner,
+        "partner_cur": partner,
+        "n_inliers": n_inliers,
+        "is_static_ref": codes == 0,
+        "is_static_cur": codes == 0,
+        "n_dynamic": 0,
+        "information": np.array([1e4, 2e4, 3e4]),
+        "spurious": np.zeros(3),
+        "axes": np.eye(3),
+        "units": np.ones(3),
+    }
+    return Assessment(**{**whole, **fields})
+
+
+def test_a_pose_is_assessed_from_both_scans():
+    ref, cur = pair()
+    found = assess_pose(ref, cur, MOTION, CONFIG)
+    margin = CONFIG.scoring.margin
+    for surfels, image, pose, codes, partner in (
+        (cur.image.surfels, ref.image, MOTION, found.codes_cur, found.partner_cur),
+        (ref.image.surfels, cur.image, cs.se2.inverse(MOTION), found.codes_ref, found.partner_ref),
+    ):
+        expected_codes, expected_partner = compare_readings(surfels, image, pose, margin)
+        np.testing.assert_array_equal(codes, expected_codes)
+        np.testing.assert_array_equal(partner, expected_partner)
+    assert found.n_inliers == np.count_nonzero(found.partner_cur >= 0) > 150
+    assert found.n_dynamic == 0
+
+
+def test_readings_of_surfaces_that_moved_lose_their_partners():
+    codes = np.array([INLIER, INLIER, OCCLUDED, INLIER, OCCLUDED], dtype=np.uint8)
+    partner = np.array([0, 4, -1, 7, -1])
+    is_static = np.array([True, True, True, False, False])
+    assert remove_dynamic(codes, partner, is_static) == 2  # the first reading is a partner, too
+    assert codes.tolist() == [INLIER, INLIER, OCCLUDED, DYNAMIC, OCCLUDED]
+    assert partner.tolist() == [0, 4, -1, -1, -1]
+
+
+@pytest.mark.parametrize(
+    ("n_inliers", "n_readings", "is_enough"),
+    [(15, 361, True), (14, 361, False), (14, 42, True), (13, 42, False), (2, 6, True)],
+)
+def test_as_many_readings_must_agree_as_the_config_says_or_a_third(
+    n_inliers, n_readings, is_enough
+):
+    found = assessed(n_inliers=n_inliers, n_readings=n_readings)
+    assert CONFIG.scoring.min_inliers == 15
+    assert found.is_enough(CONFIG.scoring) == is_enough
+
+
+def test_the_weakest_direction_is_given_in_metres_and_radians():
+    axes = np.eye(3)[:, [2, 0, 1]]  # the turn is known worst
+    found = assessed(axes=axes, units=np.array([1.0, 1.0, 0.25]))
+    np.testing.assert_array_equal(found.weakest, [0.0, 0.0, 0.25])  # moves what is 4 m away by 1 m
+
+
+@pytest.mark.parametrize(
+    ("information", "is_weak"),
+    [([999.0, 1e4, 1e5], True), ([1001.0, 1e4, 1e5], False), ([1001.0, 1001.0, 1e9], False)],
+)
+def test_a_direction_is_weak_beside_the_next(information, is_weak):
+    assert RULES.degenerate_ratio == 0.1
+    assert assessed(information=np.array(information)).is_weakly_observable(RULES) == is_weak
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, [False, False, False]),
+        # no better than 0.1 m
+        ({"information": np.array([99.0, 2e4, 3e4])}, [True, False, False]),
+        ({"information": np.array([99.0, 99.5, 3e4])}, [True, True, False]),
+        # at most twice what tilted lines give of themselves
+        ({"spurious": np.array([5001.0, 0.0, 0.0])}, [True, False, False]),
+        ({"spurious": np.array([4999.0, 9999.0, 14999.0])}, [False, False, False]),
+        ({"spurious": np.array([0.0, 10001.0, 15001.0])}, [False, True, True]),
+    ],
+)
+def test_a_direction_is_open_that_is_known_badly(changed, expected):
+    ref, cur = pair()
+    found = degenerate_directions(ref, cur, MOTION, assessed(**changed), CONFIG)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_weak_direction_is_open_where_the_scans_agree_as_well_along_it():
+    along, across = np.eye(3), np.eye(3)[:, [1, 0, 2]]
+    weak = {"information": np.array([1e3, 2e4, 3e4])}
+    hall = features(hall_scan(0.0, seed=1)), features(hall_scan(0.0, seed=2))
+    arguments = (*hall, np.zeros(3))
+    for axes, is_open in ((along, True), (across, False)):
+        found = degenerate_directions(*arguments, assessed(axes=axes, **weak), CONFIG)
+        np.testing.assert_array_equal(found, [is_open, False, False])
+    # known well beside the next it is not even looked at
+    strong = {"information": np.array([1e4, 2e4, 3e4])}
+    assert not degenerate_directions(*arguments, assessed(axes=along, **strong), CONFIG).any()
+    # a room with pillars fixes both, however weak they are said to be
+    for axes in (along, across):
+        found = degenerate_directions(*pair(), MOTION, assessed(axes=axes, **weak), CONFIG)
+        assert not found.any()
+
+
+def test_what_moved_is_left_out_of_the_pose():
+    ref, cur = pair()
+    poses = np.array([MOTION + np.array([0.005, -0.005, 0.0]), MOTION + 0.5])
+    found = assess_pose(ref, cur, MOTION, CONFIG)
+    same, unchanged = without_dynamic(ref, cur, poses, found, CONFIG)
+    assert same is poses
+    assert unchanged is found
+    # the wall ahead, of both scans, is said to have moved: what is left does not fix x as well
+    in_front = {
+        name: features_of.image.surfels[:, X] < 2.0
+        for name, features_of in (("is_static_ref", ref), ("is_static_cur", cur))
+    }
+    for changed in ({}, in_front):
+        moved = replace(found, n_dynamic=1, **changed)
+        refined, again = without_dynamic(ref, cur, poses, moved, CONFIG)
+        np.testing.assert_allclose(refined[0], MOTION, atol=3e-3)
+        np.testing.assert_array_equal(refined[1], poses[1])  # only the first is refined
+        np.testing.assert_array_equal(
+            again.codes_cur, assess_pose(ref, cur, refined[0], CONFIG).codes_cur
+        )
+        if not changed:
+            whole = refined[0]
+    assert np.abs(refined[0] - whole).max() > 1e-6
