@@ -186,7 +186,14 @@ class ClosuresConfig:
             "likely_sigmas",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting", "n_stretch"):
+        for name in (
+            "n_certain",
+            "n_uncertain",
+            "matches_per_scan",
+            "n_agreeing",
+            "n_waiting",
+            "n_stretch",
+        ):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
         require(self.n_unlike >= 0, "n_unlike must be >= 0", self.n_unlike)
         for name in ("min_score", "min_confidence", "min_similarity"):
