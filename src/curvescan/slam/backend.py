@@ -85,7 +85,13 @@ class Backend:
         return k
 
     def add_keyframe(
-        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
+        self,
+        scan: LaserScan,
+        index: int,
+        motion: UncertainPose,
+        *,
+        is_measured: bool,
+        has_prior: bool = False,
     ) -> int:
         """Take the next keyframe and return its row.
 
@@ -99,8 +105,11 @@ class Backend:
             Its pose in the frame of the current keyframe by the odometry.
         is_measured : bool
             Whether matches measured all of the motion.
+        has_prior : bool
+            Whether wheels measured it too. They hold a corridor then; matches that are degenerate along it, whose errors are alike,
+            would make the graph surer of it than it is right.
         """
-        k = self._map.append(scan, index, motion, is_measured=is_measured)
+        k = self._map.append(scan, index, motion, is_measured=is_measured, has_prior=has_prior)
         self._search.enqueue(k)
         return k
 

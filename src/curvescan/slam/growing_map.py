@@ -119,19 +119,27 @@ class GrowingMap:
         return k
 
     def append(
-        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
+        self,
+        scan: LaserScan,
+        index: int,
+        motion: UncertainPose,
+        *,
+        is_measured: bool,
+        has_prior: bool = False,
     ) -> int:
         """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
         before = self.current
         k = self.keyframes.add(scan, index, self.keyframes[before].session)
         self.fragments.append(self.fragments[before])
-        motion = self._link(before, k, motion, is_measured)
+        motion = self._link(before, k, motion, is_measured, has_prior)
         self._motions.append(motion)
         self.since = compose(self.since, motion)
         self.current = k
         return k
 
-    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
+    def _link(
+        self, before: int, k: int, motion: UncertainPose, is_measured: bool, has_prior: bool
+    ) -> UncertainPose:
         """Tie a keyframe to the one before it, and return how it lies to that."""
         noise, rules = self.config.noise, self.config.closures
         self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
@@ -153,11 +161,12 @@ class GrowingMap:
             expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
             is_expected = fuse(expected, found)[1] < rules.gate
             is_open = result.degenerate_direction is not None
-            if is_expected and is_open:
-                by_chain = self._across(before, k, by_chain)
+            if is_expected and is_open and not has_prior:
+                # it measures the rotation and the way across, the chain the way along
+                by_chain = fuse(by_chain, found)[0]
                 self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
                 return by_chain
-            if is_expected:
+            if is_expected and not is_open:
                 self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
                 return found
             if not is_open:
@@ -165,21 +174,7 @@ class GrowingMap:
                 by_chain = UncertainPose(by_chain.pose, by_chain.cov + off)
         if is_measured:
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
-            return by_chain
         return by_chain
-
-    def _across(self, before: int, k: int, motion: UncertainPose) -> UncertainPose:
-        """Return a motion with what a match that leaves a direction open says of the others.
-
-        It is made with the motion as its guess: along the open direction the pose is the guess, near which the covariance holds.
-        """
-        result = self.keyframes.match(before, k, motion.pose)
-        if not result.ok or not is_confident(result, self.config):
-            return motion
-        measured = as_measurement(result)
-        found = UncertainPose(measured.pose, self.config.noise.edge(measured.cov))
-        fused, distance = fuse(motion, found)
-        return fused if distance < self.config.closures.gate else motion
 
     def doubt(self, k: int, expected: Pose, found: Pose) -> None:
         """Take the way to a keyframe to be as uncertain as two measurements of it differ."""
