@@ -87,16 +87,7 @@ class NoiseConfig:
     def __post_init__(self) -> None:
         require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in (
-            "floor_m",
-            "floor_rad",
-            "step_m",
-            "step_rad",
-            "doubt_m",
-            "doubt_rad",
-            "open_m",
-            "open_rad",
-        ):
+        for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
     @cached_property
