@@ -85,13 +85,7 @@ class Backend:
         return k
 
     def add_keyframe(
-        self,
-        scan: LaserScan,
-        index: int,
-        motion: UncertainPose,
-        *,
-        is_measured: bool,
-        has_prior: bool = False,
+        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
     ) -> int:
         """Take the next keyframe and return its row.
 
@@ -105,11 +99,8 @@ class Backend:
             Its pose in the frame of the current keyframe by the odometry.
         is_measured : bool
             Whether matches measured all of the motion.
-        has_prior : bool
-            Whether wheels measured it too. They hold a corridor then; matches that are degenerate along it, whose errors are alike,
-            would make the graph surer of it than it is right.
         """
-        k = self._map.append(scan, index, motion, is_measured=is_measured, has_prior=has_prior)
+        k = self._map.append(scan, index, motion, is_measured=is_measured)
         self._search.enqueue(k)
         return k
 

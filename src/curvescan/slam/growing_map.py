@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import SlamConfig
@@ -119,27 +118,19 @@ class GrowingMap:
         return k
 
     def append(
-        self,
-        scan: LaserScan,
-        index: int,
-        motion: UncertainPose,
-        *,
-        is_measured: bool,
-        has_prior: bool = False,
+        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
     ) -> int:
         """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
         before = self.current
         k = self.keyframes.add(scan, index, self.keyframes[before].session)
         self.fragments.append(self.fragments[before])
-        motion = self._link(before, k, motion, is_measured, has_prior)
+        motion = self._link(before, k, motion, is_measured)
         self._motions.append(motion)
         self.since = compose(self.since, motion)
         self.current = k
         return k
 
-    def _link(
-        self, before: int, k: int, motion: UncertainPose, is_measured: bool, has_prior: bool
-    ) -> UncertainPose:
+    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
         """Tie a keyframe to the one before it, and return how it lies to that."""
         noise, rules = self.config.noise, self.config.closures
         self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
@@ -151,30 +142,21 @@ class GrowingMap:
             motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
         )
         self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
-        by_chain = vague
-        if is_measured:
-            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
         result = self.keyframes.match(before, k, None)
-        if result.ok and is_confident(result, self.config):
-            measured = as_measurement(result)
-            found = UncertainPose(measured.pose, noise.edge(measured.cov))
+        is_clear = result.ok and result.degenerate_direction is None
+        if is_clear and is_confident(result, self.config):
+            found = UncertainPose(result.pose, noise.edge(result.covariance))
             expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
-            is_expected = fuse(expected, found)[1] < rules.gate
-            is_open = result.degenerate_direction is not None
-            if is_expected and is_open and not has_prior:
-                # it measures the rotation and the way across, the chain the way along
-                by_chain = fuse(by_chain, found)[0]
-                self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
-                return by_chain
-            if is_expected and not is_open:
+            if fuse(expected, found)[1] < rules.gate:
                 self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
                 return found
-            if not is_open:
-                off = self._doubt_of(difference(expected.pose, found.pose))
-                by_chain = UncertainPose(by_chain.pose, by_chain.cov + off)
+            off = difference(expected.pose, found.pose)
+            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
         if is_measured:
+            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
             self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
-        return by_chain
+            return by_chain
+        return vague
 
     def doubt(self, k: int, expected: Pose, found: Pose) -> None:
         """Take the way to a keyframe to be as uncertain as two measurements of it differ."""

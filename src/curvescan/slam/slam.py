@@ -180,11 +180,7 @@ class Slam:
         if self.config.odometry.deskew:
             deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
         k = self.backend.add_keyframe(
-            deskewed,
-            step.index,
-            seen,
-            is_measured=self._n_most_lost == 0,
-            has_prior=odometry_pose is not None,
+            deskewed, step.index, seen, is_measured=self._n_most_lost == 0
         )
         self._records.begin(self.backend.keyframes[k].number, seen)
         self._origin, self._n_most_lost = step, 0
