@@ -8,6 +8,7 @@ the table.
 from __future__ import annotations
 
 import argparse
+import ast
 import json
 import math
 import os
@@ -111,7 +112,8 @@ def measure(folder: Path, name: str) -> Row:
     """Read a log, and follow it."""
     log = cs.read_log(folder / name)
     issues = cs.find_issues(cs.inspect_log(log))
-    given = {issue.argument.partition("=")[0]: True for issue in issues if issue.argument}
+    words = [issue.argument.partition("=") for issue in issues if issue.argument]
+    given = {name: ast.literal_eval(value) for name, _, value in words}
     log = cs.read_log(folder / name, **given)
     run = cs.run_odometry(log)
     poses = run.trajectory.poses

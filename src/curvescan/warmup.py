@@ -184,6 +184,7 @@ def _no_features() -> CurvescanFeatures:
         beam_idx=np.empty(0, dtype=np.int64),
         bounds=np.zeros(1, dtype=np.int64),
         image=image,
+        wide_image=image,
         full_image=image,
         keypoints=np.empty((0, 5)),
         directions=np.zeros(120),

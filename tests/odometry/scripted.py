@@ -16,10 +16,14 @@ _N_BEAMS = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Script:
-    """The true pose of each scan, by its number, and the scans that nothing is matched with."""
+    """The true pose of each scan, by its number, the scans that nothing is matched with, and pairs with a score and confidence of their own.
+
+    A pair of score 0 is not matched.
+    """
 
     poses: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     hidden: frozenset[int] = frozenset()
+    links: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
 
 
 class ScriptedMatcher:
@@ -35,7 +39,8 @@ class ScriptedMatcher:
         return True
 
     def match(self, reference, current, guess):
-        is_seen = not {reference, current} & self.config.hidden
+        score, confidence = self.config.links.get((reference, current), (0.8, 0.95))
+        is_seen = score > 0.0 and not {reference, current} & self.config.hidden
         pose = se2.between(self.config.poses[reference], self.config.poses[current])
         return cs.MatchResult(
             method=METHOD,
@@ -46,16 +51,18 @@ class ScriptedMatcher:
             trace=None,
             labels_reference=np.zeros(_N_BEAMS, dtype=np.uint8),
             labels_current=np.zeros(_N_BEAMS, dtype=np.uint8),
-            score=0.8 if is_seen else np.nan,
-            confidence=0.95 if is_seen else 0.0,
+            score=score if is_seen else np.nan,
+            confidence=confidence if is_seen else 0.0,
         )
 
 
-def run(monkeypatch, poses, hidden, config=None):
+def run(monkeypatch, poses, hidden=(), config=None, links=None):
     """Return the odometry after all scans of a script, and its steps."""
     row = f"{__name__}:ScriptedMatcher", f"{__name__}:Script"
     monkeypatch.setitem(MATCHERS, METHOD, row)
-    script = Script(poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden))
+    script = Script(
+        poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden), links=links or {}
+    )
     odometry = cs.Odometry(METHOD, config=config or cs.OdometryConfig(), matcher=script)
     scans = [
         cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k))

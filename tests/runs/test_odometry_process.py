@@ -28,7 +28,7 @@ def bits(run):
 
 
 def ahead_of(slam, log, poses=None):
-    return OdometryProcess(slam.odometry, log, poses)
+    return OdometryProcess().place(slam.odometry, log, poses)
 
 
 def test_slam_has_the_same_bits(log):
@@ -52,7 +52,7 @@ def test_slam_has_the_same_bits(log):
 @pytest.mark.parametrize("n_before_the_end", [0, 40])
 def test_a_process_that_ends_too_early_costs_time_alone(log, n_before_the_end):
     expected = [one.step.pose for one in OdometryInTurn(cs.Odometry(), log, None)]
-    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log, None) as ahead:
         found = []
         if n_before_the_end == 0:
             ahead._process.kill()
@@ -70,7 +70,7 @@ def test_without_another_process_the_odometry_is_made_here(log, monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(odometry_process.subprocess, "Popen", refuse)
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         assert len(list(ahead)) == 9
 
 
@@ -80,14 +80,14 @@ def test_what_the_log_raises_is_raised(log):
         raise LogFormatError("broken here")
 
     with (
-        OdometryProcess(cs.Odometry(), broken(), None) as ahead,
+        OdometryProcess().place(cs.Odometry(), broken(), None) as ahead,
         pytest.raises(LogFormatError, match="broken here"),
     ):
         list(ahead)
 
 
 def test_a_run_that_is_given_up_leaves_no_process(log):
-    with OdometryProcess(cs.Odometry(), log, None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log, None) as ahead:
         next(iter(ahead))
     assert ahead._process.poll() is not None
 
@@ -105,7 +105,7 @@ def summed(numbers, *, start):
 
 
 def test_the_process_calls_functions_when_the_odometry_is_done(log):
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         results = [ahead.call_after(summed, [1, k], start=5) for k in range(3)]
         list(ahead)
         found = [result() for result in results]
@@ -115,21 +115,21 @@ def test_the_process_calls_functions_when_the_odometry_is_done(log):
 
 def test_what_the_process_cannot_call_is_called_here(log):
     here = os.getpid()
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         given_up = ahead.call_after(summed, [1], start=1)
         next(iter(ahead))
         assert given_up() == (2, here)  # the odometry was not finished
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         list(ahead)
         unknown_there = ahead.call_after(lambda: os.getpid())
         after = ahead.call_after(summed, [2], start=1)
         assert unknown_there() == here
         assert after() == (3, here)
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         list(ahead)
         ahead._process.kill()
         assert ahead.call_after(summed, [1], start=1)() == (2, here)
-    with OdometryProcess(cs.Odometry(), log[:9], None) as ahead:
+    with OdometryProcess().place(cs.Odometry(), log[:9], None) as ahead:
         list(ahead)
         fails = ahead.call_after(summed, None, start=1)
         with pytest.raises(TypeError):  # and says so here

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from curvescan.matchers import MatchResult
 from curvescan.odometry.gating import GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.observation import Gap, Observation, Placement
@@ -19,6 +20,13 @@ from curvescan.se2.uncertain import UncertainPose, identity
 
 MIN_CONFIDENCE = 0.8
 """Least confidence of a match that bridges a gap: it also lies where it is expected."""
+
+_SHARE = 0.65
+"""Share of the scores on either side below which a doubtful match is questioned. A sensor carried to another room leaves one of 0.2 to 0.45
+between 0.7 and 0.85, and the next scan, 0.1 m on, is as sure of it, as its guess comes from there; but it scores no more."""
+
+_NEAR_M, _NEAR_RAD = 0.5, 0.5
+"""Expected motion, metres and radians, from which on a view may change so much by itself."""
 
 LOST_COVARIANCE = np.diag([1e3**2, 1e3**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
@@ -44,14 +52,19 @@ def open_gap(o: Observation, last: Localization) -> tuple[Gap | None, tuple[Keyf
 
 def close_gap(o: Observation, placement: Placement) -> Placement | None:
     """Return the placement of a scan by a match with what was in use before the gap; None where there is none."""
-    config = o.config
-    for keyframe in placement.gap.before if placement.gap else ():
+    config, gap, tracked = o.config, placement.gap, placement.match
+    if gap is None or (gap.is_questioned and tracked is None):
+        return None
+    for keyframe in gap.before:
         expected = placement.localization.relative_to(keyframe)
+        if gap.is_questioned:  # it is known as little as the link
+            cov = expected.cov + config.motion.recovery_covariance
+            expected = UncertainPose(expected.pose, cov)
         result = o.matching.matcher.match(
             keyframe.scan.features, placement.current.features, expected.pose
         )
         gated = gate(result, expected, config.motion)
-        if not _joins(gated, config.keyframes.least_score):
+        if not _joins(gated, config.keyframes.least_score, tracked if gap.is_questioned else None):
             continue
         localization = Localization(
             keyframe=keyframe,
@@ -99,6 +112,33 @@ def widen_gap(o: Observation, placement: Placement) -> Placement:
     return lost
 
 
+def question_link(o: Observation, placement: Placement, last: Localization) -> Placement | None:
+    """Return the placement of a scan that what was in use hardly shows, in a gap; None where the match is sure.
+
+    Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been carried away.
+    """
+    result, config = placement.match, o.config.keyframes
+    if result is None or placement.gap is not None or config.max_gap == 0:
+        return None
+    x, y, theta = o.expected.pose.tolist()
+    is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
+    is_doubtful = result.confidence < MIN_CONFIDENCE or result.score < config.least_score
+    if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
+        return None
+    gap, made = open_gap(o, last)
+    if placement.outcome is StepOutcome.CHAINED:  # the previous scan is a keyframe already
+        before = (*placement.used, last.keyframe)
+        gap, made = Gap(before=before, n_scans=0, first=o.index), ()
+    if gap is None:
+        return None
+    questioned = replace(
+        placement,
+        gap=replace(gap, is_questioned=True),
+        new_keyframes=(*placement.new_keyframes, *made),
+    )
+    return with_keyframe(o, widen_gap(o, questioned))
+
+
 def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = False) -> Placement:
     """Return the placement with the scan as a new keyframe."""
     keyframe = o.keyframes.make(
@@ -111,11 +151,11 @@ def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = 
     )
 
 
-def _joins(gated: GatedMatch, least_score: float) -> bool:
-    """Return whether a match with a reference from before a gap bridges it."""
-    if not (gated.result.ok and gated.is_plausible):
+def _joins(gated: GatedMatch, least_score: float, tracked: MatchResult | None) -> bool:
+    """Return whether a match with a reference from before a gap bridges it, one that is questioned where the match within the track is given."""
+    result = gated.result
+    if not (result.ok and gated.is_plausible) or result.score < least_score:
         return False
-    if gated.result.score < least_score:
-        return False
-    confidence = gated.result.confidence
-    return math.isnan(confidence) or confidence >= MIN_CONFIDENCE
+    if tracked is not None:
+        return not result.score < _SHARE * tracked.score
+    return math.isnan(result.confidence) or result.confidence >= MIN_CONFIDENCE

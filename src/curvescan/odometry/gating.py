@@ -29,6 +29,8 @@ class GatedMatch(NamedTuple):
         Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out.
     measured : UncertainPose or None
         What was fused with what was expected; None where the match failed.
+    is_by_last_motion : bool
+        Whether it was fused with the last motion repeated, although another odometry expected something.
     """
 
     result: MatchResult
@@ -36,6 +38,13 @@ class GatedMatch(NamedTuple):
     is_plausible: bool
     is_prior_rejected: bool = False
     measured: UncertainPose | None = None
+    is_by_last_motion: bool = False
+
+    def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
+        """Return a match that another odometry had no part in, with whether it contradicts what that odometry expected."""
+        distance = 0.0 if self.measured is None else fuse(expected, self.measured)[1]
+        is_rejected = self.is_plausible and distance > config.motion_gate_chi2
+        return self._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
 
     @property
     def is_fully_observed(self) -> bool:
@@ -109,7 +118,7 @@ def gate(
     if repeated is not None and (result.degenerate_direction is None or not is_plausible):
         by_last, last_distance = fuse(repeated, found)
         if last_distance <= config.motion_gate_chi2:
-            return GatedMatch(result, by_last, True, not is_plausible, found)
+            return GatedMatch(result, by_last, True, not is_plausible, found, True)
     if not is_plausible:
         fused, _ = fuse(
             UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -57,9 +58,37 @@ class Matching:
         origin: UncertainPose,
         prediction: Prediction,
     ) -> GatedMatch:
-        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference."""
+        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
+
+        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last motion or leaves a
+        direction open, or where the guess decided it and the other odometry contradicts it. A match that is sure is the same
+        with and without it.
+        """
+        motion, min_score = self.config.motion, self.config.keyframes.min_score
         expected = compose(origin, prediction.motion)
-        repeated = compose(origin, prediction.repeated) if prediction.is_measured else None
+        if not (prediction.is_measured and motion.is_fused):
+            return self._gated(reference, current, expected)
+        repeated = compose(origin, prediction.repeated)
+        alone = self._gated(reference, current, repeated).made_without(expected, motion)
+        is_sure = alone.is_fully_observed and alone.is_plausible
+        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
+            return alone
+        guided = self._gated(reference, current, expected, repeated)
+        if (
+            is_sure
+        ):  # only the guess decided it: another one that is expected, too, must explain more
+            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
+            return guided if is_better else alone
+        return alone if alone.is_better_than(guided, min_score) else guided
+
+    def _gated(
+        self,
+        reference: PreparedScan,
+        current: PreparedScan,
+        expected: UncertainPose,
+        repeated: UncertainPose | None = None,
+    ) -> GatedMatch:
+        """Return a match made from what is expected of it, and compared with that or, where given, the last motion repeated."""
         motion = self.config.motion
         result = self.matcher.match(reference.features, current.features, expected.pose)
         measured = None
@@ -94,11 +123,14 @@ class Gap:
         Scans in the gap that have readings enough to be matched.
     first : int
         Number of the first scan in the gap.
+    is_questioned : bool
+        Whether a match leads over it that is not sure enough: see :func:`~curvescan.odometry.gaps.question_link`.
     """
 
     before: tuple[Keyframe, ...]
     n_scans: int
     first: int
+    is_questioned: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,6 +157,8 @@ class State:
         A failure that no match has bridged yet.
     disputes : tuple of Dispute
         Loop closures that contradict the chain, since the last one that did not.
+    score : float
+        Of the match that placed the last scan; NaN where none did.
     """
 
     motion: MotionModel
@@ -136,6 +170,7 @@ class State:
     n_searches: int = 0
     gap: Gap | None = None
     disputes: tuple[Dispute, ...] = ()
+    score: float = math.nan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,6 +6,7 @@ at rest does not drift; a new keyframe is made when the one in use is left behin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -161,6 +162,7 @@ class Odometry:
             n_searches=placement.n_searches,
             gap=placement.gap,
             disputes=placement.disputes,
+            score=math.nan if placement.match is None else placement.match.score,
         )
 
 

@@ -22,7 +22,7 @@ from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.odometry.config import KeyframesConfig
 from curvescan.odometry.disputes import Dispute, is_settled, remembered
-from curvescan.odometry.gaps import close_gap, open_gap, widen_gap, with_keyframe
+from curvescan.odometry.gaps import close_gap, open_gap, question_link, widen_gap, with_keyframe
 from curvescan.odometry.gating import GatedMatch
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.measurement import as_measurement, doubtful_pose
@@ -73,7 +73,7 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         new_keyframes = (keyframe,)
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
-    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
+    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
     motion = fuse(
         expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result))
     )[0]
@@ -103,6 +103,9 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
         new_keyframes=new_keyframes,
         first_keyframe_scan=sweep.first,
     )
+    questioned = question_link(o, placement, attempt.last)
+    if questioned is not None:
+        return questioned
     is_due = _is_leaving(localization, result.score, config)
     if placement.gap is not None:
         joined = close_gap(o, placement)
@@ -250,7 +253,7 @@ def _is_leaving(
 
 def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
     """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
-    expected = o.prediction.repeated if gated.is_prior_rejected else o.expected
+    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
     if not gated.is_plausible:
         expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
     measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))

@@ -53,39 +53,25 @@ def can_run_ahead(n_scans: int) -> bool:
 
 
 class OdometryProcess:
-    """The odometry of a log in a process of its own, which starts at once; iterate over it once, inside ``with``.
+    """The odometry of a log in a process of its own, which starts at once; :meth:`place` a log and iterate once, inside ``with``.
 
     Its steps are those of the odometry here but for the traces of their matches, which are not carried over.
-
-    Parameters
-    ----------
-    odometry : Odometry
-        Fresh, or one that has begun; it stays as it is.
-    scans : iterable of LaserScan
-        A log: it is iterated over in a thread, and once more where the process ends too early.
-    odometry_poses : (n, 3) float64 or None
-        See :func:`curvescan.odometry.run_odometry`.
 
     Attributes
     ----------
     odometry : Odometry
-        At the end of the iteration the one that has placed all scans.
+        What was given to :meth:`place`; at the end of the iteration the one that has placed all scans.
     """
 
-    def __init__(
-        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
-    ) -> None:
-        self.odometry = odometry
-        self._begun = pickle.dumps(odometry)
-        self._scans, self._odometry_poses = scans, odometry_poses
+    odometry: Odometry
+
+    def __init__(self) -> None:
         self._sent: Queue[Any] = Queue(_AHEAD)
         self._heard: Queue[Any] = Queue(_AHEAD)
         self._calls: Queue[Any] = Queue()
         self._is_placed = False  # all scans, by the process, which is there still
         self._is_closed = False
         self._process = _start()
-        for work in (self._send, self._hear) if self._process else ():
-            threading.Thread(target=work, daemon=True).start()
 
     def __enter__(self) -> OdometryProcess:
         return self
@@ -101,6 +87,27 @@ class OdometryProcess:
         if self._process is not None:
             self._process.kill()
             self._process.wait()
+
+    def place(
+        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
+    ) -> OdometryProcess:
+        """Begin to place scans, and return the same object, to be iterated over.
+
+        Parameters
+        ----------
+        odometry : Odometry
+            Fresh, or one that has begun; it stays as it is.
+        scans : iterable of LaserScan
+            A log: it is iterated over in a thread, and once more where the process ends too early.
+        odometry_poses : (n, 3) float64 or None
+            See :func:`curvescan.odometry.run_odometry`.
+        """
+        self.odometry = odometry
+        self._begun = pickle.dumps(odometry)
+        self._scans, self._odometry_poses = scans, odometry_poses
+        for work in (self._send, self._hear) if self._process else ():
+            threading.Thread(target=work, daemon=True).start()
+        return self
 
     def __iter__(self) -> Iterator[PlacedScan]:
         n_done = 0

@@ -24,7 +24,6 @@ from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.run import RunDisplay, Silent
 from curvescan.runs.slam import save_slam_run
 from curvescan.slam import Slam, SlamConfig, SlamMap, SlamRun, run_slam
-from curvescan.types import Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,38 +109,39 @@ def slam_log(
     held = HeldLog(log)
     left_out: tuple[str, ...] = ()
     kept = (*inputs, *(() if source is None else (source,)))
-    with nullcontext() if out is None else output_folder(out, inputs=kept) as folder:
+    with (
+        nullcontext() if out is None else output_folder(out, inputs=kept) as folder,
+        _other_process(len(held), n_processes) as other,
+    ):
         shown.begin("looking for what is wrong with the log", 0)
         sensor = judge_sensor(held, is_order_needed=config.odometry.deskew)
         odometry_poses = motion_prior(held, sensor.rotation) if odometry_prior else None
         deskew = config.odometry.deskew and sensor.can_deskew
         rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
         slam = Slam(method, matcher=matcher, config=rules, map=map)
-        with nullcontext() if n_processes == 1 else _ahead(slam, held, odometry_poses) as ahead:
-            begin = ahead.call_after if ahead else partial
-            inspected = begin(_inspect, held, sensor)
-            shown.begin("SLAM", len(held))
-            run = run_slam(
+        inspected = (other.call_after if other else partial)(_inspect, held, sensor)
+        shown.begin("SLAM", len(held))
+        run = run_slam(
+            held,
+            slam,
+            odometry_poses=odometry_poses,
+            on_step=lambda _: shown.advance(),
+            ahead=other.place(slam.odometry, held, odometry_poses) if other else None,
+        )
+        issues = find_issues(inspected())
+        verdict = judge_run(run.revised, issues)
+        if folder is not None:
+            shown.begin("drawing the maps", 0)
+            left_out = save_slam_run(
+                folder,
+                run,
                 held,
-                slam,
-                odometry_poses=odometry_poses,
-                on_step=lambda _: shown.advance(),
-                ahead=ahead,
+                command=command,
+                source=None if source is None else Path(source),
+                occupancy=occupancy,
+                verdict=verdict,
+                helper=other,
             )
-            issues = find_issues(inspected())
-            verdict = judge_run(run.revised, issues)
-            if folder is not None:
-                shown.begin("drawing the maps", 0)
-                left_out = save_slam_run(
-                    folder,
-                    run,
-                    held,
-                    command=command,
-                    source=None if source is None else Path(source),
-                    occupancy=occupancy,
-                    verdict=verdict,
-                    helper=ahead,
-                )
     return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
 
 
@@ -150,9 +150,9 @@ def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
     return inspect_log(log, sensor)
 
 
-def _ahead(
-    slam: Slam, log: Log, odometry_poses: Pose | None
+def _other_process(
+    n_scans: int, n_processes: int
 ) -> AbstractContextManager[OdometryProcess | None]:
-    if not can_run_ahead(len(log)):
+    if n_processes == 1 or not can_run_ahead(n_scans):
         return nullcontext()
-    return OdometryProcess(slam.odometry, log, odometry_poses)
+    return OdometryProcess()

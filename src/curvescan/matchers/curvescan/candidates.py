@@ -18,7 +18,6 @@ from curvescan.matchers.curvescan.assessment.confidence import (
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
@@ -98,9 +97,9 @@ def search_degenerate_direction(
     offsets = np.arange(-n, n + 1) * rules.fine_along_step
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
-    images = wide_range_images(ref, cur, config)
+    images = ref.wide_image, cur.wide_image
     best, _ = select(moved_along, *images, *config.scoring.close, 4, 24, _OTHER)
-    return _finish(ref, cur, np.concatenate((poses, best)), config, images)
+    return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 
 def _finish(
@@ -108,24 +107,12 @@ def _finish(
     cur: CurvescanFeatures,
     poses: Floats,
     config: CurvescanConfig,
-    images: tuple[RangeImage, RangeImage] | None = None,
 ) -> tuple[Floats, Floats]:
     sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
     # one pose has only to be enough; several are compared on more samples
-    if len(poses) <= 1:
-        images = ref.image, cur.image
-    elif images is None:
-        images = wide_range_images(ref, cur, config)
+    images = (ref.image, cur.image) if len(poses) <= 1 else (ref.wide_image, cur.wide_image)
     return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, _OTHER)
-
-
-def wide_range_images(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, config: CurvescanConfig
-) -> tuple[RangeImage, RangeImage]:
-    """Return the range images of both scans with more samples, to compare poses that are nearly as good as each other."""
-    n_wide = config.scoring.n_wide
-    return ref.with_samples(n_wide), cur.with_samples(n_wide)
 
 
 def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:

@@ -18,7 +18,6 @@ from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,
-    wide_range_images,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -290,7 +289,7 @@ def move_to_guess(
     moved_along = refine(
         moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule
     )
-    images = wide_range_images(ref, cur, config)
+    images = ref.wide_image, cur.wide_image
     before, after = (
         select(one, *images, *config.scoring.fine, 1, 4096, 0.0)[1]
         for one in (pose[np.newaxis], moved_along)

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
     BEYOND,
@@ -80,11 +81,14 @@ _FLOORS = {
     "log10_large": 0.2,
 }
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
-_LOGARITHMS = tuple(zip(_COLUMNS, _FLOORS.values(), strict=True))
+_LEAST = tuple(_FLOORS.values())
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
+_N_TERMS = len(COEFFICIENTS)
 _WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
 _MOTION, _SEEN_THROUGH = _ROW["motion"], _ROW["log10_seen_through"]
 _DEGENERATE, _FEW_MOTION = _ROW["degenerate"], _ROW["few_motion"]
+_CONSTANT, _GUESSED = _ROW["constant"], _ROW["guessed"]
+_FEW, _FEW_SEEN_THROUGH = _ROW["few"], _ROW["few_seen_through"]
 _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", "motion"))
 """Rows of a pose's terms in the order of COEFFICIENTS, as plain numbers: a match weighs four poses, and each twice."""
 
@@ -151,8 +155,8 @@ class WeighedPoses:
     @cached_property
     def _terms(self) -> list[list[float]]:
         """What the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
-        motions, is_guessed = self.motions.tolist(), self.is_guessed.tolist()
-        return [_terms_of(*row) for row in zip(self._rows, motions, is_guessed, strict=True)]
+        rows: list[list[float]] = terms_of(self.evidence, self.motions, self.is_guessed).tolist()
+        return rows
 
     def terms(self, k: int, is_degenerate: bool = False) -> dict[str, float]:
         """Return what the model weighs of one pose, by the names of its coefficients."""
@@ -249,14 +253,23 @@ def _weighted(weights: tuple[float, ...], terms: list[float]) -> float:
     return total
 
 
-def _terms_of(evidence: list[float], motion: float, is_guessed: bool) -> list[float]:
-    """Return what the model weighs of a pose, in the order of COEFFICIENTS."""
-    logs = [math.log10(max(evidence[column], 0.0) + floor) for column, floor in _LOGARITHMS]
-    motion = min(max(motion - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
-    # 1 where the pose rests on two walls alone, 0 from some more on
-    few = max(1.0 - (max(evidence[EXCESS], 0.0) + _FLOORS["log10_excess"]) / _ENOUGH_EXCESS, 0.0)
-    few_seen_through = few * (logs[_SEEN_THROUGH - 1] + 1.0)
-    return [1.0, *logs, motion, float(is_guessed), 0.0, few, few * motion, few_seen_through]
+@kernel
+def terms_of(evidence: Floats, motions: Floats, is_guessed: Bools) -> Floats:
+    """Return (k, n) what the model weighs of each pose, in the order of COEFFICIENTS, without an open direction."""
+    terms = np.zeros((motions.size, _N_TERMS))
+    for k in range(motions.size):
+        terms[k, _CONSTANT] = 1.0
+        for i in range(len(_COLUMNS)):
+            terms[k, _CONSTANT + 1 + i] = math.log10(max(evidence[k, _COLUMNS[i]], 0.0) + _LEAST[i])
+        motion = min(max(motions[k] - _FREE_MOTION, 0.0), _MAX_MOTION - _FREE_MOTION)
+        # 1 where the pose rests on two walls alone, 0 from some more on
+        few = max(1.0 - (max(evidence[k, EXCESS], 0.0) + _LEAST[0]) / _ENOUGH_EXCESS, 0.0)
+        terms[k, _MOTION] = motion
+        terms[k, _GUESSED] = 1.0 if is_guessed[k] else 0.0
+        terms[k, _FEW] = few
+        terms[k, _FEW_MOTION] = few * motion
+        terms[k, _FEW_SEEN_THROUGH] = few * (terms[k, _SEEN_THROUGH] + 1.0)
+    return terms
 
 
 def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:

@@ -36,6 +36,8 @@ class CurvescanFeatures(NamedTuple):
         Surface k is readings bounds[k]:bounds[k + 1].
     image : RangeImage
         The readings and the lines through them, and which reading stands in which direction.
+    wide_image : RangeImage
+        The same with more samples, to compare poses that are nearly as good as each other.
     full_image : RangeImage
         The same with all readings as samples.
     keypoints : (k, 5) float64
@@ -48,13 +50,10 @@ class CurvescanFeatures(NamedTuple):
     beam_idx: Ints
     bounds: Ints
     image: RangeImage
+    wide_image: RangeImage
     full_image: RangeImage
     keypoints: Floats
     directions: Floats
-
-    def with_samples(self, n_samples: int) -> RangeImage:
-        """Return the range image with another number of samples."""
-        return self.image._replace(samples=choose_samples(self.image.surfels, n_samples))
 
     @property
     def sigma(self) -> float:
@@ -95,11 +94,13 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma, density * step])
     few = choose_samples(surfels, config.scoring.n_samples)
+    more = choose_samples(surfels, config.scoring.n_wide)
     return CurvescanFeatures(
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
         image=RangeImage(few, surfels, azimuth, table),
+        wide_image=RangeImage(more, surfels, azimuth, table),
         full_image=RangeImage(surfels, surfels, azimuth, table),
         keypoints=corners_and_ends,
         directions=direction_histogram(surfels),
