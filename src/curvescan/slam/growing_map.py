@@ -281,7 +281,8 @@ class GrowingMap:
         edges = Edges.of(graph.ends, graph.measured, covariances)
         n_least = graph.n_poses - self.n_fragments
         factor = variance_factor(squared_distances(graph.poses, edges)[is_match], n_least)
-        by = np.where(is_match, factor, 1.0)
+        # steps that matches did not measure leave small residuals, and are not the surer for it
+        by = np.where(is_match, max(factor, 1.0), 1.0)
         by *= design_effect(graph.ends, is_match, graph.n_poses, 1.0 - noise.kept)
         scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
         found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
