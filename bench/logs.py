@@ -21,18 +21,19 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
 
 HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
 
-Truth = Literal["wheels", "corrected", "still", ""]
-"""What the end of the path is compared with: wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
+Truth = Literal["relations", "wheels", "corrected", "still", ""]
+"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
 
 LOGS: dict[str, tuple[str, Truth]] = {
-    "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "wheels"),
-    "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "wheels"),
+    "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "relations"),
+    "aces/aces.clf.gz": ("ACES building, SICK, long corridors", "relations"),
     "intel-lab/intel-corrected.log.gz": ("Intel, keyframes 0.7 m apart", "corrected"),
     "aces/aces-corrected.log.gz": ("ACES, keyframes", "corrected"),
     "keyframed-corrected/belgioioso-corrected.log.gz": ("castle, keyframes 1 m apart", "corrected"),
@@ -84,16 +85,27 @@ class Row:
     measured: str
 
     @property
-    def cells(self) -> list[str]:
-        """The row of the table."""
-        what, _ = LOGS[self.log]
+    def name(self) -> str:
+        """Name of the log in the tables: narrow columns are readable ones."""
+        stem = Path(self.log).name.partition(".")[0]
+        return f"`{stem.removesuffix('_simple_environment')}`"
+
+    @property
+    def given(self) -> list[str]:
+        """What the log is."""
         return [
-            f"`{Path(self.log).name}`",
-            what,
-            self.format,
-            f"{self.n_scans:,}",
+            self.name,
+            f"{LOGS[self.log][0]}; {self.format}",
             ", ".join(kind.replace("_", " ") for kind in self.issues) or "none",
-            " ".join(f"`{option}`" for option in self.options) or "-",
+            "<br>".join(f"`{option}`" for option in self.options) or "-",
+        ]
+
+    @property
+    def found(self) -> list[str]:
+        """What became of it."""
+        return [
+            self.name,
+            f"{self.n_scans:,}",
             f"{self.n_failed:,} ({100 * self.n_failed / self.n_scans:.1f} %)",
             f"{self.n_relocalized:,}",
             f"{self.length:,.0f} m",
@@ -101,11 +113,9 @@ class Row:
         ]
 
 
-HEAD = [
-    *("log", "what", "format", "scans", "issues by `info`", "options"),
-    *("no match", "relocalized", "path", "its end"),
-]
-ALIGNED = [":---"] * 3 + ["---:"] + [":---"] * 2 + ["---:"] * 3 + [":---"]
+GIVEN = {"log": ":---", "what": ":---", "issues by `info`": ":---", "options": ":---"}
+FOUND = {"log": ":---", "scans": "---:", "no match": "---:", "relocalized": "---:"}
+FOUND |= {"path": "---:", "error": ":---"}
 
 
 def measure(folder: Path, name: str) -> Row:
@@ -126,14 +136,19 @@ def measure(folder: Path, name: str) -> Row:
         n_failed=int(np.count_nonzero(run.is_failed)),
         n_relocalized=sum(one in CORRECTED for one in run.outcomes),
         length=round(float(travelled(poses)[-1]), 2),
-        end=end_of(poses, log, LOGS[name][1]),
+        end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
         version=cs.__version__,
         measured=date.today().isoformat(),
     )
 
 
-def end_of(poses: np.ndarray, log: cs.Log, truth: Truth) -> str:
-    """Return in words how the path of a log ends."""
+def end_of(found: cs.Trajectory, log: cs.Log, truth: Truth, path: Path) -> str:
+    """Return in words how far the path of a log is from what is known of it."""
+    poses = found.poses
+    if truth == "relations":
+        relations = cs.read_relations(path.with_name(path.name.split(".")[0] + ".relations"))
+        errors = relation_errors(found, relations)
+        return f"{errors.spreads('all')[0].mean:.3f} m over {len(errors):,} checked relations"
     if truth == "still":
         x, y, theta = se2.between(poses[0], poses[-1]).tolist()
         return f"{1e3 * math.hypot(x, y):.1f} mm, {abs(math.degrees(theta)):.2f} deg of drift"
@@ -160,13 +175,17 @@ def write_rows(rows: dict[str, Row]) -> None:
     """Write all rows, and the table made of them."""
     ordered = [rows[name] for name in LOGS if name in rows]
     ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
-    lines = [HEAD, ALIGNED, *(row.cells for row in ordered)]
     days = sorted({f"{row.measured}, version {row.version}" for row in ordered})
     TABLE.write_text(
-        "".join(f"| {' | '.join(line)} |\n" for line in lines)
-        + f"\nMeasured on {'; '.join(days)}.\n",
+        f"{markdown(GIVEN, [row.given for row in ordered])}\n"
+        f"{markdown(FOUND, [row.found for row in ordered])}\nMeasured on {'; '.join(days)}.\n",
         "utf-8",
     )
+
+
+def markdown(columns: dict[str, str], rows: list[list[str]]) -> str:
+    """Return a table."""
+    return "".join(f"| {' | '.join(row)} |\n" for row in (columns, columns.values(), *rows))
 
 
 def main() -> None:
@@ -175,11 +194,12 @@ def main() -> None:
     default = os.environ.get("CURVESCAN_DATA", "../shared/data")
     parser.add_argument("--data", type=Path, default=Path(default), help="folder of the logs")
     parser.add_argument("--only", nargs="+", default=[], help="names of logs; all if not given")
+    parser.add_argument("--tables", action="store_true", help="no row: the tables anew")
     options = parser.parse_args()
-    for name in LOGS:
+    for name in [] if options.tables else LOGS:
         if not options.only or Path(name).name in options.only:
             row = measure(options.data, name)
-            print(*row.cells, flush=True)
+            print(*row.given, *row.found[1:], flush=True)
             write_rows(read_rows() | {name: row})
     write_rows(read_rows())
 

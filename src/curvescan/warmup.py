@@ -143,7 +143,8 @@ def _weigh_movable(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
 
 
 def _weigh(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
-    weigh(Problem(nothing, nothing, None, config), np.zeros((1, 3)), np.zeros(1))
+    # two poses, which are sorted
+    weigh(Problem(nothing, nothing, None, config), np.zeros((2, 3)), np.zeros(2))
 
 
 def _search(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:

@@ -12,6 +12,7 @@ from curvescan.matchers.curvescan.assessment.confidence import (
     COEFFICIENTS,
     RIVAL_COEFFICIENTS,
     WeighedPoses,
+    terms_of,
     weigh,
 )
 from curvescan.matchers.curvescan.assessment.evidence import (
@@ -30,6 +31,7 @@ from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION, supp
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.proposal.search import Problem
 from tests.matchers.curvescan.scenes import MOTION, pair
+from tests.reference import curvescan as slow
 
 CONFIG = CurvescanConfig()
 GOOD = {AGREEING: 8.0, EXCESS: 2.0, WEAKEST: 2.0, MISFIT: 0.8}
@@ -48,6 +50,20 @@ def poses(*evidences, motions=None, guessed=False):
         motions=np.full(n, 0.3) if motions is None else np.array(motions),
         is_guessed=np.full(n, guessed),
     )
+
+
+def test_what_is_weighed_is_that_of_the_slow_twin():
+    rng = np.random.default_rng(5)
+    evidence = (
+        rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02
+    )  # some a little below 0, by rounding say
+    motions, is_guessed = rng.gamma(1.0, 2.0, 40), rng.random(40) < 0.5
+    terms = terms_of(evidence, motions, is_guessed)
+    for k in range(40):
+        expected = slow.confidence_terms(evidence[k], motions[k], is_guessed[k])
+        assert list(expected) == list(COEFFICIENTS)
+        np.testing.assert_allclose(terms[k], list(expected.values()), rtol=1e-12, atol=1e-12)
+    assert terms_of(evidence[:0], motions[:0], is_guessed[:0]).shape == (0, len(COEFFICIENTS))
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from curvescan.matchers.curvescan.assessment.labels import (
     INLIER,
     agreeing_limits,
 )
+from curvescan.matchers.curvescan.assessment.walls import excess_lengths
 from curvescan.matchers.curvescan.association import (
     BACKWARD,
     FORWARD,
@@ -59,14 +60,6 @@ _BESIDE = (
     0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 )
 _PARALLEL = 0.9  # cosine
-_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
-_OPPOSITE = (
-    -0.98
-)  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
-_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
-_WALL = 0.12  # metres from its line within which a reading is of a wall
-_N_TAKEN = 48  # readings that stand for all
-_N_SEEDS = 16  # of these the ones through which walls are looked for
 
 
 @kernel
@@ -226,80 +219,3 @@ def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int,
     wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
     dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
     return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > _IN_FRONT)
-
-
-@kernel
-def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
-    """Return the length of surface that agrees besides the two walls, not parallel, that agree most, and of that besides those that face them, metres.
-
-    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
-    readings, and of many only some are taken.
-    """
-    n = 0
-    for i in range(codes.size):
-        n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
-    stride = max(n // _N_TAKEN, 1)
-    rows = np.empty(n // stride + 1, dtype=np.int64)
-    count, seen, total = 0, 0, 0.0
-    for i in range(codes.size):
-        if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
-            continue
-        total += surfels[i, LENGTH]
-        if seen % stride == 0:
-            rows[count] = i
-            count += 1
-        seen += 1
-    taken = np.zeros(count, dtype=np.bool_)
-    walls = np.full(
-        4, -1
-    )  # a reading of each: the longest, the longest across, those that face them
-    excess, beyond = total, total
-    for turn in range(4):
-        length, walls[turn] = longest_wall(surfels, rows, taken, walls, turn)
-        for k in range(count):
-            if walls[turn] >= 0:
-                taken[k] = taken[k] or is_on_wall(surfels, rows[k], walls[turn])
-        beyond -= length * stride
-        excess = beyond if turn < 2 else excess
-    return max(excess, 0.0), max(beyond, 0.0)
-
-
-@kernel
-def longest_wall(
-    surfels: Floats, rows: Ints, taken: Bools, walls: Ints, turn: int
-) -> tuple[float, int]:
-    """Return the length of readings on the longest wall of those left, and one on it, -1 without any.
-
-    The first may be any, the second runs across the first, the third faces the first and the fourth the second.
-    """
-    best, best_row = 0.0, -1
-    if turn > 0 and walls[0 if turn == 1 else turn - 2] < 0:
-        return best, best_row
-    count = taken.size
-    for seed in range(0, count, max(count // _N_SEEDS, 1)):
-        i = rows[seed]
-        if taken[seed]:
-            continue
-        if turn > 0:
-            wall = walls[0 if turn == 1 else turn - 2]
-            nx, ny = surfels[i, NX], surfels[i, NY]
-            facing = nx * surfels[wall, NX] + ny * surfels[wall, NY]
-            if abs(facing) > _ACROSS if turn == 1 else facing > _OPPOSITE:
-                continue
-        length = 0.0
-        for k in range(count):
-            if not taken[k] and is_on_wall(surfels, rows[k], i):
-                length += surfels[rows[k], LENGTH]
-        if length > best:
-            best, best_row = length, i
-    return best, best_row
-
-
-@kernel
-def is_on_wall(surfels: Floats, i: int, seed: int) -> bool:
-    """Return whether a reading lies on the line through another and faces like it."""
-    nx, ny = surfels[seed, NX], surfels[seed, NY]
-    if nx * surfels[i, NX] + ny * surfels[i, NY] < _ALIKE:
-        return False
-    off = nx * (surfels[i, CX] - surfels[seed, CX]) + ny * (surfels[i, CY] - surfels[seed, CY])
-    return bool(abs(off) < _WALL)

@@ -1,0 +1,108 @@
+"""Walls: how much of what agrees lies besides the longest walls of a scene.
+
+A corner of two walls fits any other corner, and four walls are all of a bare room: what agrees beyond them says more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan._jit import kernel
+from curvescan.matchers.curvescan.assessment.labels import INLIER
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY
+from curvescan.types import Bools, Codes, Floats, Ints
+
+_ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
+_OPPOSITE = (
+    -0.98
+)  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
+_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
+_WALL = 0.12  # metres from its line within which a reading is of a wall
+_N_TAKEN = 48  # readings that stand for all
+_N_SEEDS = 16  # of these the ones through which walls are looked for
+LINE_NX, LINE_NY, LINE_CX, LINE_CY, LINE_LENGTH = range(5)
+"""Rows of the readings taken: normal, centre and length of each."""
+_LINE_COLUMNS = (NX, NY, CX, CY, LENGTH)
+_N_LINE = len(_LINE_COLUMNS)
+
+
+@kernel
+def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
+    """Return the length of surface that agrees besides the two walls, not parallel, that agree most, and of that besides those that face them, metres.
+
+    A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
+    readings, and of many only some are taken.
+    """
+    n = 0
+    for i in range(codes.size):
+        n += codes[i] == INLIER and surfels[i, LENGTH] > 0.0
+    stride = max(n // _N_TAKEN, 1)
+    lines = np.empty((_N_LINE, n // stride + 1))
+    count, seen, total = 0, 0, 0.0
+    for i in range(codes.size):
+        if codes[i] != INLIER or surfels[i, LENGTH] <= 0.0:
+            continue
+        total += surfels[i, LENGTH]
+        if seen % stride == 0:
+            for row in range(_N_LINE):
+                lines[row, count] = surfels[i, _LINE_COLUMNS[row]]
+            count += 1
+        seen += 1
+    on_wall = readings_on_walls(lines, count)
+    taken = np.zeros(count, dtype=np.bool_)
+    walls = np.full(4, -1)  # seeds: the longest, the longest across, those that face them
+    excess, beyond = total, total
+    for turn in range(4):
+        length, walls[turn] = longest_wall(lines, on_wall, taken, walls, turn)
+        for k in range(count):
+            if walls[turn] >= 0:
+                taken[k] = taken[k] or on_wall[walls[turn], k]
+        beyond -= length * stride
+        excess = beyond if turn < 2 else excess
+    return max(excess, 0.0), max(beyond, 0.0)
+
+
+@kernel
+def readings_on_walls(lines: Floats, count: int) -> Bools:
+    """Return (n_seeds, count) which readings lie on the line through each seed and face like it; seed k is reading k * step."""
+    step = max(count // _N_SEEDS, 1)
+    on_wall = np.empty(((count + step - 1) // step, count), dtype=np.bool_)
+    for seed in range(on_wall.shape[0]):
+        nx, ny = lines[LINE_NX, seed * step], lines[LINE_NY, seed * step]
+        cx, cy = lines[LINE_CX, seed * step], lines[LINE_CY, seed * step]
+        for k in range(count):
+            is_alike = nx * lines[LINE_NX, k] + ny * lines[LINE_NY, k] >= _ALIKE
+            off = nx * (lines[LINE_CX, k] - cx) + ny * (lines[LINE_CY, k] - cy)
+            on_wall[seed, k] = is_alike & (abs(off) < _WALL)
+    return on_wall
+
+
+@kernel
+def longest_wall(
+    lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn: int
+) -> tuple[float, int]:
+    """Return the length of readings on the longest wall of those left, and the seed of it, -1 without any.
+
+    The first may be any, the second runs across the first, the third faces the first and the fourth the second.
+    """
+    best, best_seed = 0.0, -1
+    if turn > 0 and walls[0 if turn == 1 else turn - 2] < 0:
+        return best, best_seed
+    count = taken.size
+    step = max(count // _N_SEEDS, 1)
+    for seed in range(on_wall.shape[0]):
+        if taken[seed * step]:
+            continue
+        if turn > 0:
+            wall = walls[0 if turn == 1 else turn - 2] * step
+            nx, ny = lines[LINE_NX, seed * step], lines[LINE_NY, seed * step]
+            facing = nx * lines[LINE_NX, wall] + ny * lines[LINE_NY, wall]
+            if abs(facing) > _ACROSS if turn == 1 else facing > _OPPOSITE:
+                continue
+        length = 0.0
+        for k in range(count):
+            if on_wall[seed, k] and not taken[k]:
+                length += lines[LINE_LENGTH, k]
+        if length > best:
+            best, best_seed = length, seed
+    return best, best_seed
