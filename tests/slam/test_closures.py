@@ -97,3 +97,10 @@ def test_what_the_graph_cannot_exclude_waits_however_far_it_is(result: MatchResu
 def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:
     assert _off(result, 0.0, j=2) is ClosureOutcome.UNTESTABLE
     assert _off(result, 0.0, sigma_m=0.02, j=2) is ClosureOutcome.ACCEPTED
+
+
+def test_a_loop_closure_links_keyframes_far_apart_along_the_path(result: MatchResult) -> None:
+    config = SlamConfig()
+    expected = vaguely(UncertainPose(result.pose, np.diag([4e-4, 4e-4, 1e-4])), config)
+    for j, is_loop in ((9, False), (10, False), (11, True), (500, True)):
+        assert judged(result, expected, config, scan=j, i=0, j=j).is_loop is is_loop

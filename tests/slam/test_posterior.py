@@ -8,10 +8,11 @@ import pytest
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
 from curvescan.slam.pose_graph.posterior import (
-    edges_shared,
+    design_effect,
     own_noise,
     variance_factor,
     with_own_noise,
+    without_floor,
 )
 from tests.slam.graphs import SIGMAS, loop, measured_edges
 
@@ -19,20 +20,29 @@ N = 60
 ENDS = [(i, j) for i in range(N) for j in range(i + 1, min(i + 6, N))]
 
 
-def test_a_chain_shares_nothing_and_edges_of_crowded_keyframes_share() -> None:
+def test_matches_of_one_scan_say_less_the_more_alike_they_err() -> None:
     chain = np.array([(k, k + 1) for k in range(9)])
-    assert np.array_equal(edges_shared(chain, np.ones(9, dtype=bool), 10), np.ones(9))
+    assert np.array_equal(design_effect(chain, np.ones(9, dtype=bool), 10, 0.6), np.ones(9))
     ends = np.array(ENDS)
-    shared = edges_shared(ends, np.ones(len(ends), dtype=bool), N)
     # in the middle five edges to earlier keyframes, five to later ones
     middle = (ends[:, 0] > 10) & (ends[:, 1] < N - 10)
-    assert np.array_equal(shared[middle], np.full(middle.sum(), 5.0))
+    for correlation, expected in ((0.0, 1.0), (0.6, 3.4), (1.0, 5.0)):
+        found = design_effect(ends, np.ones(len(ends), dtype=bool), N, correlation)
+        np.testing.assert_allclose(found[middle], expected)
 
 
-def test_edges_that_are_no_matches_share_nothing() -> None:
+def test_edges_that_are_no_matches_have_no_design_effect() -> None:
     ends = np.array([(0, 1), (0, 1), (0, 1)])
     is_match = np.array([True, True, False])
-    assert edges_shared(ends, is_match, 2).tolist() == [1.0, 1.0, 1.0]
+    assert design_effect(ends, is_match, 2, 1.0).tolist() == [1.0, 1.0, 1.0]
+
+
+def test_the_floor_is_taken_out_again_and_leaves_covariances_positive() -> None:
+    floor = np.diag(np.square([5e-3, 5e-3, 2e-3]))
+    turned = np.array([[4e-6, 1e-6, 0.0], [1e-6, 9e-6, 2e-7], [0.0, 2e-7, 1e-6]])
+    found = without_floor(np.stack([turned + floor, 0.5 * floor]), floor)
+    np.testing.assert_allclose(found[0], turned, atol=1e-12)
+    np.testing.assert_allclose(found[1], 1e-8 * np.eye(3), atol=1e-15)
 
 
 @pytest.mark.parametrize("scale", [0.25, 1.0, 9.0])

@@ -43,6 +43,15 @@ def test_loops_close_and_the_trajectory_is_no_worse_than_the_odometry(
     assert run.slam.n_fragments == 1
 
 
+def test_loop_closures_and_matches_of_neighbours_are_counted_apart(run: SlamRun) -> None:
+    graph = run.slam.backend.graph
+    n_closures, n_neighbours = run.slam.backend.count_matches()
+    assert n_closures > 20
+    assert n_neighbours > 20
+    assert n_closures + n_neighbours == np.count_nonzero(graph.is_closure & (graph.weights > 0.5))
+    assert f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours" in repr(run.slam)
+
+
 def test_every_accepted_closure_is_true(
     floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
 ) -> None:

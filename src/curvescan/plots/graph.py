@@ -1,4 +1,4 @@
-"""The pose graph as a picture: keyframes, the edges between those that follow each other, and the loop closures."""
+"""The pose graph as a picture: keyframes, the matches of those that follow each other or nearly so, and the loop closures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from curvescan.plots.canvas import FAILED, GREY, PAIRED, PATH, as_place, drawing_places
+from curvescan.plots.canvas import FAILED, GREY, LIGHT, PAIRED, PATH, as_place, drawing_places
+from curvescan.slam.loops.closures import N_NEIGHBOURS
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Points
@@ -42,9 +43,13 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
     is_closure = np.asarray(slam_map.kinds == EdgeKind.CLOSURE)
     is_used = np.asarray(slam_map.weights > 0.5)
     follows = np.asarray(slam_map.kinds == EdgeKind.MATCH) & is_used
+    sessions = np.asarray(slam_map.sessions)[slam_map.ends]
+    is_loop = np.diff(slam_map.ends, axis=1)[:, 0] > N_NEIGHBOURS
+    is_loop |= sessions[:, 0] != sessions[:, 1]
     for chosen, colour, label in (
-        (is_closure & is_used, PAIRED, "loop closures"),
-        (is_closure & ~is_used, FAILED, "closures without weight"),
+        (is_closure & is_used & is_loop, PAIRED, "loop closures"),
+        (is_closure & is_used & ~is_loop, LIGHT, "matches of neighbours"),
+        (is_closure & ~is_used, FAILED, "without weight"),
         (follows, PATH, "keyframes that follow each other"),
     ):
         _draw_edges(axes, slam_map, chosen, colour, f"{label} ({np.count_nonzero(chosen):,})")

@@ -38,7 +38,7 @@ from curvescan.types import Pose
 _WHAT = "SLAM"  # ran, in titles
 
 CLOSURE_HEADER = (
-    "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "outcome", "meaning",
+    "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "kind", "outcome", "meaning",
 )  # fmt: skip
 
 
@@ -156,23 +156,30 @@ def save_graph(folder: Path, slam_map: SlamMap) -> None:
 
 
 def write_closures(path: Path, closures: Sequence[Closure]) -> None:
-    """Write the log of loop-closure candidates: when, with what, and why each is accepted or not."""
+    """Write the log of loop-closure candidates, and of matches of neighbours: when, with what, and why each is accepted or not."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CLOSURE_HEADER)
         for c in closures:
             numbers = [c.score, c.confidence, c.distance, *c.pose.tolist()]
-            writer.writerow([c.scan, c.i, c.j, *numbers, c.outcome.name.lower(), c.outcome.value])
+            kind = "loop closure" if c.is_loop else "neighbours"
+            words = [kind, c.outcome.name.lower(), c.outcome.value]
+            writer.writerow([c.scan, c.i, c.j, *numbers, *words])
 
 
 def describe_graph(run: SlamRun) -> dict[str, object]:
     """Return what run.json holds of the graph."""
     graph, slam = run.slam.backend.graph, run.slam
     verdicts = Counter(c.outcome for c in slam.closures)
+    n_closures, n_neighbours = slam.backend.count_matches()
     return {
         "keyframes": graph.n_poses,
+        "loop_closures": n_closures,
+        "matches_of_neighbours": n_neighbours,
         "edges": {
-            kind.name.lower(): int(np.count_nonzero(graph.kinds == kind)) for kind in EdgeKind
+            kind.name.lower(): int(np.count_nonzero(graph.kinds == kind))
+            for kind in EdgeKind
+            if kind is not EdgeKind.CLOSURE
         },
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
         "candidates": {v.name.lower(): verdicts[v] for v in ClosureOutcome},

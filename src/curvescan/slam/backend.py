@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
+
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
@@ -15,7 +17,7 @@ from curvescan.slam.jobs import Job, Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.bending import is_bent
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import N_NEIGHBOURS, Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Pose
@@ -150,6 +152,7 @@ class Backend:
     def _adopt(self, job: Job) -> None:
         """Take the poses of an optimization, and withdraw the closures that bend the odometry: the map is never worse than it."""
         self._map.adopt(job.result())
+        self._search.adopt()
         if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
             self._map.fall_back(self._search.withdraw())
             self._adopt(self._new_job())
@@ -173,8 +176,16 @@ class Backend:
         self._settle()
 
     def _settle(self) -> None:
-        self._adopt(self._new_job(is_last=True))
         self._search.settle()
+        self._adopt(self._new_job(is_last=True))
+
+    def count_matches(self) -> tuple[int, int]:
+        """Return how many loop closures the graph follows, and how many matches of neighbours that do not follow each other."""
+        graph = self.graph
+        is_followed = graph.is_closure & (graph.weights > 0.5)
+        apart = np.diff(self.keyframes.numbers[graph.ends[is_followed]], axis=1)
+        n_closures = int(np.count_nonzero(apart > N_NEIGHBOURS))
+        return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def current_in_map(self) -> UncertainPose:
         """Return where the newest keyframe is in the map."""

@@ -110,8 +110,8 @@ class NoiseConfig:
         return self.kept * covariance + self.floor
 
     def common(self, edges: Cov) -> Cov:
-        """Return of (m, 3, 3) covariances of edges the part that each of their two scans has in common with its other edges."""
-        return (1.0 - self.kept) / (2.0 * self.kept) * (edges - self.floor)
+        """Return of (m, 3, 3) covariances of edges, without their floor, what each of their two scans adds to all of its edges."""
+        return (1.0 - self.kept) / (2.0 * self.kept) * edges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +158,8 @@ class ClosuresConfig:
     nothing shows it. Farther away the next room may look the same."""
     distinctive: float = 0.9
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
+    n_stretch: int = 6
+    """Where it is not, matches must agree from this many keyframes, and these from twice as long a stretch of the way."""
     margin: float = 2.0
     """They must be this many times as many as those that agree on another pose."""
     max_bend: float = 0.2
@@ -184,7 +186,14 @@ class ClosuresConfig:
             "likely_sigmas",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting"):
+        for name in (
+            "n_certain",
+            "n_uncertain",
+            "matches_per_scan",
+            "n_agreeing",
+            "n_waiting",
+            "n_stretch",
+        ):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
         require(self.n_unlike >= 0, "n_unlike must be >= 0", self.n_unlike)
         for name in ("min_score", "min_confidence", "min_similarity"):

@@ -21,14 +21,18 @@ from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.slam.pose_graph.posterior import (
-    edges_shared,
+    design_effect,
     own_noise,
     variance_factor,
     with_own_noise,
+    without_floor,
 )
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
+
+_MOST_VARIANCE = 30.0**2
+"""Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the rest."""
 
 
 def difference(one: Pose, other: Pose) -> Pose:
@@ -130,6 +134,8 @@ class GrowingMap:
         """Tie a keyframe to the one before it, and return how it lies to that."""
         noise, rules = self.config.noise, self.config.closures
         self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
+        share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
+        motion = UncertainPose(motion.pose, share * motion.cov)
         x, y, theta = np.abs(motion.pose).tolist()
         vague = UncertainPose(
             motion.pose,
@@ -269,14 +275,18 @@ class GrowingMap:
         graph, noise = self.graph, self.config.noise
         if graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        edges = Edges.of(graph.ends, graph.measured, graph.covariances)
         is_match = np.isin(graph.kinds, (EdgeKind.MATCH, EdgeKind.CLOSURE)) & (graph.weights > 0.5)
+        covariances = graph.covariances.copy()
+        covariances[is_match] = without_floor(covariances[is_match], noise.floor)
+        edges = Edges.of(graph.ends, graph.measured, covariances)
         n_least = graph.n_poses - self.n_fragments
         factor = variance_factor(squared_distances(graph.poses, edges)[is_match], n_least)
-        shared = factor * edges_shared(graph.ends, is_match, graph.n_poses)
-        scaled = edges._replace(information=edges.information / shared[:, np.newaxis, np.newaxis])
+        # steps that matches did not measure leave small residuals, and are not the surer for it
+        by = np.where(is_match, max(factor, 1.0), 1.0)
+        by *= design_effect(graph.ends, is_match, graph.n_poses, 1.0 - noise.kept)
+        scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
         found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
-        common = noise.common(graph.covariances)
+        common = noise.common(covariances)
         return with_own_noise(
             found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0
         )

@@ -73,6 +73,11 @@ class LoopSearch:
     def settle(self) -> None:
         """Forget that the graph is to be optimized: it is under way."""
         self.is_urgent = self.is_surprised = False
+        self._waiting.optimize()
+
+    def adopt(self) -> None:
+        """Let the graph speak for the closures that the optimization knew: it is done."""
+        self._waiting.adopt()
 
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
@@ -101,9 +106,12 @@ class LoopSearch:
         return accepted
 
     def finish(self, index: int) -> None:
-        """Match all that is queued."""
+        """Match all that is queued, and accept what agrees: no further view will come."""
         while self._queue:
             self._try(self._queue.popleft(), index)
+        if self.n_withdrawals == 0:
+            for one in self._waiting.conclude(self._map.graph.poses):
+                self._accept(one)
 
     def densify(self, index: int) -> None:
         """Match each keyframe with the nearest others that it has not been matched with."""
@@ -152,15 +160,18 @@ class LoopSearch:
         """Hold a closure against others that wait, and return those that are accepted now."""
         # agreement means nothing where places look alike
         is_refused = self.n_withdrawals > 0
-        is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
-        if is_refused or (is_unknown and not self._is_distinctive(closure.i, closure.j)):
-            self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
-            return []
+        if is_refused or bool(expected.cov[0, 0] > UNKNOWN_M**2):
+            fragments = self._map.fragments
+            is_tied = fragments[closure.i] == fragments[closure.j]
+            if is_refused or not self._is_distinctive(closure.i, closure.j):
+                closure = replace(closure, is_indistinct=True)
+            if closure.is_indistinct and (is_refused or not is_tied):
+                self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
+                return []
         agreed = self._waiting.add(closure, self._map.graph.poses)
         if not agreed:
             self._log(closure)
             return []
-        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in agreed]
         for one in agreed:
             self._accept(one)
         return [self._numbered(one) for one in agreed]

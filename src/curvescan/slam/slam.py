@@ -156,7 +156,7 @@ class Slam:
             outcome=step.outcome,
             match=step.match,
             reference=step.reference,
-            closures=closures,
+            closures=tuple(c for c in closures if c.is_loop),
             is_revised=is_revised,
             keyframe=backend.keyframes[backend.current].number,
             fragment=backend.fragment_of(backend.current),
@@ -237,8 +237,8 @@ class Slam:
         return self.trajectory()
 
     def __repr__(self) -> str:
-        n_closures = int(np.count_nonzero(self.backend.graph.is_closure))
+        n_closures, n_neighbours = self.backend.count_matches()
         return (
             f"Slam({self.method}: {self._n_scans:,} scans, {len(self.backend.keyframes):,} keyframes, "
-            f"{n_closures:,} loop closures)"
+            f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours)"
         )

@@ -40,7 +40,7 @@ class SlamStep:
     reference : int or None
         Number of the scan that `match` was tried with.
     closures : tuple of Closure
-        The loop closures that were accepted with this scan.
+        The loop closures that were accepted with this scan; matches of neighbouring keyframes are none.
     is_revised : bool
         Whether the poses of earlier scans were revised with this scan.
     keyframe : int

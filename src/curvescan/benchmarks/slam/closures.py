@@ -95,6 +95,7 @@ def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
     trajectory = slam.finish()
     true = se2.between(truth[0], truth)
     found = slam.map
+    n_closures, n_neighbours = slam.backend.count_matches()
     is_closure = (found.kinds == EdgeKind.CLOSURE) & (found.weights > 0.5)
     ends = found.ends[is_closure]
     scans_of = found.indices[ends]
@@ -114,7 +115,8 @@ def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
     return FloorResult(
         n_scans=len(scans),
         n_keyframes=len(found),
-        n_closures=int(np.count_nonzero(is_closure)),
+        n_closures=n_closures,
+        n_neighbours=n_neighbours,
         n_false=int(np.count_nonzero(is_false)),
         n_revisits=int(np.count_nonzero(is_revisit)),
         n_missed=int(np.count_nonzero(is_revisit & ~_closed(ends[~is_false], len(found)))),

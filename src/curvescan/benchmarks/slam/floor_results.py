@@ -15,10 +15,12 @@ class FloorResult:
 
     Attributes
     ----------
-    n_scans, n_keyframes, n_closures : int
-        Scans, keyframes, and closures between keyframes that do not follow each other.
+    n_scans, n_keyframes : int
+        Scans and keyframes.
+    n_closures, n_neighbours : int
+        Loop closures that the graph follows, and matches of neighbours.
     n_false : int
-        Closures with a weight whose pose is false.
+        Of both, those whose pose is false.
     n_revisits, n_missed : int
         Keyframes at places that were seen before, and those of them without a closure around.
     n_forced : int
@@ -34,6 +36,7 @@ class FloorResult:
     n_scans: int
     n_keyframes: int
     n_closures: int
+    n_neighbours: int
     n_false: int
     n_revisits: int
     n_missed: int

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import cycle_distances
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Bools, Ints, Pose
@@ -25,6 +25,7 @@ class Waiting:
     def __init__(self, config: SlamConfig) -> None:
         self._config = config
         self._closures: list[Closure] = []
+        self._optimized = -1  # the last scan whose closures the newest optimization knows
 
     def confirm(self, closure: Closure) -> None:
         """Take a closure that is accepted already: others of its scans must agree with it."""
@@ -42,6 +43,9 @@ class Waiting:
     def add(self, closure: Closure, poses: Pose) -> list[Closure]:
         """Take a closure, and return those that are accepted now because they agree; none if too few do.
 
+        What was accepted has its say until the graph's own covariances know of it, after the next optimization: what agrees with it needs
+        fewer others, what contradicts it more of them.
+
         Parameters
         ----------
         closure : Closure
@@ -49,27 +53,71 @@ class Waiting:
         poses : (n, 3) float64
             Poses of the keyframes.
         """
-        rules = self._config.closures
         self._closures.append(closure)
-        del self._closures[: -rules.n_waiting]
-        group = [c for c in self._closures if abs(c.j - closure.j) <= 20]
+        del self._closures[: -self._config.closures.n_waiting]
+        return self._agreeing(closure, poses, n_views=2)
+
+    def optimize(self) -> None:
+        """Remember what is accepted as an optimization begins."""
+        self._optimized = max((c.scan for c in self._closures), default=-1)
+
+    def adopt(self) -> None:
+        """Drop what was accepted by agreement before an optimization that has ended: from now on the graph speaks for it."""
+        self._closures = [
+            c
+            for c in self._closures
+            if c.outcome is not ClosureOutcome.AGREED or c.scan > self._optimized
+        ]
+
+    def conclude(self, poses: Pose) -> list[Closure]:
+        """Return which closures of the last keyframe are accepted at the end of a stream, where no further view can be waited for.
+
+        A log often ends as its loop closes. Matches of one keyframe with several others are enough then, where the graph does not
+        contradict them.
+
+        Parameters
+        ----------
+        poses : (n, 3) float64
+            Poses of the keyframes.
+        """
+        last = len(poses) - 1
+        pending = [
+            c for c in self._closures if c.j == last and not (c.is_accepted or c.is_doubtful)
+        ]
+        return self._agreeing(pending[-1], poses, n_views=1) if pending else []
+
+    def _agreeing(self, closure: Closure, poses: Pose, n_views: int) -> list[Closure]:
+        """Return the closures that are accepted because they agree with one, made from `n_views` keyframes at least."""
+        group = [c for c in self._closures if abs(c.j - closure.j) <= 20 and c is not closure]
+        group.append(closure)
         agrees = self._agreements(group, poses)
         last = len(group) - 1
         friends = np.flatnonzero(agrees[last, :last])
         members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
-        if not self._is_enough(members, group, agrees):
+        if not self._is_enough(members, group, agrees, n_views):
             return []
         chosen = [group[k] for k in members.tolist() if not group[k].is_accepted]
         first, newest = min(c.j for c in chosen), max(c.j for c in chosen)
-        self._closures = [c for c in self._closures if not first <= c.j <= newest]
-        return chosen
+        agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in chosen]
+        self._closures = [
+            c for c in self._closures if c.is_accepted or not first <= c.j <= newest
+        ] + agreed
+        return agreed
 
-    def _is_enough(self, members: np.ndarray, group: list[Closure], agrees: Bools) -> bool:
+    def _is_enough(
+        self, members: np.ndarray, group: list[Closure], agrees: Bools, n_views: int
+    ) -> bool:
         rules = self._config.closures
         chosen = [group[k] for k in members.tolist()]
         is_doubtful = any(c.is_doubtful for c in chosen)
         n_least = (2 if is_doubtful else 1) * rules.n_agreeing
-        if len(chosen) < n_least or len({c.j for c in chosen}) < (3 if is_doubtful else 2):
+        views = {c.j for c in chosen}
+        if len(chosen) < n_least or len(views) < n_views + is_doubtful:
+            return False
+        # one place may look like another by chance, a stretch of the way hardly
+        if any(c.is_indistinct for c in chosen) and (
+            len(views) < rules.n_stretch or max(views) - min(views) < 2 * rules.n_stretch
+        ):
             return False
         others = np.array([k for k in range(len(group)) if k not in set(members.tolist())])
         if not len(others):

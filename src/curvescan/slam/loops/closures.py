@@ -24,6 +24,10 @@ UNKNOWN_M = 10.0
 """Standard deviation of a relative pose of which the graph knows nothing, metres."""
 
 
+N_NEIGHBOURS = 10
+"""Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
+
+
 class ClosureOutcome(Enum):
     """What became of a loop-closure candidate; the value is a sentence for people."""
 
@@ -68,6 +72,8 @@ class Closure:
         What became of it.
     is_doubtful : bool
         Whether twice as many must agree: the graph contradicts it, or knows nothing of the relative pose.
+    is_indistinct : bool
+        Whether nothing is known of the relative pose and other places look as much alike: only a stretch of the way tells.
     """
 
     scan: int
@@ -79,12 +85,18 @@ class Closure:
     distance: float
     outcome: ClosureOutcome
     is_doubtful: bool = False
+    is_indistinct: bool = False
     confidence: float = math.nan
 
     @property
     def is_accepted(self) -> bool:
         """Whether it became an edge of the graph."""
         return self.outcome in (ClosureOutcome.ACCEPTED, ClosureOutcome.AGREED)
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether its keyframes, by their numbers, are far apart along the path: a loop closure, else a match of neighbours."""
+        return self.j - self.i > N_NEIGHBOURS
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:

@@ -1,9 +1,11 @@
 """Covariances of the poses after the optimum is known: what the edges' residuals say of them, and that edges share their keyframes.
 
-The marginals of the information matrix are too small where a keyframe has many edges: the noise of its scan is in all of them, so that ten
-matches of a scan say no more than one. Measured in simulation the error falls as if the information of a keyframe did not grow with the
-number of its edges. And the edges' covariances may be too large or too small as a whole: their residuals in the optimum tell (the variance
-of unit weight, as in geodesy). Last, the noise of a keyframe's own scan moves it against all others alike, and shows in no residual.
+The marginals of the information matrix are too small where a keyframe has many edges: the noise of its scan is in all of them. The errors
+of its K matches have a correlation r, so the variance of their mean is (1 + (K - 1) r) / K of that of one (the design effect of surveys,
+Kish 1965), and the covariance of each is to be multiplied by 1 + (K - 1) r. And the edges' covariances may be too large or too small as a
+whole: their residuals in the optimum tell (the variance of unit weight, as in geodesy). The floor that an edge has so that matches which
+claim too much do not rule the optimum is no part of it: of clean scans it is several times their error. Last, the noise of a keyframe's
+own scan moves it against all others alike, and shows in no residual.
 """
 
 from __future__ import annotations
@@ -16,8 +18,20 @@ _PRIOR = 30.0
 """Degrees of freedom that the covariances as they are count for: of few residuals nothing is concluded."""
 
 
-def edges_shared(ends: Ints, is_match: Bools, n_poses: int) -> Floats:
-    """Return (m,) among how many matches the noise of the two scans of an edge is shared: matches a keyframe has, half of them to earlier ones.
+_LEAST_VARIANCE = 1e-8
+"""Of a match without its floor: 0.1 mm and 0.1 mrad, squared."""
+
+
+def without_floor(covariances: Cov, floor: Cov) -> Cov:
+    """Return (m, 3, 3) covariances of edges without a (3, 3) floor that was added to them."""
+    values, vectors = np.linalg.eigh(covariances - floor)
+    values = np.maximum(values, _LEAST_VARIANCE)
+    found: Cov = (vectors * values[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
+    return found
+
+
+def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
+    """Return (m,) by what the covariance of each edge is to be multiplied because other matches of its two scans err alike.
 
     Parameters
     ----------
@@ -27,10 +41,14 @@ def edges_shared(ends: Ints, is_match: Bools, n_poses: int) -> Floats:
         Edges that are matches of two scans, and are followed; the others share nothing.
     n_poses : int
         Number of keyframes.
+    correlation : float
+        Of the errors of two matches of one scan.
     """
     degrees = np.bincount(ends[is_match].ravel(), minlength=n_poses)
-    shared = 0.25 * (degrees[ends[:, 0]] + degrees[ends[:, 1]])
-    return np.where(is_match, np.maximum(shared, 1.0), 1.0)
+    # half of the matches of a keyframe are with earlier ones
+    n_alike = 0.25 * (degrees[ends[:, 0]] + degrees[ends[:, 1]])
+    effect = 1.0 + (np.maximum(n_alike, 1.0) - 1.0) * correlation
+    return np.where(is_match, effect, 1.0)
 
 
 def variance_factor(distances: Floats, n_poses: int) -> float:
