@@ -17,7 +17,8 @@ class LocalizerOutcome(Enum):
 
     SEARCHING = "Not found in the map yet."
     FOUND = "Found without a guess: no other place in the map explains the scans as well."
-    TRACKED = "Matched with keyframes around, or carried on by matches of the odometry less than half a keyframe's distance from where it was."
+    TRACKED = "Matched with keyframes around, now or a short way before."
+    """At most half the distance of keyframes before; the odometry has matched all scans since."""
     PREDICTED = "Carried on by the odometry: no match with the map where one was due."
 
 
