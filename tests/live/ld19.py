@@ -64,6 +64,7 @@ class Ld19:
         self.sent_at: list[float] = []
         self._thread: threading.Thread | None = None
         self._is_over = threading.Event()
+        self._unplugging = threading.Lock()
 
     def send(self, data: bytes) -> None:
         """Send bytes, however many."""
@@ -105,7 +106,8 @@ class Ld19:
         self._is_over.set()
         if self._thread is not None:
             self._thread.join()
-        ours, self._ours = self._ours, -1
+        with self._unplugging:
+            ours, self._ours = self._ours, -1
         if ours >= 0:
             os.close(ours)
             os.close(self._theirs)

@@ -47,6 +47,7 @@ class RplidarA1:
         self._turns, self._period, self._held = turns, period, held
         self.commands: list[int] = []
         self._is_over = threading.Event()
+        self._unplugging = threading.Lock()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -80,10 +81,11 @@ class RplidarA1:
                     waiting = b""
 
     def unplug(self) -> None:
-        """Pull the plug."""
+        """Pull the plug, which a timer and the end of a test may do at once."""
         self._is_over.set()
         self._thread.join()
-        if self._ours >= 0:
-            os.close(self._ours)
+        with self._unplugging:
+            ours, self._ours = self._ours, -1
+        if ours >= 0:
+            os.close(ours)
             os.close(self._theirs)
-            self._ours = -1
