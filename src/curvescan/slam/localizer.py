@@ -111,7 +111,7 @@ class Localizer:
             Pose of the sensor at this scan by its wheels; see :meth:`Odometry.add`.
         """
         step = self.odometry.add(scan, odometry_pose)
-        scan = self._deskewed(scan, step)
+        self._deskewer = self._deskewer.ticked(scan)
         is_unmeasured = step.outcome in _UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         is_doubtful = step.match is not None and not is_confident(step.match, self.config)
@@ -119,16 +119,17 @@ class Localizer:
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
         if self._here is None or self._anchor is None:
-            return self._look(scan, step)
-        return self._track(scan, step, self._here, self._anchor)
+            localized = self._look(scan, step)
+        else:
+            localized = self._track(scan, step, self._here, self._anchor)
+        self._last = step
+        return localized
 
     def _deskewed(self, scan: LaserScan, step: OdometryStep) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
-        self._deskewer = self._deskewer.ticked(scan)
-        last, self._last = self._last, step
-        if last is None or not self.config.odometry.deskew:
+        if self._last is None or not self.config.odometry.deskew:
             return scan
-        return self._deskewer.deskewed(scan, se2.between(last.pose, step.pose))
+        return self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
 
     def locate(self, scan: LaserScan) -> tuple[Hit, ...]:
         """Return where one scan alone is in the map: matches with keyframes there; none where it is not sure.
@@ -138,9 +139,7 @@ class Localizer:
         scan : LaserScan
             Any scan, also one of another session.
         """
-        alone = self._search.afresh()
-        alone.add(_points(scan), None, self._by_similarity(scan))
-        return tuple(self._confirmed(scan, alone.winner))
+        return tuple(self._confirmed(scan, self._search_alone(scan).winner))
 
     def _look(self, scan: LaserScan, step: OdometryStep) -> LocalizerStep:
         """Look for the sensor in the whole map."""
@@ -150,6 +149,7 @@ class Localizer:
             if self._is_near(moved, 0.7):
                 return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
         self._is_torn = False
+        scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
         self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
         self._view = step
@@ -180,7 +180,7 @@ class Localizer:
         fit, least = field.agreement(points, here.pose).score, _LEAST_FIT
         # unless the map does not agree with its own keyframes there
         worse = max(_WORSE_FIT, self._matching.misfit(hits[0].keyframe))
-        least = max(least, field.agreement(points, place.pose).score - worse)
+        least = max(least, place.fit - worse)
         if is_open or fit < least or not is_same(place.pose, here.pose):
             return []
         return hits
@@ -193,20 +193,25 @@ class Localizer:
         expected = compose(here, moved)
         if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
             return self._at(step, expected, LocalizerOutcome.TRACKED)
-        points = _points(scan)
+        deskewed = self._deskewed(scan, step)
+        points = _points(deskewed)
+        # after a motion in doubt no other place may agree as well
+        alone = self._search_alone(deskewed) if self._is_torn else None
         vague = vaguely(expected, self.config)
-        found, is_due = self._matching.around(scan, vague, seen_from=self._keyframe)
+        found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
         if hits:
             before = self._matching.seen_from(expected, self._keyframe, hits[0])
             now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
-            if view.score > 0.0 and (not self._is_torn or self._is_best(scan, points, now)):
+            if view.score > 0.0 and (alone is None or alone.is_best(points, now.pose)):
                 return self._take(step, now, LocalizerOutcome.TRACKED, hits[0].keyframe)
         else:
             view = self._search.field.agreement(points, expected.pose)
         self._n_missed += is_due or view.score < 0.0 or self._is_torn
-        elsewhere = self._elsewhere(scan, points, expected) if self._n_missed else []
+        elsewhere: list[Hit] = []
+        if self._n_missed:
+            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed)).winner)
         if elsewhere:
             return self._take(step, fused(elsewhere), LocalizerOutcome.FOUND, elsewhere[0].keyframe)
         if self._n_missed >= self.config.keyframes.n_lost:
@@ -220,17 +225,11 @@ class Localizer:
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
         return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
-    def _is_best(self, scan: LaserScan, points: Points, now: UncertainPose) -> bool:
-        """Return whether a scan agrees with where the sensor is expected, and clearly less with any other place."""
+    def _search_alone(self, scan: LaserScan) -> MapSearch:
+        """Return what a search of the whole map finds by one scan alone."""
         alone = self._search.afresh()
-        alone.add(points, None, self._by_similarity(scan))
-        return alone.is_best(points, now.pose)
-
-    def _elsewhere(self, scan: LaserScan, points: Points, expected: UncertainPose) -> list[Hit]:
-        """Return matches with keyframes of another place, where the scan alone speaks for it."""
-        alone = self._search.afresh()
-        alone.add(points, None, self._by_similarity(scan))
-        return self._confirmed(scan, alone.winner)
+        alone.add(_points(scan), None, self._by_similarity(scan))
+        return alone
 
     def _by_similarity(self, scan: LaserScan) -> Ints | None:
         """Return the keyframes by how alike they are to a scan, where the map is too large to look at all of it."""

@@ -225,9 +225,9 @@ class MapSearch:
         return is_changed and is_alone and not is_tied
 
     def is_best(self, points: Points, pose: Pose) -> bool:
-        """Return whether the map agrees with a scan clearly better at a pose than at any other one found."""
-        others = [place.pose for place in self._found if not is_same(place.pose, pose)]
-        most = max((self.field.agreement(points, other).score for other in others), default=-1.0)
+        """Return whether the map agrees with the last view clearly better at a pose than at any other one found."""
+        others = [place.fit for place in self._found if not is_same(place.pose, pose)]
+        most = max(others, default=-1.0)
         return self.field.agreement(points, pose).score >= most + _LEAD
 
     @property
