@@ -74,9 +74,8 @@ class Matching:
         if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
             return alone
         guided = self._gated(reference, current, expected, repeated)
-        if (
-            is_sure
-        ):  # only the guess decided it: another one that is expected, too, must explain more
+        if is_sure:
+            # only the guess decided it: another one that is expected, too, must explain more
             is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
             return guided if is_better else alone
         return alone if alone.is_better_than(guided, min_score) else guided

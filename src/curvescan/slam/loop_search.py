@@ -160,12 +160,11 @@ class LoopSearch:
         """Hold a closure against others that wait, and return those that are accepted now."""
         # agreement means nothing where places look alike
         is_refused = self.n_withdrawals > 0
-        if is_refused or bool(expected.cov[0, 0] > UNKNOWN_M**2):
+        is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
+        if is_refused or (is_unknown and not self._is_distinctive(closure.i, closure.j)):
+            closure = replace(closure, is_indistinct=True)
             fragments = self._map.fragments
-            is_tied = fragments[closure.i] == fragments[closure.j]
-            if is_refused or not self._is_distinctive(closure.i, closure.j):
-                closure = replace(closure, is_indistinct=True)
-            if closure.is_indistinct and (is_refused or not is_tied):
+            if is_refused or fragments[closure.i] != fragments[closure.j]:
                 self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
                 return []
         agreed = self._waiting.add(closure, self._map.graph.poses)
