@@ -9,13 +9,14 @@ tables, beside what others publish. With --left only rows that are missing are m
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+
+from kept_rows import markdown, read_rows, write_rows
 
 import curvescan as cs
 from curvescan.evaluation.published import BENCHMARKS
@@ -101,16 +102,14 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
     )
 
 
-def read_rows() -> dict[tuple[str, str, str, bool], Row]:
+def kept() -> dict[tuple[str, str, str, bool], Row]:
     """Return the rows that were measured, by log, task, method and wheels."""
-    lines = ROWS.read_text("utf-8").splitlines() if ROWS.exists() else []
-    return {row.key: row for row in (Row(**json.loads(line)) for line in lines)}
+    return {row.key: row for row in read_rows(ROWS, Row)}
 
 
-def write_rows(rows: dict[tuple[str, str, str, bool], Row]) -> None:
+def keep(rows: dict[tuple[str, str, str, bool], Row]) -> None:
     """Write all rows, and the tables made of them."""
-    ordered = [rows[key] for key in sorted(rows)]
-    ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
+    write_rows(ROWS, [rows[key] for key in sorted(rows)])
     TABLES.write_text(tables(rows), "utf-8")
 
 
@@ -125,11 +124,11 @@ def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
     near = [head, *measured(rows, "odometry", logs, "near_")]
     return (
         "## Loops closed\n\n"
-        + markdown(slam)
+        + table(*slam)
         + "\n## Odometry: past poses are not revised\n\n"
-        + markdown(chains)
+        + table(*chains)
         + "\n## Odometry, relations of scans less than 5 s apart\n\n"
-        + markdown(near)
+        + table(*near)
         + "\n"
         + when(list(rows.values()))
     )
@@ -186,10 +185,9 @@ def figures(row: Row, prefix: str) -> str:
     return f"{metres:.4f} ({degrees:.3f})" if metres < 0.1 else f"{metres:.3f} ({degrees:.2f})"
 
 
-def markdown(lines: list[list[str]]) -> str:
-    """Return a table."""
-    rule = ["---", "---", *["---:"] * (len(lines[0]) - 2)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in (lines[0], rule, *lines[1:]))
+def table(head: list[str], *rows: list[str]) -> str:
+    """Return a table: names, sensors, and the logs."""
+    return markdown(head, ["---", "---", *["---:"] * (len(head) - 2)], rows)
 
 
 def main() -> None:
@@ -203,11 +201,11 @@ def main() -> None:
     parser.add_argument("--tables", action="store_true", help="no row: the tables anew")
     options = parser.parse_args()
     for wanted in [] if options.tables else rows_wanted(options.logs, options.methods):
-        if not (options.left and wanted in read_rows()):
+        if not (options.left and wanted in kept()):
             row = measure(options.data, *wanted)
             print(*wanted, figures(row, ""), flush=True)
-            write_rows(read_rows() | {row.key: row})
-    write_rows(read_rows())
+            keep(kept() | {row.key: row})
+    keep(kept())
 
 
 if __name__ == "__main__":

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import argparse
 import ast
-import json
 import math
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from kept_rows import markdown, read_rows, write_rows
 
 import curvescan as cs
 from curvescan import se2
@@ -165,27 +165,22 @@ def end_of(found: cs.Trajectory, log: cs.Log, truth: Truth, path: Path) -> str:
     return f"{math.hypot(x, y):.1f} m, {abs(math.degrees(theta)):.0f} deg from the wheels"
 
 
-def read_rows() -> dict[str, Row]:
+def kept() -> dict[str, Row]:
     """Return the rows that were measured, by log."""
-    lines = ROWS.read_text("utf-8").splitlines() if ROWS.exists() else []
-    return {row.log: row for row in (Row(**json.loads(line)) for line in lines)}
+    return {row.log: row for row in read_rows(ROWS, Row)}
 
 
-def write_rows(rows: dict[str, Row]) -> None:
+def keep(rows: dict[str, Row]) -> None:
     """Write all rows, and the table made of them."""
     ordered = [rows[name] for name in LOGS if name in rows]
-    ROWS.write_text("".join(json.dumps(asdict(row)) + "\n" for row in ordered), "utf-8")
+    write_rows(ROWS, ordered)
     days = sorted({f"{row.measured}, version {row.version}" for row in ordered})
     TABLE.write_text(
-        f"{markdown(GIVEN, [row.given for row in ordered])}\n"
-        f"{markdown(FOUND, [row.found for row in ordered])}\nMeasured on {'; '.join(days)}.\n",
+        f"{markdown(GIVEN, GIVEN.values(), [row.given for row in ordered])}\n"
+        f"{markdown(FOUND, FOUND.values(), [row.found for row in ordered])}\n"
+        f"Measured on {'; '.join(days)}.\n",
         "utf-8",
     )
-
-
-def markdown(columns: dict[str, str], rows: list[list[str]]) -> str:
-    """Return a table."""
-    return "".join(f"| {' | '.join(row)} |\n" for row in (columns, columns.values(), *rows))
 
 
 def main() -> None:
@@ -200,8 +195,8 @@ def main() -> None:
         if not options.only or Path(name).name in options.only:
             row = measure(options.data, name)
             print(*row.given, *row.found[1:], flush=True)
-            write_rows(read_rows() | {name: row})
-    write_rows(read_rows())
+            keep(kept() | {name: row})
+    keep(kept())
 
 
 if __name__ == "__main__":
