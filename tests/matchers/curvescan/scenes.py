@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,6 +42,11 @@ def pillar_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.005, seed=0, n_beams=361, fov=m
     )
 
 
+def turned(scan, angle):
+    """The scan of a sensor whose frame is turned against that of its beams by an angle more, radians."""
+    return replace(scan, angle_min=scan.angle_min + angle, angles=None)
+
+
 def pair(seed=0, motion=MOTION, **kwargs):
     """Features of two scans of the room with pillars, `motion` apart."""
     return (
@@ -49,4 +55,4 @@ def pair(seed=0, motion=MOTION, **kwargs):
     )
 
 
-__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan"]
+__all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan", "turned"]

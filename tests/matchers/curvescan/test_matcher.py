@@ -12,7 +12,7 @@ from curvescan.matchers import DEFAULT_METHOD, Label
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig
 from curvescan.simulation import simulate_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, pillar_scan
+from tests.matchers.curvescan.scenes import MOTION, pillar_scan, turned
 from tests.scenes import room_scan
 
 SUCCESS = (0.1, math.radians(2.0))
@@ -43,16 +43,7 @@ def test_any_turn_of_a_full_circle_is_found_without_a_guess(turn_deg):
 def test_the_direction_of_the_sensor_frame_changes_nothing(angle):
     ref, cur = pillar_scan(seed=1), pillar_scan(MOTION, seed=2)
     plain = cs.match(ref, cur)
-    rotated = [
-        cs.LaserScan(
-            scan.ranges,
-            angle_min=scan.angle_min + angle,
-            angle_increment=scan.angle_increment,
-            range_max=20.0,
-        )
-        for scan in (ref, cur)
-    ]
-    result = cs.match(*rotated)
+    result = cs.match(turned(ref, angle), turned(cur, angle))
     keypoint = np.array([0.0, 0.0, angle])
     expected = cs.se2.compose(cs.se2.compose(keypoint, plain.pose), cs.se2.inverse(keypoint))
     # the histograms of directions stand in the sensor frame: the refinement may start from another hypothesis, and

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.assessment.evidence import (
     AGREEING,
@@ -37,7 +36,7 @@ from curvescan.matchers.curvescan.features.surfels import (
     Y,
 )
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
-from tests.matchers.curvescan.scenes import MOTION, features, pair
+from tests.matchers.curvescan.scenes import MOTION, features, pair, turned
 
 CONFIG = CurvescanConfig()
 
@@ -155,8 +154,8 @@ def test_what_may_move_is_small_and_stands_before_something():
 def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     ref, cur = pair()
     beside = MOTION + np.array([0.15, 0.0, 0.0])
-    turned = MOTION + np.array([0.0, 0.0, np.pi / 2])
-    true, missed, other = evidence(ref, cur, MOTION, beside, turned)
+    across = MOTION + np.array([0.0, 0.0, np.pi / 2])
+    true, missed, other = evidence(ref, cur, MOTION, beside, across)
     assert true.shape == (N_EVIDENCE,)
     inliers = assess_pose(ref, cur, MOTION, CONFIG).codes_cur == INLIER
     lengths = cur.image.surfels[inliers, LENGTH].sum()
@@ -187,16 +186,8 @@ def test_what_is_known_of_no_noise_has_no_misfit():
 @pytest.mark.parametrize("heading", [0.4, -1.1, 2.0])
 def test_a_corridor_fixes_nothing_along_itself(heading):
     """However the sensor is turned in it."""
-    turned = [
-        cs.LaserScan(
-            scan.ranges,
-            angle_min=scan.angle_min + heading,
-            angle_increment=scan.angle_increment,
-            range_max=8.0,
-        )
-        for scan in (hall_scan(0.0, seed=1), hall_scan(0.4, seed=2))
-    ]
-    ref, cur = map(features, turned)
+    halls = hall_scan(0.0, seed=1), hall_scan(0.4, seed=2)
+    ref, cur = (features(turned(scan, heading)) for scan in halls)
     [found] = evidence(ref, cur, np.zeros(3))
     assert found[AGREEING] > 3.0
     assert found[WEAKEST] < 0.1

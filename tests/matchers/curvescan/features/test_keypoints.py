@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.matchers.curvescan.config import KeypointsConfig
 from curvescan.matchers.curvescan.features.keypoints import arm_direction
 from curvescan.matchers.curvescan.features.surfels import moments
-from tests.matchers.curvescan.scenes import features, pillar_scan
+from tests.matchers.curvescan.scenes import features, pillar_scan, turned
 from tests.scenes import ROOM, room_scan
 
 CORNERS = [(ROOM[2], ROOM[1]), (ROOM[2], ROOM[3])]
@@ -41,13 +41,7 @@ def test_a_bare_wall_under_noise_has_no_corner():
 @pytest.mark.parametrize("angle", [0.5, 2.0, -3.0])
 def test_frames_turn_with_the_sensor_frame(angle):
     scan = pillar_scan(seed=1)
-    rotated = cs.LaserScan(
-        scan.ranges,
-        angle_min=scan.angle_min + angle,
-        angle_increment=scan.angle_increment,
-        range_max=20.0,
-    )
-    plain, moved = features(scan).keypoints, features(rotated).keypoints
+    plain, moved = features(scan).keypoints, features(turned(scan, angle)).keypoints
     np.testing.assert_allclose(
         cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9
     )

@@ -16,7 +16,7 @@ from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     rotation_hypotheses,
     wall_offsets,
 )
-from tests.matchers.curvescan.scenes import features, pair, pillar_scan
+from tests.matchers.curvescan.scenes import features, pair, pillar_scan, turned
 from tests.reference import curvescan as slow
 
 
@@ -34,13 +34,7 @@ def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 2.9])
 def test_the_histogram_turns_with_the_sensor(angle):
     scan = pillar_scan(seed=1)
-    rotated = cs.LaserScan(
-        scan.ranges,
-        angle_min=scan.angle_min - angle,
-        angle_increment=scan.angle_increment,
-        range_max=20.0,
-    )
-    ref, cur = features(scan), features(rotated)
+    ref, cur = features(scan), features(turned(scan, -angle))
     np.testing.assert_allclose(np.linalg.norm(ref.directions), 1.0)
     poses = rotation_hypotheses(ref.directions, cur.directions, 4, np.array([0.3, 0.1, 0.2]))
     np.testing.assert_array_equal(poses[0], [0.3, 0.1, 0.2])
