@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.benchmarks.slam.localization import false_elsewhere, first_fixes, tracked
+from curvescan.benchmarks.slam.localization_runs import false_elsewhere, first_fixes, tracked
 from curvescan.benchmarks.slam.localization_tasks import (
     in_frame_of,
     task_of_floor,
+    with_closed_doors,
     with_moved_things,
 )
 from curvescan.errors import LogFileError, LogFormatError
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.simulation import build_world
 from curvescan.slam import LocalizerOutcome, SlamMap
+from curvescan.slam.localization.matching import Hit, fused
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 
@@ -86,6 +91,26 @@ def test_one_scan_alone_is_located(stored: SlamMap) -> None:
     assert hits
     true = se2.between(lap()[0], poses[0])
     assert np.hypot(*(hits[0].here.pose[:2] - true[:2])) < 0.05
+
+
+@pytest.mark.slow
+def test_walls_hold_a_scan_along_what_its_matches_leave_open(
+    stored: SlamMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    localizer = cs.Localizer(stored)
+    around = localizer._matching.around
+
+    def slid(*args: Any, **options: Any) -> tuple[list[Hit], bool]:
+        hits, is_due = around(*args, **options)
+        away, open_x = np.array([0.4, 0.0, 0.0]), np.diag([100.0, 0.0, 0.0])
+        moved = [UncertainPose(hit.here.pose + away, hit.here.cov + open_x) for hit in hits]
+        return [replace(hit, here=here) for hit, here in zip(hits, moved, strict=True)], is_due
+
+    monkeypatch.setattr(localizer._matching, "around", slid)
+    hits = localizer.locate(scans(lap()[60:61], seed=3)[0])
+    assert hits
+    true = se2.between(lap()[0], lap()[60])
+    assert np.hypot(*(fused(list(hits)).pose[:2] - true[:2])) < 0.1
 
 
 @pytest.mark.slow
@@ -195,3 +220,26 @@ def test_things_that_move_are_the_share_that_is_asked_for() -> None:
     moved = with_moved_things(ROOM, 1.0, 3)
     way = np.hypot(*(moved.boxes[:, :2] - ROOM.boxes[:, :2]).T)
     assert ((way >= 0.4) & (way <= 1.0)).all()
+
+
+def test_a_closed_door_is_a_wall_between_two_in_its_line() -> None:
+    office = build_world("office", 60)
+    assert np.array_equal(with_closed_doors(office, 0, 3).boxes, office.boxes)
+    closed = with_closed_doors(office, 2, 3)
+    assert np.array_equal(closed.boxes[:-2], office.boxes)
+    for x, y, length, width, _ in closed.boxes[-2:]:
+        assert min(length, width) == pytest.approx(0.12)
+        assert 0.6 < max(length, width) < 1.5
+        ends = np.array([0.5 * length + 0.01, 0.0] if length > width else [0.0, 0.5 * width + 0.01])
+        for end in (ends, -ends):  # it meets a wall at both ends
+            off = np.abs(office.boxes[:, :2] - (x, y) - end)
+            assert (off <= 0.5 * office.boxes[:, 2:4]).all(axis=1).any()
+
+
+@pytest.mark.slow
+def test_behind_closed_doors_the_sensor_is_still_found_and_never_elsewhere() -> None:
+    task = task_of_floor(60, n_test=60, n_closed=2)
+    fixes = first_fixes(task, np.arange(0, 60, 6), n_most=12)
+    assert min(f.shown[0] for f in fixes) < 0.9  # doors are seen
+    assert sum(f.is_right[-1] for f in fixes) >= 5
+    assert not any(f.is_known[-1] and not f.is_right[-1] for f in fixes)

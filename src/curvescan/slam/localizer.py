@@ -164,7 +164,8 @@ class Localizer:
         """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
         if place is None:
             return []
-        found, _ = self._matching.around(scan, UncertainPose(place.pose, _SEARCHED))
+        searched = UncertainPose(place.pose, _SEARCHED)
+        found, _ = self._matching.around(scan, searched)
         tried = {hit.keyframe for hit in found}
         found += [
             hit
@@ -174,14 +175,13 @@ class Localizer:
         if not found:
             return []
         points, field = _points(scan), self._search.field
-        hits = self._matching.settled(points, found)
+        hits = self._matching.settled(points, self._matching.held(points, searched, found))
         here = fused(hits)
-        is_open = max(here.cov[0, 0], here.cov[1, 1]) > self.config.closures.certain_m**2
         fit, least = field.agreement(points, here.pose).score, _LEAST_FIT
         # unless the map does not agree with its own keyframes there
         worse = max(_WORSE_FIT, self._matching.misfit(hits[0].keyframe))
         least = max(least, place.fit - worse)
-        if is_open or fit < least or not is_same(place.pose, here.pose):
+        if self._matching.is_open(here) or fit < least or not is_same(place.pose, here.pose):
             return []
         return hits
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.field import field_of
+from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from tests.slam.map_example import FILE, lap, scans
 
@@ -63,3 +65,35 @@ def test_the_map_s_own_error_is_added(matching: MapMatcher) -> None:
     assert (np.diagonal(around.cov) > np.diagonal(here.cov)).all()
     assert (np.linalg.eigvalsh(in_all - around.cov) > -1e-15).all()
     assert np.trace(in_all) > np.trace(around.cov)
+
+
+@pytest.mark.parametrize(("has_end", "is_held"), [(True, True), (False, False)])
+def test_the_end_of_a_corridor_holds_what_a_match_leaves_open(
+    matching: MapMatcher, has_end: bool, is_held: bool
+) -> None:
+    x, y = np.meshgrid(np.arange(-5.0, 5.0, 0.05) + 0.025, np.arange(-5.0, 5.0, 0.05) + 0.025)
+    distance = np.abs(np.abs(y) - 1.0)
+    points = np.array([[0.1 * k, side] for side in (-1.0, 1.0) for k in range(-20, 21)])
+    if has_end:
+        distance = np.minimum(distance, np.abs(x - 2.5))
+        points = np.vstack((points, [[2.5, 0.2 * k] for k in range(-4, 5)]))
+    corridor = DistanceField(
+        distance=distance.astype(np.float32),
+        is_free=distance > 0.05,
+        is_solid=distance <= 0.05,
+        origin=np.array([-5.0, -5.0]),
+        resolution=0.05,
+    )
+    at = copy(matching)
+    at.field = corridor
+    place = UncertainPose(np.zeros(3), np.diag(np.square([0.15, 0.15, 0.06])))
+    slid, fixed = _hit(0.6, (10.0, 0.01)), _hit(0.02, (0.01, 0.01))
+    held, as_before = at.held(points, place, [slid, fixed])
+    assert at.is_open(slid.here)
+    assert at.is_open(held.here) is not is_held
+    assert as_before is fixed
+    if is_held:
+        assert abs(held.here.pose[0]) < 0.01
+        assert 0.1 < np.sqrt(held.here.cov[0, 0]) < 0.2  # no better than the search knows it
+    else:
+        assert held is slid

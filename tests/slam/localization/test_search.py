@@ -95,6 +95,43 @@ def test_several_views_together_need_more_than_one(stored: SlamMap, field: Dista
     assert _search(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
 
 
+@pytest.mark.parametrize(
+    ("fit", "rival", "contour", "is_sure"),
+    [
+        (0.8, 0.3, 12.0, True),
+        (0.8, 0.52, 12.0, False),  # places that the map does not show are ahead by 0.28
+        (0.95, 0.7, 12.0, True),  # the less is left open the less it needs to be ahead
+        (0.8, 0.3, 6.0, False),  # three sides of a booth
+        (0.58, -0.4, 12.0, False),  # alone, and the map says too little
+    ],
+)
+def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_enough(
+    stored: SlamMap, field: DistanceField, fit: float, rival: float, contour: float, is_sure: bool
+) -> None:
+    # what the views say does not tell a rival of 0.3 from one of 0.45
+    said_of = [max(f - 0.6, -0.15) for f in (fit, rival)]
+    # the view alone is not enough by the other rules
+    said_of[0] = min(said_of[0], 0.25)
+    found = [
+        Place(pose=np.array([x, 0.0, 0.0]), fit=f, view=v, support=v)
+        for x, f, v in zip((0.0, 3.0), (fit, rival), said_of, strict=True)
+    ]
+    search = _search(stored, field, *found)
+    search._contour = contour
+    assert (search.winner is not None) is is_sure
+
+
+def test_a_place_does_not_stand_out_where_matches_say_another(
+    stored: SlamMap, field: DistanceField
+) -> None:
+    known, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
+    search = _search(stored, field, known, other)
+    search._contour = 12.0
+    assert search.winner is None
+    search._found = [known, _place(3.0, -0.15)]
+    assert search.winner is known
+
+
 def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:
     assert _search(stored, field, _place(0.0, -0.3, 0.3)).winner is None
 

@@ -25,6 +25,16 @@ from curvescan.types import Bools, Floats, Points, Pose
 SHOWN, PARTLY_SHOWN = 0.8, 0.5
 """A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one does."""
 
+PARTS = (
+    (SHOWN, 1.1, "in the map"),
+    (PARTLY_SHOWN, SHOWN, "partly in the map"),
+    (0.0, PARTLY_SHOWN, "outside"),
+)
+"""Shares of a scan that the map shows: from, below, and what it is called."""
+
+_DOOR_M, _WALL_M = (0.6, 1.5), 0.2
+"""A gap so wide, metres, between two walls in a line, no thicker than this, is a door."""
+
 _FIT_M, _FIT_GAIN = 0.6, 0.02
 """A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near, metres."""
 
@@ -182,6 +192,7 @@ def task_of_floor(
     n_test: int = 800,
     n_people: int = 0,
     moved_share: float = 0.0,
+    n_closed: int = 0,
 ) -> LocalizationTask:
     """Return a map of a simulated floor, of one lap, and a drive to random places on it.
 
@@ -197,6 +208,8 @@ def task_of_floor(
         People who walk there meanwhile.
     moved_share : float
         Share of the boxes and cylinders that stand elsewhere by then.
+    n_closed : int
+        Doors that are closed by then, at most.
     """
     built = build_world(world, seed)
     lap = simulate(built, seed=seed, odometry_noise=None)
@@ -205,11 +218,14 @@ def task_of_floor(
         slam.add(scan)
     slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
+    later = with_closed_doors(later, n_closed, seed)
     drive = simulate(
         later, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None
     )
     return _task(
-        f"{world} {seed}" + f", {moved_share:.0%} moved" * (moved_share > 0.0),
+        f"{world} {seed}"
+        + f", {moved_share:.0%} moved" * (moved_share > 0.0)
+        + f", {n_closed} closed" * (n_closed > 0),
         slam.map,
         list(drive),
         drive.truth.poses,
@@ -232,6 +248,26 @@ def with_moved_things(world: World, share: float, seed: int) -> World:
         rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0
     )
     return replace(world, boxes=boxes, circles=circles)
+
+
+def with_closed_doors(world: World, n: int, seed: int) -> World:
+    """Return a world in which some of the doors, gaps between two walls in a line, are walls, at most `n`."""
+    doors = []
+    for along, across in ((0, 1), (1, 0)):
+        walls = world.boxes[(world.boxes[:, 4] == 0.0) & (world.boxes[:, 2 + across] < _WALL_M)]
+        for at in np.unique(walls[:, across].round(6)):
+            line = walls[np.abs(walls[:, across] - at) < 1e-5]
+            line = line[np.argsort(line[:, along])]
+            ends = line[:, along] + 0.5 * line[:, 2 + along]
+            gaps = line[1:, along] - 0.5 * line[1:, 2 + along] - ends[:-1]
+            for k in np.flatnonzero((gaps > _DOOR_M[0]) & (gaps < _DOOR_M[1])):
+                door = line[k].copy()
+                door[along], door[2 + along] = ends[k] + 0.5 * gaps[k], gaps[k]
+                doors.append(door)
+    if not doors:
+        return world
+    chosen = np.random.default_rng([seed, 8]).permutation(len(doors))[:n]
+    return replace(world, boxes=np.vstack((world.boxes, np.array(doors)[chosen])))
 
 
 def _read_back(slam_map: SlamMap) -> SlamMap:

@@ -43,6 +43,10 @@ _DUE_OVERLAP = 0.4
 _SURE_LOG_ODDS = math.log(99.0)
 """Log-odds of a match of full weight: one in a hundred is wrong."""
 
+_HELD_M, _HELD_SHARE = 0.3, 0.04
+"""The walls of the map hold a scan where it may not be shifted this far along what a match leaves open, metres, without losing this share of its
+readings: a corridor has ends and doors that no one keyframe shows."""
+
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
 
@@ -162,6 +166,37 @@ class MapMatcher:
             if hit is not first
         ]
         return [first, *(hit for hit in others if self._agrees(first.here, hit))]
+
+    def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
+        """Return matches of one scan, those that leave a direction open held there by the place that its walls speak for, if they do along it.
+
+        Parameters
+        ----------
+        points : (m, 2) float64
+            Valid readings of the scan in the frame of the sensor.
+        place : UncertainPose
+            Where the map agrees with the scan best.
+        hits : list of Hit
+            Its matches.
+        """
+        return [
+            replace(hit, here=fuse(place, hit.here)[0])
+            if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
+            else hit
+            for hit in hits
+        ]
+
+    def is_open(self, here: UncertainPose) -> bool:
+        """Return whether a direction of a pose is not known well enough."""
+        variance = float(max(here.cov[0, 0], here.cov[1, 1]))
+        return variance > self._config.closures.certain_m**2
+
+    def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
+        """Return whether the map agrees less with a scan when it is shifted either way along what a pose leaves open."""
+        along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
+        shift = np.array([*(_HELD_M * along), 0.0])
+        most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
+        return most <= self.field.agreement(points, place).score - _HELD_SHARE
 
     def shortfall(self, points: Points, hit: Hit) -> float:
         """Return by how much less the map agrees with a scan where a match has it than with the keyframe where it was taken."""

@@ -2,7 +2,8 @@
 
 Each view, half a metre or half a radian after the last, brings poses at which its scan ends on walls, and earlier ones carried on by the odometry.
 A pose gathers support by what the scan says of it: readings on walls speak for it, readings in free space and beams through walls against it. One
-view is enough where it leaves next to nothing open and no other place comes near; else several must add up.
+view is enough where it leaves next to nothing open and no other place comes near, or where it stands out: a place that the map does not show ends
+on walls about as well in many others. Else several must add up.
 """
 
 from __future__ import annotations
@@ -59,6 +60,9 @@ _CHANGED = 1.1
 
 _LEAST = 0.4
 """Support that it needs then: the views may speak against it, and not outweigh the matches."""
+
+_STANDS_OUT, _MOST_AHEAD = 1.2, 0.6
+"""Agreement of one view and its lead over any other place, together, that are enough, and the most that the lead counts."""
 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
@@ -133,6 +137,7 @@ class MapSearch:
     def clear(self) -> None:
         """Forget earlier views."""
         self._found: list[Place] = []
+        self._contour = 0.0  # length of the last view, metres
 
     @property
     def is_begun(self) -> bool:
@@ -159,7 +164,7 @@ class MapSearch:
         matched : sequence of Hit
             Matches without a guess: they speak for their places too, also where much has changed since the map was made.
         """
-        few = thinned(points)
+        few, self._contour = thinned(points), contour_length(points)
         places = self._places if similarity is None else self._near(similarity)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
         poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
@@ -211,6 +216,7 @@ class MapSearch:
         # a view that agrees with a match needs to say less; nor may the views before speak against it
         least = _EXPLAINED if is_alone and best.matched >= _MATCHED else _ONE_VIEW
         is_seen = _is_clear(best.view, [place.view for place in others], least)
+        is_seen |= rival <= best.matched and self._stands_out(best, others)
         if is_seen and best.walls >= best.view - _MARGIN:
             return True
         if _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS):
@@ -223,6 +229,13 @@ class MapSearch:
         most = max((place.support for place in others), default=-1.0)
         is_changed = best.matched >= _CHANGED and best.support > max(most, _LEAST)
         return is_changed and is_alone and not is_tied
+
+    def _stands_out(self, best: Place, others: Sequence[Place]) -> bool:
+        """Return whether the last view agrees with a place well, and far better than with any other: each makes up for the other."""
+        ahead = best.fit - max((place.fit for place in others), default=-1.0)
+        if self._contour < _CONTOUR_M or best.view <= 0.0 or ahead < _MARGIN:
+            return False
+        return best.fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
 
     def is_best(self, points: Points, pose: Pose) -> bool:
         """Return whether the map agrees with the last view clearly better at a pose than at any other one found."""
