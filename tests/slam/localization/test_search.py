@@ -93,6 +93,8 @@ def test_several_views_together_need_more_than_one(stored: SlamMap, field: Dista
     assert _search(stored, field, _place(0.0, 0.3, 0.3)).winner is not None
     assert _search(stored, field, _place(0.0, 0.3, 0.15)).winner is None
     assert _search(stored, field, _place(0.0, 1.1, 0.15)).winner is not None
+    # a sensor that drives out of the map is not where the views before it left
+    assert _search(stored, field, _place(0.0, 1.4, -0.02)).winner is None
 
 
 @pytest.mark.parametrize(

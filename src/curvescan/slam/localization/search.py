@@ -220,7 +220,9 @@ class MapSearch:
         is_seen |= rival <= best.matched and self._stands_out(best, others)
         if is_seen and best.walls >= best.view - _MARGIN:
             return True
-        if _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS):
+        # where the sensor leaves the map, views before it did speak for places that the last one is against
+        is_gathered = _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS)
+        if is_gathered and best.view >= 0.0:
             return True
         # where much has changed since the map was made, matches and the lack of any other place decide;
         # but not between two places whose walls explain the views alike
