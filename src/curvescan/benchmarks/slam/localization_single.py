@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from curvescan.benchmarks.slam.localization_runs import Checked
 from curvescan.benchmarks.slam.localization_tasks import PARTS, LocalizationTask
-from curvescan.plots.canvas import DARK, FAILED, GREY, drawing
+from curvescan.plots.canvas import DARK, FAILED, LIGHT, drawing
 from curvescan.types import Bools, Floats
 
 _EDGES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0001)
@@ -71,7 +71,7 @@ def _draw_places(axes: Axes, task: LocalizationTask, scans: list[Checked]) -> No
     _, found, right = _judged(scans)
     places = np.array([task.poses[s.scan[0], :2] for s in scans])
     for label, colour, chosen, size in (
-        ("not sure from this scan alone", GREY, ~found, 4.0),
+        ("not sure from this scan alone", LIGHT, ~found, 4.0),
         ("found from one scan", DARK, right, 5.0),
         ("false", FAILED, found & ~right, 9.0),
     ):
