@@ -16,6 +16,7 @@ from curvescan.slam.jobs import Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, is_confident
+from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
@@ -114,7 +115,7 @@ class GrowingMap:
         self.fragments.append(max(self.fragments, default=-1) + 1)
         self._belief = Belief.at_start(k, self.graph.poses)
         self.current, self.since = k, identity()
-        self._motions.append(identity())
+        self._motions.append(UncertainPose(np.zeros(3), _MOST_VARIANCE * np.eye(3)))
         return k
 
     def append(
@@ -182,6 +183,13 @@ class GrowingMap:
             way = compose(way, self._motions[k])
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
+    def chain(self) -> Chain:
+        """Return the keyframes, those since the last optimization laid out along the odometry: closures have moved them all alike."""
+        poses = self.graph.poses.copy()
+        for k in range(self.belief.n, len(poses)):
+            poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)
+        return Chain.of(poses, np.array([motion.cov for motion in self._motions]))
+
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""
         i, j = closure.i, closure.j
@@ -195,8 +203,9 @@ class GrowingMap:
         )
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
         here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
-        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
-        self.graph.poses[j:] = se2.compose(here, onward)
+        n = self.belief.n
+        onward = se2.between(self.graph.poses[self.current], self.graph.poses[n:])
+        self.graph.poses[n:] = se2.compose(here, onward)
 
     def _join(self, closure: Closure) -> None:
         """Move the later fragment to where a closure says that it lies in the earlier one."""

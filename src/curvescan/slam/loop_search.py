@@ -110,7 +110,7 @@ class LoopSearch:
         while self._queue:
             self._try(self._queue.popleft(), index)
         if self.n_withdrawals == 0:
-            for one in self._waiting.conclude(self._map.graph.poses):
+            for one in self._waiting.conclude(self._map.chain()):
                 self._accept(one)
 
     def densify(self, index: int) -> None:
@@ -167,7 +167,7 @@ class LoopSearch:
             if is_refused or fragments[closure.i] != fragments[closure.j]:
                 self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
                 return []
-        agreed = self._waiting.add(closure, self._map.graph.poses)
+        agreed = self._waiting.add(closure, self._map.chain())
         if not agreed:
             self._log(closure)
             return []
