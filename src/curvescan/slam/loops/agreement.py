@@ -44,7 +44,8 @@ class Waiting:
         """Take a closure, and return those that are accepted now because they agree; none if too few do.
 
         What was accepted has its say until the graph's own covariances know of it, after the next optimization: what agrees with it needs
-        fewer others, what contradicts it more of them.
+        fewer others, what contradicts it is not taken at all. What the graph contradicts, too, is not taken while matches from two keyframes
+        that lie where the graph expects them contradict it: where rooms are alike, both their own place and the next room match.
 
         Parameters
         ----------
@@ -106,6 +107,8 @@ class Waiting:
         members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
         if not self._is_enough(members, group, agrees, n_views):
             return []
+        if self._is_outweighed(members, group, chain):
+            return []
         chosen = [group[k] for k in members.tolist() if not group[k].is_accepted]
         first, newest = min(c.j for c in chosen), max(c.j for c in chosen)
         agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in chosen]
@@ -134,6 +137,18 @@ class Waiting:
             return True
         rival = largest_clique(agrees[np.ix_(others, others)])
         return len(chosen) >= rules.margin * len(rival)
+
+    def _is_outweighed(self, members: np.ndarray, group: list[Closure], chain: Chain) -> bool:
+        """Return whether what the graph contradicts is contradicted as well by matches that lie where the graph expects them."""
+        chosen = [group[k] for k in members.tolist()]
+        if not any(c.is_doubtful and not c.is_accepted for c in chosen):
+            return False
+        of_set = set(members.tolist())
+        likely = [c for k, c in enumerate(group) if k not in of_set and not c.is_doubtful]
+        n = len(chosen)
+        distances = self._distances([*chosen, *likely], chain, np.inf)[n:, :n]
+        excludes = (distances > self._config.closures.gate).mean(axis=1) > 0.5
+        return len({c.j for c, is_against in zip(likely, excludes, strict=True) if is_against}) >= 2
 
     def _agreements(self, group: list[Closure], chain: Chain) -> Bools:
         """Return (n, n) whether the cycle through two closures closes within its covariance."""
