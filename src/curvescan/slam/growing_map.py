@@ -184,7 +184,7 @@ class GrowingMap:
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
     def chain(self) -> Chain:
-        """Return the keyframes, those since the last optimization laid out along the odometry: closures have moved them all alike."""
+        """Return the keyframes, those since the last optimization laid out along the odometry, as if no loop had closed since."""
         poses = self.graph.poses.copy()
         for k in range(self.belief.n, len(poses)):
             poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)

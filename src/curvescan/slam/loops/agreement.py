@@ -65,8 +65,10 @@ class Waiting:
         agreed = [c for c in self._closures if c.outcome is ClosureOutcome.AGREED]
         if not agreed:
             return False
-        excludes = self._distances([*agreed, closure], chain, np.inf)[-1, :-1] > self._config.closures.gate
-        return 2 * np.count_nonzero(excludes) > len(agreed)
+        excludes = (
+            self._distances([*agreed, closure], chain, np.inf)[-1, :-1] > self._config.closures.gate
+        )
+        return bool(2 * np.count_nonzero(excludes) > len(agreed))
 
     def optimize(self) -> None:
         """Remember what is accepted as an optimization begins."""
