@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.loops.cycles import gathered_covariances
 from curvescan.slam.pose_graph.graph import EdgeKind
 
 
@@ -31,10 +31,10 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(
     assert np.linalg.eigvalsh(growing.graph.covariances[is_motion][0]).max() < 1e3
 
 
-def test_a_closure_moves_the_keyframes_since_the_last_optimization_as_one(
+def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(
     scans: list[cs.LaserScan],
 ) -> None:
-    """How they lie to each other is the odometry's: of one by one, those before and after a closure would come apart."""
+    """A closure moves the keyframes from its own on, which then come apart from those before."""
     growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1, 2):
@@ -49,7 +49,24 @@ def test_a_closure_moves_the_keyframes_since_the_last_optimization_as_one(
     growing.close(closure)
     after = growing.graph.poses
     assert np.hypot(*(after[3] - before[3])[:2]) > 0.1
-    moved = se2.between(before[1:], before[1:2]) - se2.between(after[1:], after[1:2])
-    assert np.abs(moved).max() < 1e-9
-    # cycles are closed along the odometry in any case
     np.testing.assert_allclose(growing.chain().poses, chain, atol=1e-12)
+
+
+def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(
+    scans: list[cs.LaserScan],
+) -> None:
+    made = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    made.start(scans[0], 0, np.zeros(3), 0)
+    for k in (1, 2, 1):
+        motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
+        made.append(scans[k], k, motion, is_measured=True)
+    continued = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    continued.load(made.snapshot())
+    k = continued.start(scans[0], 9, np.zeros(3), 1)
+    graph, chain = made.graph, continued.chain()
+    steps = np.zeros((k, 3, 3))
+    steps[graph.ends[:, 1]] = graph.covariances  # the last edge to a keyframe counts
+    np.testing.assert_allclose(chain.poses[:k], graph.poses, atol=1e-12)
+    np.testing.assert_allclose(chain.gathered[:k], gathered_covariances(graph.poses, steps))
+    # nothing says how the new session lies to it
+    assert chain.gathered[k, 0, 0] - chain.gathered[k - 1, 0, 0] > 100.0

@@ -36,6 +36,10 @@ _MOST_VARIANCE = 30.0**2
 """Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the rest."""
 
 
+_NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
+"""(3, 3) covariance of such a motion."""
+
+
 def difference(one: Pose, other: Pose) -> Pose:
     """Return the second pose minus the first, angles wrapped."""
     off = other - one
@@ -99,13 +103,18 @@ class GrowingMap:
             index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
             self.keyframes.add(slam_map.scans[k], index, session)
             self.graph.add_pose(slam_map.poses[k])
-            self._motions.append(identity())
+            step = se2.between(slam_map.poses[max(k - 1, 0)], slam_map.poses[k])
+            self._motions.append(UncertainPose(step, _NOTHING_KNOWN))
         for k in range(len(slam_map.ends)):
             i, j = slam_map.ends[k].tolist()
             self.graph.add_edge(
                 i, j, slam_map.measured[k], slam_map.edge_covariances[k],
                 EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
             )  # fmt: skip
+            # the match of a step comes after its edge of the motion model
+            if j == i + 1 and slam_map.kinds[k] in (EdgeKind.MOTION, EdgeKind.MATCH):
+                step = self._motions[j].pose
+                self._motions[j] = UncertainPose(step, slam_map.edge_covariances[k])
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
@@ -115,7 +124,7 @@ class GrowingMap:
         self.fragments.append(max(self.fragments, default=-1) + 1)
         self._belief = Belief.at_start(k, self.graph.poses)
         self.current, self.since = k, identity()
-        self._motions.append(UncertainPose(np.zeros(3), _MOST_VARIANCE * np.eye(3)))
+        self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
 
     def append(
@@ -203,9 +212,8 @@ class GrowingMap:
         )
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
         here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
-        n = self.belief.n
-        onward = se2.between(self.graph.poses[self.current], self.graph.poses[n:])
-        self.graph.poses[n:] = se2.compose(here, onward)
+        onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
+        self.graph.poses[j:] = se2.compose(here, onward)
 
     def _join(self, closure: Closure) -> None:
         """Move the later fragment to where a closure says that it lies in the earlier one."""
