@@ -156,6 +156,8 @@ class ClosuresConfig:
     doubt_m: float = 1.5
     """Matches that contradict the graph by no more than this, metres, wait for twice as many that agree: the graph may be wrong where
     nothing shows it. Farther away the next room may look the same."""
+    doubt_rad: float = 0.5
+    """The same for the rotation, radians: what is turned by more is another place."""
     distinctive: float = 0.9
     """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
     n_stretch: int = 6
@@ -183,6 +185,7 @@ class ClosuresConfig:
             "max_bend",
             "max_turn",
             "doubt_m",
+            "doubt_rad",
             "likely_sigmas",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
