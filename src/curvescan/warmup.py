@@ -227,16 +227,15 @@ def _warm_up_slam() -> None:
 
     ends, anchors = np.array([[0, 1], [1, 2], [0, 2]]), np.zeros(1, dtype=np.int64)
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 1.0, 1.0]])
-    edges = Edges.of(
-        ends, between_poses(poses[ends[:, 0]], poses[ends[:, 1]]), np.array([np.eye(3)] * 3)
-    )
+    covariances = np.array([np.eye(3)] * 3)
+    edges = Edges.of(ends, between_poses(poses[ends[:, 0]], poses[ends[:, 1]]), covariances)
     pattern = block_pattern(len(poses), ends, 3)
     optimize(poses, edges, np.ones(3), anchors, max_iterations=1)
     squared_distances(poses, edges)
     data, _, _ = normal_equations(poses, edges, np.ones(3), anchors, pattern)
     marginal_covariances(pattern, data, anchors)
     largest_clique(np.ones((3, 3), dtype=np.bool_))
-    cycle_distances(ends, poses, np.array([np.eye(3)] * 3), poses, np.ones(3), 0.5)
+    cycle_distances(ends, poses, covariances, poses, covariances, np.ones(3), 0.5, 0.25)
     field = DistanceField(
         distance=np.zeros((1, 1), dtype=np.float32),
         is_free=np.ones((1, 1), dtype=np.bool_),

@@ -5,29 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.se2.uncertain import UncertainPose, compose, fuse
-from curvescan.slam.loops.cycles import cycle_distances
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, inverse
+from curvescan.slam.loops.cycles import cycle_distances, gathered_covariances
 from curvescan.types import Cov, Pose
 
 _FLOOR = np.array([2.5e-5, 2.5e-5, 4e-6])
 
 
-def _by_graph(a: int, b: int, poses: Pose) -> UncertainPose:
+def _by_graph(a: int, b: int, poses: Pose, motions: Cov) -> UncertainPose:
     if a == b:
         return UncertainPose(np.zeros(3), np.zeros((3, 3)))
     pose = se2.between(poses[a], poses[b])
     n_edges = 1.0 + float(np.hypot(pose[0], pose[1])) / 0.5
-    return UncertainPose(pose, 4.0 * n_edges * np.diag(_FLOOR))
+    way = UncertainPose(np.zeros(3), np.zeros((3, 3)))
+    for k in range(min(a, b) + 1, max(a, b) + 1):
+        way = compose(way, UncertainPose(se2.between(poses[k - 1], poses[k]), motions[k]))
+    if a > b:
+        way = inverse(way)
+    return UncertainPose(pose, way.cov + 4.0 * n_edges * np.diag(_FLOOR))
 
 
-def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose) -> np.ndarray:
+def _twin(
+    ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motions: Cov
+) -> np.ndarray:
     n = len(ends)
     found = np.zeros((n, n))
     for a in range(n):
         for b in range(a):
             one, other = (UncertainPose(measured[k], covariances[k]) for k in (a, b))
-            to_i = _by_graph(ends[b, 0], ends[a, 0], poses)
-            to_j = _by_graph(ends[a, 1], ends[b, 1], poses)
+            to_i = _by_graph(ends[b, 0], ends[a, 0], poses, motions)
+            to_j = _by_graph(ends[a, 1], ends[b, 1], poses, motions)
             around = compose(compose(to_i, one), to_j)
             found[a, b] = found[b, a] = fuse(around, other)[1]
     return found
@@ -43,8 +50,13 @@ def test_it_is_that_of_composing_and_fusing_the_poses_of_the_cycle() -> None:
     measured += 0.1 * rng.standard_normal(measured.shape)
     roots = 0.1 * rng.standard_normal((n, 3, 3))
     covariances = roots @ roots.transpose(0, 2, 1) + 1e-4 * np.eye(3)
-    found = cycle_distances(ends, measured, covariances, poses, _FLOOR, 0.5)
-    np.testing.assert_allclose(found, _twin(ends, measured, covariances, poses), rtol=1e-8)
+    roots = 0.02 * rng.standard_normal((n_poses, 3, 3))
+    motions = roots @ roots.transpose(0, 2, 1)
+    gathered = gathered_covariances(poses, motions)
+    for known, counted in ((np.inf, motions), (0.0, 0.0 * motions)):
+        found = cycle_distances(ends, measured, covariances, poses, gathered, _FLOOR, 0.5, known)
+        twin = _twin(ends, measured, covariances, poses, counted)
+        np.testing.assert_allclose(found, twin, rtol=1e-6)
 
 
 def test_true_closures_agree_and_one_that_is_a_metre_off_with_none() -> None:
@@ -53,6 +65,8 @@ def test_true_closures_agree_and_one_that_is_a_metre_off_with_none() -> None:
     measured = se2.between(poses[ends[:, 0]], poses[ends[:, 1]])
     measured[2, 0] += 1.0
     covariances = np.tile(1e-4 * np.eye(3), (4, 1, 1))
-    agrees = cycle_distances(ends, measured, covariances, poses, _FLOOR, 0.5) < 16.0
+    gathered = np.zeros((8, 3, 3))
+    found = cycle_distances(ends, measured, covariances, poses, gathered, _FLOOR, 0.5, 0.25)
+    agrees = found < 16.0
     assert agrees[np.ix_([0, 1, 3], [0, 1, 3])].all()
     assert not agrees[2, [0, 1, 3]].any()

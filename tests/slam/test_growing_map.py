@@ -10,6 +10,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
+from curvescan.slam.loops.cycles import gathered_covariances
 from curvescan.slam.pose_graph.graph import EdgeKind
 
 
@@ -27,3 +29,44 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(
     growing.append(scans[2], 2, lost, is_measured=False)
     is_motion = growing.graph.kinds == EdgeKind.MOTION
     assert np.linalg.eigvalsh(growing.graph.covariances[is_motion][0]).max() < 1e3
+
+
+def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(
+    scans: list[cs.LaserScan],
+) -> None:
+    """A closure moves the keyframes from its own on, which then come apart from those before."""
+    growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    growing.start(scans[0], 0, np.zeros(3), 0)
+    for k in (1, 2, 1, 2):
+        motion = UncertainPose(np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
+        growing.append(scans[k], k, motion, is_measured=True)
+    before = growing.graph.poses.copy()
+    chain = growing.chain().poses
+    closure = Closure(
+        scan=5, i=0, j=3, pose=before[3] + [0.3, 0.1, 0.0], covariance=1e-6 * np.eye(3),
+        score=0.9, distance=1.0, outcome=ClosureOutcome.ACCEPTED,
+    )  # fmt: skip
+    growing.close(closure)
+    after = growing.graph.poses
+    assert np.hypot(*(after[3] - before[3])[:2]) > 0.1
+    np.testing.assert_allclose(growing.chain().poses, chain, atol=1e-12)
+
+
+def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(
+    scans: list[cs.LaserScan],
+) -> None:
+    made = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    made.start(scans[0], 0, np.zeros(3), 0)
+    for k in (1, 2, 1):
+        motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
+        made.append(scans[k], k, motion, is_measured=True)
+    continued = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    continued.load(made.snapshot())
+    k = continued.start(scans[0], 9, np.zeros(3), 1)
+    graph, chain = made.graph, continued.chain()
+    steps = np.zeros((k, 3, 3))
+    steps[graph.ends[:, 1]] = graph.covariances  # the last edge to a keyframe counts
+    np.testing.assert_allclose(chain.poses[:k], graph.poses, atol=1e-12)
+    np.testing.assert_allclose(chain.gathered[:k], gathered_covariances(graph.poses, steps))
+    # nothing says how the new session lies to it
+    assert chain.gathered[k, 0, 0] - chain.gathered[k - 1, 0, 0] > 100.0

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from curvescan.plots.canvas import FAILED, GREY, LIGHT, PAIRED, PATH, as_place, drawing_places
-from curvescan.slam.loops.closures import N_NEIGHBOURS
+from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Points
@@ -44,11 +44,11 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
     is_used = np.asarray(slam_map.weights > 0.5)
     follows = np.asarray(slam_map.kinds == EdgeKind.MATCH) & is_used
     sessions = np.asarray(slam_map.sessions)[slam_map.ends]
-    is_loop = np.diff(slam_map.ends, axis=1)[:, 0] > N_NEIGHBOURS
-    is_loop |= sessions[:, 0] != sessions[:, 1]
+    closes = is_loop(slam_map.ends[:, 0], slam_map.ends[:, 1])
+    closes |= sessions[:, 0] != sessions[:, 1]
     for chosen, colour, label in (
-        (is_closure & is_used & is_loop, PAIRED, "loop closures"),
-        (is_closure & is_used & ~is_loop, LIGHT, "matches of neighbours"),
+        (is_closure & is_used & closes, PAIRED, "loop closures"),
+        (is_closure & is_used & ~closes, LIGHT, "matches of neighbours"),
         (is_closure & ~is_used, FAILED, "without weight"),
         (follows, PATH, "keyframes that follow each other"),
     ):

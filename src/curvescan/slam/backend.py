@@ -17,7 +17,7 @@ from curvescan.slam.jobs import Job, Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.bending import is_bent
-from curvescan.slam.loops.closures import N_NEIGHBOURS, Closure
+from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Pose
@@ -183,8 +183,8 @@ class Backend:
         """Return how many loop closures the graph follows, and how many matches of neighbours that do not follow each other."""
         graph = self.graph
         is_followed = graph.is_closure & (graph.weights > 0.5)
-        apart = np.diff(self.keyframes.numbers[graph.ends[is_followed]], axis=1)
-        n_closures = int(np.count_nonzero(apart > N_NEIGHBOURS))
+        numbers = self.keyframes.numbers[graph.ends[is_followed]]
+        n_closures = int(np.count_nonzero(is_loop(numbers[:, 0], numbers[:, 1])))
         return n_closures, int(np.count_nonzero(is_followed)) - n_closures
 
     def current_in_map(self) -> UncertainPose:

@@ -16,6 +16,7 @@ from curvescan.slam.jobs import Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
 from curvescan.slam.loops.closures import Closure, is_confident
+from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
@@ -33,6 +34,10 @@ from curvescan.types import Bools, Cov, Pose
 
 _MOST_VARIANCE = 30.0**2
 """Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the rest."""
+
+
+_NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
+"""(3, 3) covariance of such a motion."""
 
 
 def difference(one: Pose, other: Pose) -> Pose:
@@ -98,13 +103,18 @@ class GrowingMap:
             index, session = int(slam_map.indices[k]), int(slam_map.sessions[k])
             self.keyframes.add(slam_map.scans[k], index, session)
             self.graph.add_pose(slam_map.poses[k])
-            self._motions.append(identity())
+            step = se2.between(slam_map.poses[max(k - 1, 0)], slam_map.poses[k])
+            self._motions.append(UncertainPose(step, _NOTHING_KNOWN))
         for k in range(len(slam_map.ends)):
             i, j = slam_map.ends[k].tolist()
             self.graph.add_edge(
                 i, j, slam_map.measured[k], slam_map.edge_covariances[k],
                 EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
             )  # fmt: skip
+            # the match of a step comes after its edge of the motion model
+            if j == i + 1 and slam_map.kinds[k] in (EdgeKind.MOTION, EdgeKind.MATCH):
+                step = self._motions[j].pose
+                self._motions[j] = UncertainPose(step, slam_map.edge_covariances[k])
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
 
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int) -> int:
@@ -114,7 +124,7 @@ class GrowingMap:
         self.fragments.append(max(self.fragments, default=-1) + 1)
         self._belief = Belief.at_start(k, self.graph.poses)
         self.current, self.since = k, identity()
-        self._motions.append(identity())
+        self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
 
     def append(
@@ -181,6 +191,13 @@ class GrowingMap:
         for k in range(i + 1, j + 1):
             way = compose(way, self._motions[k])
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
+
+    def chain(self) -> Chain:
+        """Return the keyframes, those since the last optimization laid out along the odometry, as if no loop had closed since."""
+        poses = self.graph.poses.copy()
+        for k in range(self.belief.n, len(poses)):
+            poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)
+        return Chain.of(poses, np.array([motion.cov for motion in self._motions]))
 
     def close(self, closure: Closure) -> None:
         """Make a closure an edge, and take the newest keyframe to where it says."""

@@ -110,7 +110,7 @@ class LoopSearch:
         while self._queue:
             self._try(self._queue.popleft(), index)
         if self.n_withdrawals == 0:
-            for one in self._waiting.conclude(self._map.graph.poses):
+            for one in self._waiting.conclude(self._map.chain()):
                 self._accept(one)
 
     def densify(self, index: int) -> None:
@@ -167,30 +167,28 @@ class LoopSearch:
             if is_refused or fragments[closure.i] != fragments[closure.j]:
                 self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
                 return []
-        agreed = self._waiting.add(closure, self._map.graph.poses)
+        agreed = self._waiting.add(closure, self._map.chain())
         if not agreed:
             self._log(closure)
             return []
-        for one in agreed:
-            self._accept(one)
-        return [self._numbered(one) for one in agreed]
+        return [self._accept(one) for one in agreed]
 
     def _confirm(self, closure: Closure, result: MatchResult) -> list[Closure]:
         """Accept a closure that lies where the graph expects it; others of its scans must agree with it."""
-        self._accept(closure)
+        accepted = self._accept(closure)
         # where the guess decided between several poses the match says no more than the graph did
         if not self._is_linked(closure.i, closure.j) and not result.is_guess_decisive:
             self._waiting.confirm(closure)
-        return [self._numbered(closure)]
+        return [accepted]
 
-    def _accept(self, closure: Closure) -> None:
-        """Make a closure an edge of the map."""
-        self._log(closure)
+    def _accept(self, closure: Closure) -> Closure:
+        """Make a closure an edge of the map, and return its record."""
         self._map.close(closure)
         if closure.outcome is ClosureOutcome.AGREED:
             self.is_urgent = True
         elif closure.distance > self.config.optimizer.surprise:
             self.is_surprised = True
+        return self._log(closure)
 
     def _is_distinctive(self, i: int, j: int) -> bool:
         """Return whether keyframe j looks like the place of i and like no other place of that fragment."""
@@ -215,14 +213,12 @@ class LoopSearch:
         if self._missed[j] == self.config.closures.n_missed:
             self._map.widen(j, self.config.noise.doubt)
 
-    def _log(self, closure: Closure) -> None:
-        """Keep a record of a candidate."""
-        self.closures.append(self._numbered(closure))
-
-    def _numbered(self, closure: Closure) -> Closure:
-        """Return a closure by the numbers of its keyframes, which stay when others go, in place of their rows."""
+    def _log(self, closure: Closure) -> Closure:
+        """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go, in place of their rows."""
         i, j = (self._map.keyframes[k].number for k in (closure.i, closure.j))
-        return replace(closure, i=i, j=j)
+        record = replace(closure, i=i, j=j)
+        self.closures.append(record)
+        return record
 
     def forget(self) -> None:
         """Drop the oldest records of candidates."""

@@ -13,20 +13,26 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
-from curvescan.types import Cov, Pose
+from curvescan.types import Bools, Cov, Pose
 
 UNKNOWN_M = 10.0
 """Standard deviation of a relative pose of which the graph knows nothing, metres."""
 
 
-N_NEIGHBOURS = 10
+_N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
+
+
+def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
+    """Return whether keyframes, by their numbers, are so far apart along the path that a match of them is a loop closure."""
+    return np.abs(np.subtract(j, i)) > _N_NEIGHBOURS
 
 
 class ClosureOutcome(Enum):
@@ -96,8 +102,8 @@ class Closure:
 
     @property
     def is_loop(self) -> bool:
-        """Whether its keyframes, by their numbers, are far apart along the path: a loop closure, else a match of neighbours."""
-        return self.j - self.i > N_NEIGHBOURS
+        """Whether it is a loop closure, else a match of neighbours; of a record, where i and j are numbers."""
+        return bool(is_loop(self.i, self.j))
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:

@@ -6,6 +6,7 @@ Mangelson et al. 2018, eq. 3. Scalars all the way: a hundred pairs are tried for
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +15,36 @@ from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Ints, Pose
 
 
+class Chain(NamedTuple):
+    """Keyframes, and the chain of motions that leads along them.
+
+    Attributes
+    ----------
+    poses : (n, 3) float64
+        Of the keyframes.
+    gathered : (n, 3, 3) float64
+        Covariance that the motions have gathered by each; see :func:`gathered_covariances`.
+    """
+
+    poses: Pose
+    gathered: Cov
+
+    @classmethod
+    def of(cls, poses: Pose, motions: Cov) -> Chain:
+        """Return a chain by its (n, 3) poses and (n, 3, 3) covariance of the motion to each."""
+        return cls(poses, gathered_covariances(poses, motions))
+
+
 @kernel
 def cycle_distances(
-    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, floor: Floats, step: float
+    ends: Ints,
+    measured: Pose,
+    covariances: Cov,
+    poses: Pose,
+    gathered: Cov,
+    floor: Floats,
+    step: float,
+    known: float,
 ) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
 
@@ -30,10 +58,15 @@ def cycle_distances(
         Of these.
     poses : (k, 3) float64
         Of all keyframes.
+    gathered : (k, 3, 3) float64
+        Covariance that the chain of their motions has gathered by each; see :func:`gathered_covariances`.
     floor : (3,) float64
         Variances of an edge of the graph: metres squared, twice, and radians squared.
     step : float
         Length of an edge, metres: so many are between two keyframes as their distance takes.
+    known : float
+        Standard deviation up to which the motions of a way count, metres. One known no better is taken to err as edges usually do: the next
+        room would agree with it as well.
     """
     n = len(ends)
     found = np.zeros((n, n))
@@ -41,7 +74,7 @@ def cycle_distances(
         for b in range(a):
             found[a, b] = found[b, a] = _cycle_distance(
                 ends[a], measured[a], covariances[a], ends[b], measured[b], covariances[b],
-                poses, floor, step,
+                poses, gathered, floor, step, known,
             )  # fmt: skip
     return found
 
@@ -59,9 +92,32 @@ def _n_edges(x: float, y: float, step: float, is_same: bool) -> float:
 
 
 @kernel
+def _by_chain(
+    gathered: Cov, a: int, b: int, x: float, y: float, heading: float, known: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return what the motions between keyframes a and b move (x, y) by: covariance xx, xy, yy, xt, yt, tt, seen by a frame of a heading."""
+    way = gathered[max(a, b)] - gathered[min(a, b)]
+    h0, h1, tt = way[0, 2] - y * way[2, 2], way[1, 2] + x * way[2, 2], way[2, 2]
+    xx = way[0, 0] - y * (way[0, 2] + h0)
+    xy = way[0, 1] + x * way[0, 2] - y * h1
+    yy = way[1, 1] + x * (way[1, 2] + h1)
+    if max(xx, yy) > known * known:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    c, s = math.cos(heading), math.sin(heading)
+    return (
+        c * c * xx + 2.0 * c * s * xy + s * s * yy,
+        c * s * (yy - xx) + (c * c - s * s) * xy,
+        s * s * xx - 2.0 * c * s * xy + c * c * yy,
+        c * h0 + s * h1,
+        c * h1 - s * h0,
+        tt,
+    )
+
+
+@kernel
 def _cycle_distance(
     ends_1: Ints, pose_1: Pose, cov_1: Cov, ends_2: Ints, pose_2: Pose, cov_2: Cov,
-    poses: Pose, floor: Floats, step: float,
+    poses: Pose, gathered: Cov, floor: Floats, step: float, known: float,
 ) -> float:  # fmt: skip
     """Return how far i2 -> i1 -> j1 -> j2 is from the second closure: squared Mahalanobis distance."""
     xi, yi, ti = _between(poses[ends_2[0]], poses[ends_1[0]])
@@ -84,16 +140,23 @@ def _cycle_distance(
     a11 = cov_1[1, 1] + xr * (cov_1[1, 2] + h1)
     # turned into the frame of i2, with that of the ways and of the second closure
     wi, wj = n_i * floor[2], n_j * floor[2]
+    # what the motions of both ways gathered moves keyframe j2, seen from i2
+    start, end = poses[ends_2[0]], poses[ends_2[1]]
+    c, s = math.cos(start[2]), math.sin(start[2])
+    x2, y2 = start[0] + c * (xi + dx) - s * (yi + dy), start[1] + s * (xi + dx) + c * (yi + dy)
+    gi = _by_chain(gathered, ends_2[0], ends_1[0], x2, y2, start[2], known)
+    seen_by_j = end[2] - tj - pose_1[2] - ti
+    gj = _by_chain(gathered, ends_1[1], ends_2[1], end[0], end[1], seen_by_j, known)
     b00 = ci * (ci * a00 - si * a01) - si * (ci * a01 - si * a11)
     b01 = si * (ci * a00 - si * a01) + ci * (ci * a01 - si * a11)
     b11 = si * (si * a00 + ci * a01) + ci * (si * a01 + ci * a11)
     isotropic = n_i * floor[0] + n_j * floor[0]
-    m00 = b00 + isotropic + wi * dy * dy + cov_2[0, 0]
-    m01 = b01 - wi * dx * dy + cov_2[0, 1]
-    m11 = b11 + isotropic + wi * dx * dx + cov_2[1, 1]
-    m02 = ci * h0 - si * h1 - wi * dy + cov_2[0, 2]
-    m12 = si * h0 + ci * h1 + wi * dx + cov_2[1, 2]
-    m22 = cov_1[2, 2] + wi + wj + cov_2[2, 2]
+    m00 = b00 + isotropic + wi * dy * dy + cov_2[0, 0] + gi[0] + gj[0]
+    m01 = b01 - wi * dx * dy + cov_2[0, 1] + gi[1] + gj[1]
+    m11 = b11 + isotropic + wi * dx * dx + cov_2[1, 1] + gi[2] + gj[2]
+    m02 = ci * h0 - si * h1 - wi * dy + cov_2[0, 2] + gi[3] + gj[3]
+    m12 = si * h0 + ci * h1 + wi * dx + cov_2[1, 2] + gi[4] + gj[4]
+    m22 = cov_1[2, 2] + wi + wj + cov_2[2, 2] + gi[5] + gj[5]
     # m = L D L^T from below: the rotation first
     l0, l1 = m02 / m22, m12 / m22
     p00, p01, p11 = m00 - l0 * m02, m01 - l0 * m12, m11 - l1 * m12
@@ -103,3 +166,24 @@ def _cycle_distance(
         et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
     )
     return distance
+
+
+def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
+    """Return (n, 3, 3) covariance that the errors of a chain of motions have gathered by each pose, as a motion of the whole plane.
+
+    The difference of two of them is that of the way between: what it makes of the origin, (x, y, theta) in the frame of the poses.
+
+    Parameters
+    ----------
+    poses : (n, 3) float64
+        The chain.
+    motions : (n, 3, 3) float64
+        Covariance of the motion from the pose before to each, in the frame of the former; the first counts for nothing.
+    """
+    moved = np.zeros((len(poses), 3, 3))
+    c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
+    moved[1:, 0, 0], moved[1:, 0, 1], moved[1:, 0, 2] = c, -s, poses[1:, 1]
+    moved[1:, 1, 0], moved[1:, 1, 1], moved[1:, 1, 2] = s, c, -poses[1:, 0]
+    moved[1:, 2, 2] = 1.0
+    found: Cov = np.cumsum(moved @ motions @ moved.transpose(0, 2, 1), axis=0)
+    return found
