@@ -13,6 +13,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
@@ -21,12 +22,13 @@ from curvescan.matchers.curvescan.candidates import (
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.surfels import X, Y
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Outcome
-from curvescan.types import Bools, Cov, Floats, Pose
+from curvescan.types import Bools, Codes, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
@@ -42,6 +44,12 @@ _OTHER = 0.25
 
 _DIRECTION_SIGMA = 0.003
 """Standard deviation of a degenerate direction, radians."""
+
+_BOX = 2.6
+"""Metres from corner to corner of a place in which a robot turns round, as in an elevator."""
+
+_N_TAKEN = 48
+"""Readings that stand for all where an extent is measured."""
 
 _SHARE = 0.7
 """Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
@@ -202,7 +210,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     if confidence < least:
         is_any = support.is_related >= least
         return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
-    if assessed.weighed.may_be_turned:
+    if assessed.weighed.may_be_turned or is_in_box(problem, assessed.weighed, assessment):
         return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
@@ -213,6 +221,26 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         is_degenerate=bool(is_degenerate.any()),
         confidence=confidence,
     )
+
+
+def is_in_box(problem: Problem, weighed: WeighedPoses, assessment: Assessment) -> bool:
+    """Return whether nothing agrees but the walls of a bare place no larger than the cabin of an elevator.
+
+    There a robot turns round, two walls fit any corner, and what else is seen through the open door may be another floor.
+    """
+    if not weighed.is_nothing_but_walls:
+        return False
+    ref, cur = problem.reference.image.surfels, problem.current.image.surfels
+    largest = max(extent(ref, assessment.codes_ref), extent(cur, assessment.codes_cur))
+    return largest < _BOX
+
+
+def extent(surfels: Floats, codes: Codes) -> float:
+    """Return how far from each other the readings that agree lie at most, metres; of many, some stand for all."""
+    agreeing = surfels[codes == INLIER][:, [X, Y]]
+    some = agreeing[:: max(len(agreeing) // _N_TAKEN, 1)]
+    offsets = some[:, np.newaxis] - some
+    return float(np.sqrt((offsets**2).sum(axis=2).max(initial=0.0)))
 
 
 def place(

@@ -103,6 +103,9 @@ _BARE_CONTRADICTED = (
 )
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
+_ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
+_STILL = 0.3  # metres plus radians: even in a box less is no turn to another corner
+_HIDING = 0.3  # metres of small things that contradict: from there on people hide what else there is
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
 _FADING_OF_TWO, _FADING = (
@@ -213,6 +216,20 @@ class WeighedPoses:
         )
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
         return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
+
+    def is_one_way(self, k: int) -> bool:
+        """Return whether nearly all surface that agrees at one pose runs one way, as in a corridor."""
+        row = self._rows[k]
+        return row[WEAKEST] < _ONE_WAY * row[AGREEING]
+
+    @property
+    def is_nothing_but_walls(self) -> bool:
+        """Whether only four walls agree at the first pose though no people hide the rest, and neither standing still nor a guess speaks for it."""
+        if not len(self.poses):
+            return False
+        best = self._rows[0]
+        is_bare = best[BEYOND] < _BARE and best[SMALL] < _HIDING
+        return bool(is_bare and self.motions[0] > _STILL and not self.is_guessed[0])
 
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
