@@ -25,7 +25,7 @@ from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
 from curvescan.matchers.curvescan.refinement import refine_fully
-from curvescan.types import Codes, Floats, Pose
+from curvescan.types import Floats, Pose
 
 _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
 
@@ -88,12 +88,12 @@ def direction_to_search(
         return assessment.weakest
     if not weighed.is_one_way(0):
         return None
-    return direction_of_walls(ref.image.surfels, assessment.codes_ref)
+    return direction_of_walls(ref, assessment)
 
 
-def direction_of_walls(surfels: Floats, codes: Codes) -> Pose:
-    """Return (3,) the unit motion along the surfaces that agree, in the frame of their scan."""
-    agreeing = surfels[codes == INLIER]
+def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
+    """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
+    agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
     length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
     doubled = length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny)
     facing = 0.5 * math.atan2(*doubled)

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,
+    direction_of_walls,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -45,7 +46,7 @@ _OTHER = 0.25
 _DIRECTION_SIGMA = 0.003
 """Standard deviation of a degenerate direction, radians."""
 
-_BOX = 2.6
+_BOX = 2.3
 """Metres from corner to corner of a place in which a robot turns round, as in an elevator."""
 
 _N_TAKEN = 48
@@ -138,7 +139,8 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     assessment = without_movable(ref, cur, poses[0], assessment, config)
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     is_degenerate[0] |= assessment is not fixed
-    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), config)
+    walls = direction_of_walls(ref, assessment) if weighed.is_one_way(0) else None
+    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores, config)
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
@@ -150,6 +152,8 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     ]
     support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
     ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
+    if walls is not None:
+        ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
         weighed=weighed,
@@ -163,17 +167,24 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
 
 
 def along_weakest_direction(
-    poses: Floats, assessment: Assessment, is_open: bool, config: CurvescanConfig
+    poses: Floats,
+    assessment: Assessment,
+    is_open: bool,
+    walls: Pose | None,
+    config: CurvescanConfig,
 ) -> list[int]:
-    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open."""
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open.
+
+    Or along the `walls`, where nearly all that agrees runs their way.
+    """
     rules = config.information
     is_weak = assessment.information[0] < rules.tie_ratio * assessment.information[1]
-    if not (is_weak or is_open):
-        return []
-    # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
-    directions = [assessment.weakest]
-    if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
-        directions.append(assessment.weakest * _STRAIGHT)
+    directions = [] if walls is None else [walls]
+    if is_weak or is_open:
+        # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
+        directions.append(assessment.weakest)
+        if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
+            directions.append(assessment.weakest * _STRAIGHT)
     return [
         k
         for k in range(1, len(poses))

@@ -103,6 +103,7 @@ _BARE_CONTRADICTED = (
 )
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
+_AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 _STILL = 0.3  # metres plus radians: even in a box less is no turn to another corner
 _HIDING = 0.3  # metres of small things that contradict: from there on people hide what else there is
@@ -230,6 +231,10 @@ class WeighedPoses:
         best = self._rows[0]
         is_bare = best[BEYOND] < _BARE and best[SMALL] < _HIDING
         return bool(is_bare and self.motions[0] > _STILL and not self.is_guessed[0])
+
+    def is_as_likely(self, k: int) -> bool:
+        """Return whether pose k is hardly less likely than the first."""
+        return self.rank(k) < self.rank(0) + _AS_LIKELY
 
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
