@@ -57,7 +57,7 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
-    if not len(poses) or scores[0] < config.scoring.min_score:
+    if not len(poses) or scores[0] < config.scoring.min_score or weighed.is_hopeless:
         return RefinedCandidates(weighed=weighed, assessment=None)
     best = weighed.poses[0]
     assessment = assess_pose(ref, cur, best, config)
@@ -86,7 +86,7 @@ def direction_to_search(
     """
     if assessment.is_weakly_observable(config.information):
         return assessment.weakest
-    if not weighed.is_one_way(0):
+    if not weighed.is_one_way:
         return None
     return direction_of_walls(ref, assessment)
 

@@ -139,7 +139,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     assessment = without_movable(ref, cur, poses[0], assessment, config)
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     is_degenerate[0] |= assessment is not fixed
-    walls = direction_of_walls(ref, assessment) if weighed.is_one_way(0) else None
+    walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores, config)
     is_flat = bool(is_degenerate[0]) or (

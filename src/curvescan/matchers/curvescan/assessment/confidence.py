@@ -103,6 +103,7 @@ _BARE_CONTRADICTED = (
 )
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
+_HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
 _AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 _STILL = 0.3  # metres plus radians: even in a box less is no turn to another corner
@@ -218,11 +219,6 @@ class WeighedPoses:
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
         return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
 
-    def is_one_way(self, k: int) -> bool:
-        """Return whether nearly all surface that agrees at one pose runs one way, as in a corridor."""
-        row = self._rows[k]
-        return row[WEAKEST] < _ONE_WAY * row[AGREEING]
-
     @property
     def is_nothing_but_walls(self) -> bool:
         """Whether only four walls agree at the first pose though no people hide the rest, and neither standing still nor a guess speaks for it."""
@@ -231,6 +227,17 @@ class WeighedPoses:
         best = self._rows[0]
         is_bare = best[BEYOND] < _BARE and best[SMALL] < _HIDING
         return bool(is_bare and self.motions[0] > _STILL and not self.is_guessed[0])
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether no pose comes near a confidence that a match needs: no other place along its walls, and no refinement, makes up for it."""
+        return max(map(self.log_odds, range(len(self.poses)))) < _HOPELESS
+
+    @property
+    def is_one_way(self) -> bool:
+        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor, and no guess has it there."""
+        best = self._rows[0]
+        return bool(best[WEAKEST] < _ONE_WAY * best[AGREEING] and not self.is_guessed[0])
 
     def is_as_likely(self, k: int) -> bool:
         """Return whether pose k is hardly less likely than the first."""
