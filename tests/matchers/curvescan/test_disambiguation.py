@@ -101,7 +101,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
     scores = np.array([0.9, 0.895, 0.89])
-    assert along_weakest_direction(poses, assessment, True, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
     args = (poses, scores, [1], CONFIG)
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
@@ -175,4 +175,4 @@ def test_one_wall_and_little_more_is_no_rival_to_itself_but_named():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.3, 0.6, 0.0], [0.9, 0.0, 1.0]])
-    assert along_weakest_direction(poses, assessment, False, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, False, None, CONFIG) == [1]

@@ -12,8 +12,8 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
+from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
-from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
@@ -23,13 +23,12 @@ from curvescan.matchers.curvescan.candidates import (
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
-from curvescan.matchers.curvescan.features.surfels import X, Y
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Outcome
-from curvescan.types import Bools, Codes, Cov, Floats, Pose
+from curvescan.types import Bools, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
 """What a metre, a metre and a radian of a pose count when motions along a degenerate direction are measured."""
@@ -45,12 +44,6 @@ _OTHER = 0.25
 
 _DIRECTION_SIGMA = 0.003
 """Standard deviation of a degenerate direction, radians."""
-
-_BOX = 2.3
-"""Metres from corner to corner of a place in which a robot turns round, as in an elevator."""
-
-_N_TAKEN = 48
-"""Readings that stand for all where an extent is measured."""
 
 _SHARE = 0.7
 """Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
@@ -212,7 +205,8 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessed.support,
         assessed.is_degenerate,
     )
-    least = problem.config.scoring.min_confidence
+    ref, cur, _, config = problem
+    least = config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
     confidence = support.confidence_with(assessed.ties)
@@ -221,7 +215,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     if confidence < least:
         is_any = support.is_related >= least
         return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
-    if assessed.weighed.may_be_turned or is_in_box(problem, assessed.weighed, assessment):
+    if assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment):
         return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(
@@ -232,26 +226,6 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         is_degenerate=bool(is_degenerate.any()),
         confidence=confidence,
     )
-
-
-def is_in_box(problem: Problem, weighed: WeighedPoses, assessment: Assessment) -> bool:
-    """Return whether nothing agrees but the walls of a bare place no larger than the cabin of an elevator.
-
-    There a robot turns round, two walls fit any corner, and what else is seen through the open door may be another floor.
-    """
-    if not weighed.is_nothing_but_walls:
-        return False
-    ref, cur = problem.reference.image.surfels, problem.current.image.surfels
-    largest = max(extent(ref, assessment.codes_ref), extent(cur, assessment.codes_cur))
-    return largest < _BOX
-
-
-def extent(surfels: Floats, codes: Codes) -> float:
-    """Return how far from each other the readings that agree lie at most, metres; of many, some stand for all."""
-    agreeing = surfels[codes == INLIER][:, [X, Y]]
-    some = agreeing[:: max(len(agreeing) // _N_TAKEN, 1)]
-    offsets = some[:, np.newaxis] - some
-    return float(np.sqrt((offsets**2).sum(axis=2).max(initial=0.0)))
 
 
 def place(

@@ -33,6 +33,9 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
+BARE = 0.2
+"""Metres that agree beyond four walls: with less a room is bare."""
+
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""
 
@@ -94,7 +97,6 @@ _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", 
 
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
-_BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
 _BARE_MOTION = (
     1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
 )
@@ -106,8 +108,6 @@ _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that e
 _HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
 _AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
-_STILL = 0.3  # metres plus radians: even in a box less is no turn to another corner
-_HIDING = 0.3  # metres of small things that contradict: from there on people hide what else there is
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
 _FADING_OF_TWO, _FADING = (
@@ -217,16 +217,7 @@ class WeighedPoses:
             best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
         )
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
-        return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
-
-    @property
-    def is_nothing_but_walls(self) -> bool:
-        """Whether only four walls agree at the first pose though no people hide the rest, and neither standing still nor a guess speaks for it."""
-        if not len(self.poses):
-            return False
-        best = self._rows[0]
-        is_bare = best[BEYOND] < _BARE and best[SMALL] < _HIDING
-        return bool(is_bare and self.motions[0] > _STILL and not self.is_guessed[0])
+        return bool(best[BEYOND] < BARE and is_likely and not self.is_guessed[0])
 
     @property
     def is_hopeless(self) -> bool:
