@@ -219,7 +219,9 @@ def test_velocity_and_motion_are_each_others_inverse():
         ([0.0, 0.1, 0.2, 0.306], 0.0, 0.102),  # it jitters
         ([0.0, 0.1, 0.2, 0.4], 0.0, 0.2),  # a scan was lost
         ([0.0, 0.1, 0.2, 0.5], 0.0, 0.3),  # two were
-        ([0.0, 0.1, 0.2, 0.6], 0.0, 0.1),  # it paused
+        ([0.0, 0.1, 0.2, 0.6], 0.0, 0.0),  # it paused
+        ([0.0, 0.1, 0.2, 0.6, 0.7], 0.0, 0.0),  # just before
+        ([0.0, 0.1, 0.2, 0.6, 0.7, 0.8], 0.0, 0.1),
         ([0.0, 0.1, 0.2, 0.2], 0.0, 0.1),  # the clock stands still
         ([0.0, 0.1, 0.2, 0.05], 0.0, 0.1),  # goes back
         ([0.0, 0.1, 0.2, 60.0], 0.0, 0.1),  # leaps
@@ -236,6 +238,17 @@ def test_a_step_of_the_clock_is_a_whole_number_of_usual_periods(stamps, scan_tim
     period = usual_period(stamps, scan_time)
     n = n_periods(stamps, period) if period > 0.0 else 0
     assert n * period == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("speed", [30.0, 300.0])
+def test_a_reading_nearer_than_the_way_of_the_sensor_is_dropped(speed):
+    scan, _ = swept((0.0, 0.0, 0.0))
+    moved = deskew(scan, (speed, 0.0, 0.0))
+    times = (np.arange(len(scan)) - 0.5 * (len(scan) - 1)) * scan.time_increment
+    is_far = speed * np.abs(times) > 0.5 * scan.ranges
+    assert is_far[scan.valid].any()
+    assert len(moved) == len(scan)
+    assert not moved.valid[is_far].any()
 
 
 def test_the_shift_is_that_of_the_readings_at_the_ends():

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,9 @@ WORTH_AGAIN = 0.005
 with the velocity that the first match found: a third of a common laser's noise, and three times what the noise of the
 velocity itself makes when it does not change."""
 
+_MOST_MOVED = 0.5
+"""A reading that a sweep's motion moves by more than this share of its range is dropped: where it lies is not known."""
+
 _FASTEST_SENSOR = 1_000.0
 """No sensor moves so fast, metres a second."""
 
@@ -39,7 +43,10 @@ _SHORTEST, _LONGEST = 0.5, 1.5
 """Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
 
 _MOST_PERIODS = 3
-"""A step of more periods than this is a pause, or a leap of the clock."""
+"""A step of more periods than this is a pause: how long the motion took is not known."""
+
+_LEAP = 100
+"""A step of more periods than this is a leap of the clock."""
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
@@ -80,7 +87,7 @@ def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
         scan.angles, scan.ranges, scan.valid, scan.time_increment, twist
     )
     way = 1.0 if scan.angle_increment > 0.0 else -1.0
-    seen = _seen(way * bearings, ranges, scan.valid, 1e-3 * step)
+    seen = _seen(way * bearings, ranges, np.isfinite(bearings), 1e-3 * step)
     angles = way * _between_seen(way * bearings, way * turned, seen)
     angles, is_again = _once_around(angles, step)
     given: dict[str, Any] = {"angle_min": None, "angle_increment": None, "angles": angles}
@@ -163,10 +170,14 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
 def n_periods(stamps: Sequence[float], period: float) -> int:
     """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
 
-    A whole number, so that the jitter of a stamp changes nothing.
+    0 where how long the motion took is not known: at a pause, and at the step after one, of which the motion during the
+    pause is expected again. A whole number, so that the jitter of a stamp changes nothing.
     """
-    last = stamps[-1] - stamps[-2] if len(stamps) > 1 else period
-    return max(round(last / period), 1) if 0.0 < last <= (_MOST_PERIODS + 0.5) * period else 1
+    steps = [after - before for before, after in pairwise(stamps[-3:])]
+    if any(_MOST_PERIODS + 0.5 < step / period <= _LEAP for step in steps):
+        return 0
+    is_step = bool(steps) and 0.0 < steps[-1] <= _LEAP * period
+    return max(round(steps[-1] / period), 1) if is_step else 1
 
 
 @kernel
@@ -192,6 +203,8 @@ def _from_the_middle(
         along, across = chord * math.cos(half) * time, chord * math.sin(half) * time
         x = along * twist[0] - across * twist[1]
         y = across * twist[0] + along * twist[1]
+        if math.hypot(x, y) > _MOST_MOVED * ranges[i]:
+            continue
         c, s = math.cos(turned[i]), math.sin(turned[i])
         ahead, aside = ranges[i] + c * x + s * y, c * y - s * x
         bearings[i] = turned[i] + math.atan2(aside, ahead)

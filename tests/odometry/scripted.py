@@ -56,7 +56,7 @@ class ScriptedMatcher:
         )
 
 
-def run(monkeypatch, poses, hidden=(), config=None, links=None):
+def run(monkeypatch, poses, hidden=(), config=None, links=None, wheels=None):
     """Return the odometry after all scans of a script, and its steps."""
     row = f"{__name__}:ScriptedMatcher", f"{__name__}:Script"
     monkeypatch.setitem(MATCHERS, METHOD, row)
@@ -68,4 +68,5 @@ def run(monkeypatch, poses, hidden=(), config=None, links=None):
         cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k))
         for k in range(len(poses))
     ]
-    return odometry, [odometry.add(scan) for scan in scans]
+    wheels = [None] * len(scans) if wheels is None else wheels
+    return odometry, [odometry.add(*pair) for pair in zip(scans, wheels, strict=True)]

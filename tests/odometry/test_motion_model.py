@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from curvescan import se2
 from curvescan.odometry import MotionConfig
 from curvescan.odometry.motion_model import Clock, MotionModel
 from curvescan.se2.uncertain import UncertainPose
@@ -240,3 +241,57 @@ def test_a_change_of_the_motion_counts_along_both_axes():
 def test_wheels_that_leap_by_a_kilometre_measure_nothing(leap, is_measured):
     model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
     assert model.predict(0.2, np.array([leap, 0.0, 0.0])).is_measured == is_measured
+
+
+DRIVING = UncertainPose(np.array([0.8, 0.0, 0.1]), np.diag([1e-6, 1e-6, 1e-8]))
+
+
+def driven(n, motion=DRIVING):
+    """A model after n scans that matches placed, with wheels that say the same, and the wheels' last pose."""
+    model, wheels = MotionModel.at_start(MotionConfig()), np.zeros(3)
+    for k in range(n):
+        wheels = se2.compose(wheels, motion.pose)
+        model = updated(model, 0.1 * k, motion, wheels)
+    return model, wheels
+
+
+def test_wheels_that_were_not_updated_on_the_move_measure_nothing_until_they_are():
+    model, wheels = driven(20)
+    missed = model.predict(2.0, wheels)
+    assert missed.is_missed
+    assert not missed.is_measured
+    np.testing.assert_array_equal(missed.motion.pose, DRIVING.pose)
+    # nothing matches: 0.5 m were driven, and 0.8 m were taken
+    model = model.updated_without_match(missed, missed.motion)
+    there = se2.compose(wheels, [0.5, 0.0, 0.0])
+    then = model.predict(2.1, se2.compose(there, [0.3, 0.0, 0.05]))
+    assert then.is_measured
+    found = se2.compose(missed.motion.pose, then.motion.pose)
+    np.testing.assert_allclose(found, [0.8, 0.0, 0.05], atol=1e-12)
+    after = updated(model, 2.1, then.motion, then.odometry_pose)
+    assert after.moved is None
+
+
+def test_wheels_that_stand_while_matches_show_a_motion_are_missed_for_as_long_as_that_lasts():
+    model, wheels = driven(20)
+    for k in range(3):
+        assert model.predict(2.0 + 0.1 * k, wheels).is_missed
+        model = updated(model, 2.0 + 0.1 * k, DRIVING, wheels)
+    four = se2.exp(4.0 * se2.log(DRIVING.pose))
+    then = model.predict(2.3, se2.compose(wheels, four))
+    np.testing.assert_allclose(then.motion.pose, DRIVING.pose, atol=1e-9)
+
+
+def test_wheels_that_stand_are_believed_where_nothing_matches_for_long_or_the_sensor_stood():
+    model, wheels = driven(20)
+    for k in range(2):
+        prediction = model.predict(2.0 + 0.1 * k, wheels)
+        assert prediction.is_missed
+        model = model.updated_without_match(prediction, prediction.motion)
+    back = model.predict(2.2, wheels)
+    assert back.is_measured
+    np.testing.assert_allclose(
+        se2.compose(se2.exp(2.0 * se2.log(DRIVING.pose)), back.motion.pose), np.zeros(3), atol=1e-9
+    )
+    still, wheels = driven(20, UncertainPose(np.zeros(3), DRIVING.cov))
+    assert still.predict(2.0, wheels).is_measured

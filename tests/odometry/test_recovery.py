@@ -81,3 +81,19 @@ def test_other_links_are_not_questioned(monkeypatch, step, link):
     _, steps = run(monkeypatch, straight(14, step), links=links)
     assert StepOutcome.LOST not in [step.outcome for step in steps]
     assert steps[-1].covariance[0, 0] < 1.0
+
+
+def test_a_missed_update_of_the_wheels_where_nothing_matches_costs_that_scan_alone(monkeypatch):
+    steps = np.full(30, 0.8)
+    steps[20] = 0.3  # the last motion is expected again, 0.5 m too far
+    poses = np.column_stack([np.cumsum(steps), np.zeros(30), np.zeros(30)])
+    poses[:, 0] -= poses[0, 0]
+    wheels = poses.copy()
+    wheels[20] = wheels[19]
+    # what comes after scan 20 sees nothing from before, and scan 20 only what comes after it
+    unseen = {(i, j): (0.0, 0.0) for i in range(20) for j in range(20, 30)}
+    _, found = run(monkeypatch, poses, links=unseen, wheels=wheels)
+    off = np.abs(np.array([step.pose for step in found]) - poses)[:, 0]
+    assert found[20].outcome is StepOutcome.PREDICTED
+    assert off[20] == pytest.approx(0.5, abs=0.01)
+    assert np.delete(off, 20).max() < 0.02

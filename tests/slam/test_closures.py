@@ -90,6 +90,19 @@ def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(
     assert _off(result, 1.6, sigma_m=0.01) is ClosureOutcome.UNEXPECTED
 
 
+@pytest.mark.parametrize(
+    ("turn", "outcome"), [(0.3, ClosureOutcome.WAITING), (2.4, ClosureOutcome.UNEXPECTED)]
+)
+def test_a_match_that_turns_the_way_contradicts_the_graph_wherever_it_lies(
+    result: MatchResult, turn: float, outcome: ClosureOutcome
+) -> None:
+    """A corridor seen from its other end."""
+    config = SlamConfig()
+    cov = np.diag(np.square([0.3, 0.3, 0.02]))
+    expected = vaguely(UncertainPose(result.pose - [0.0, 0.0, turn], cov), config)
+    assert judged(result, expected, config, scan=9, i=0, j=9).outcome is outcome
+
+
 def test_what_the_graph_cannot_exclude_waits_however_far_it_is(result: MatchResult) -> None:
     assert _off(result, 3.7, sigma_m=2.0) is ClosureOutcome.WAITING
 

@@ -26,6 +26,13 @@ _MAX_STRETCH = 20.0
 _LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
 """Limits of the variance of another odometry, in those of the configuration."""
 
+_MOVING_M, _MOVING_RAD = 0.06, 0.06
+"""Wheels that report the very pose of the scan before, after a motion longer than this, were not updated: three times the least
+change of a motion that is expected, metres and radians."""
+
+_MOST_MISSED = 1
+"""Scans in a row without a match after which wheels that report the same pose are believed: the sensor stands still."""
+
 _N_UNUSUAL = 10
 """So many steps of the clock are averaged before one is called long."""
 
@@ -68,6 +75,8 @@ class Prediction:
         The clock of the stream at this scan.
     odometry_pose : (3,) float64 or None
         Pose of the sensor at this scan by another odometry.
+    is_missed : bool
+        Whether that is taken not to have been updated since the last scan.
     """
 
     motion: UncertainPose
@@ -75,6 +84,7 @@ class Prediction:
     is_measured: bool
     clock: Clock
     odometry_pose: Pose | None
+    is_missed: bool = False
 
     def inflated(self, config: MotionConfig) -> UncertainPose:
         """Return the motion as it is known after a failed match: what was measured still is."""
@@ -98,7 +108,9 @@ class MotionModel:
     variance_translation, variance_turn : float
         Of the change from a motion to the next, m^2 an axis and rad^2.
     odometry_pose : (3,) float64 or None
-        Pose at the last scan by another odometry.
+        Pose at the last scan by another odometry, or at the scan before where it was not updated since.
+    moved : (3,) float64 or None
+        The sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan.
     clock : Clock
         The clock of the stream.
     n_failures : int
@@ -113,6 +125,7 @@ class MotionModel:
     variance_translation: float
     variance_turn: float
     odometry_pose: Pose | None = None
+    moved: Pose | None = None
     clock: Clock = field(default_factory=Clock)
     n_failures: int = 0
     odometry_noise: tuple[float, float] = (1.0, 1.0)
@@ -145,18 +158,22 @@ class MotionModel:
         cov[1, 1] += stretch**2 * self.variance_translation
         cov[2, 2] += stretch**2 * self.variance_turn
         repeated = UncertainPose(pose.copy(), cov.copy())
-        is_measured = self._measure(pose, cov, odometry_pose)
+        is_missed = self._is_missed(odometry_pose)
+        is_measured = False if is_missed else self._measure(pose, cov, odometry_pose)
         return Prediction(
             motion=UncertainPose(pose, cov),
             repeated=repeated,
             is_measured=is_measured,
             clock=clock,
             odometry_pose=odometry_pose,
+            is_missed=is_missed,
         )
 
     def advanced(self, prediction: Prediction) -> MotionModel:
         """Return the model after a scan that says nothing of the motion, the first."""
-        return replace(self, odometry_pose=prediction.odometry_pose, clock=prediction.clock)
+        return replace(
+            self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock
+        )
 
     def updated(
         self,
@@ -186,17 +203,35 @@ class MotionModel:
         )
         last = motion if is_plausible else identity()
         noise = self._learned_noise(prediction, motion.pose) if is_fully_observed else None
-        changed = self._changed(prediction, last, variances, n_failures=0)
+        moved = self._moved(prediction, motion) if is_plausible else None
+        changed = self._changed(prediction, last, variances, moved, n_failures=0)
         return changed if noise is None else replace(changed, odometry_noise=noise)
 
     def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
         """Return the model after a scan that nothing matches, and for which `motion` was taken."""
         n_failures = self.n_failures + 1
-        return self._changed(prediction, motion, self._inflated_variances(), n_failures=n_failures)
+        moved = self._moved(prediction, motion)
+        variances = self._inflated_variances()
+        return self._changed(prediction, motion, variances, moved, n_failures=n_failures)
 
     def is_exhausted(self, prediction: Prediction) -> bool:
         """Return whether the last motion has been repeated so often that one more failure ends it."""
         return self.n_failures >= self.config.max_repeats and not prediction.is_measured
+
+    def _is_missed(self, odometry_pose: Pose | None) -> bool:
+        """Return whether another odometry stands still to the bit while the sensor moves, as far as matches show that."""
+        before = self.odometry_pose
+        if odometry_pose is None or before is None or self.n_failures > _MOST_MISSED:
+            return False
+        x, y, theta = self.last.pose.tolist()
+        is_moving = math.hypot(x, y) > _MOVING_M or abs(theta) > _MOVING_RAD
+        return is_moving and bool((odometry_pose == before).all())
+
+    def _moved(self, prediction: Prediction, motion: UncertainPose) -> Pose | None:
+        """Return how the sensor moved since the last update of another odometry; None where that came with this scan."""
+        if not prediction.is_missed:
+            return None
+        return motion.pose if self.moved is None else se2.compose(self.moved, motion.pose)
 
     def _measure(self, pose: Pose, cov: Pose, odometry_pose: Pose | None) -> bool:
         """Write into an expected motion what another odometry measured of it; return whether the translation was."""
@@ -206,6 +241,10 @@ class MotionModel:
         by_wheels = se2.between(before, odometry_pose)
         turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
+        share = self.config.wheel_turn_share * turn
+        if self.moved is not None:  # several steps at once; the others were found, or repeated
+            by_wheels = se2.between(self.moved, by_wheels)
+            turn = float(se2.wrap(turn - self.moved[2]))
         is_measured = path < _LONGEST_STEP  # not where it is NaN
         if is_measured:
             pose[:2] = by_wheels[:2]
@@ -215,7 +254,6 @@ class MotionModel:
         if math.isfinite(turn):
             pose[2] = turn
             drift = config.wheel_drift * path if is_measured else 0.0
-            share = config.wheel_turn_share * turn
             cov[2, :] = cov[:, 2] = 0.0
             variance = config.wheel_floor_rad**2 + share**2 + drift**2
             cov[2, 2] = self.odometry_noise[1] * variance
@@ -243,11 +281,14 @@ class MotionModel:
         prediction: Prediction,
         last: UncertainPose,
         variances: tuple[float, float],
+        moved: Pose | None,
         *,
         n_failures: int,
     ) -> MotionModel:
+        advanced = self.advanced(prediction)
         return replace(
-            self.advanced(prediction),
+            advanced,
+            moved=moved,
             last=last,
             variance_translation=variances[0],
             variance_turn=variances[1],

@@ -291,6 +291,8 @@ class Placement:
         The first scan, deskewed now that its velocity is known.
     disputes : tuple of Dispute
         Loop closures that contradict the chain, still to be settled.
+    is_reference : bool
+        Whether the next scan may be matched with this one.
     """
 
     outcome: StepOutcome
@@ -309,6 +311,7 @@ class Placement:
     anew_since: int | None = None
     first_keyframe_scan: PreparedScan | None = None
     disputes: tuple[Dispute, ...] = ()
+    is_reference: bool = True
 
 
 def try_references(observation: Observation, last: Localization) -> Attempt:

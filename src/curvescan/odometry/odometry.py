@@ -152,11 +152,12 @@ class Odometry:
             keyframes.insert(keyframe)
         if placement.anew_since is not None:
             keyframes.disconnect(placement.anew_since, LOST_COVARIANCE)
+        reference = self._matching.as_reference(placement.current)
         self._state = State(
             motion=placement.motion,
             n_scans=index + 1,
             localization=placement.localization,
-            previous=self._matching.as_reference(placement.current),
+            previous=reference if placement.is_reference else None,
             deskewer=observation.deskewer,
             first=observation.scan if index == 0 else None,
             n_searches=placement.n_searches,

@@ -203,6 +203,10 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
         reference=last.keyframe.index,
         new_keyframes=new_keyframes,
     )
+    if (
+        o.prediction.is_missed
+    ):  # the next update of the wheels says where the sensor is, and not where it was at this scan
+        return replace(placement, is_reference=False)
     if o.matching.as_reference(o.current) is None:
         return placement
     # a robot is never stuck on an old reference; but predicted keyframes must not push out measured ones

@@ -18,6 +18,7 @@ from curvescan.io.carmen.lines import (
     parse_odom,
     tag_of,
 )
+from curvescan.io.carmen.pls import PlsSigns
 from curvescan.io.files.lines import LineMark, read_lines
 from curvescan.io.files.printable import printable
 from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
@@ -50,6 +51,8 @@ class Series:
         Whether a finite reading exceeds SICK_MM_END.
     has_own_limit : bool
         Whether each line gave its own range limit.
+    signs : PlsSigns
+        What the readings say of the laser, where the lines do not give its limit.
     """
 
     stamps: array[float] = field(default_factory=lambda: array("d"))
@@ -58,6 +61,7 @@ class Series:
     offsets: array[int] = field(default_factory=lambda: array("q"))
     is_beyond_mm_scale: bool = False
     has_own_limit: bool = True
+    signs: PlsSigns = field(default_factory=PlsSigns)
 
     def add(self, sweep: ScanRecord, robot_pose: PoseRow, offset: int) -> None:
         """Append a sweep, with the pose of the robot for lines that give none."""
@@ -67,6 +71,7 @@ class Series:
         self.robot_poses.extend(sweep.robot_pose or robot_pose)
         if math.isnan(sweep.range_max):
             self.has_own_limit = False
+            self.signs.add(sweep.ranges)
             if not self.is_beyond_mm_scale:
                 far = (sweep.ranges > SICK_MM_END) & (sweep.ranges < math.inf)
                 self.is_beyond_mm_scale = bool(np.any(far))

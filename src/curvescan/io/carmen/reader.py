@@ -10,6 +10,9 @@ line does (the last one counts). Failing both, the laser is taken for a SICK LMS
 stand for *no reading*: 81.83 to 81.91 m when it counts centimetres, 8.183 to 8.191 m when it counts millimetres. The
 limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A limit that lies among the codes (a
 laser declared as 81.90) is brought below the first of them.
+
+The times of the beams. FLASER lines do not give them; where the readings are those of a SICK PLS they follow
+from the speed of its mirror: see :mod:`curvescan.io.carmen.pls`.
 """
 
 from __future__ import annotations
@@ -168,6 +171,7 @@ class CarmenLog(ScanAccess):
             angle_increment=sweep.angle_increment,
             range_max=self._limit(sweep.range_max),
             stamp=sweep.stamp,
+            time_increment=self._turn_time * sweep.angle_increment / (2.0 * math.pi),
             intensities=sweep.intensities,
         )
 
@@ -177,6 +181,11 @@ class CarmenLog(ScanAccess):
         if math.isnan(range_max):
             return self._default_limit
         return _below_codes(range_max)
+
+    @cached_property
+    def _turn_time(self) -> float:
+        """Time of a turn of the laser's mirror, seconds; 0 where it is not known."""
+        return self._series.signs.turn_time
 
     @cached_property
     def _default_limit(self) -> float:

@@ -55,7 +55,5 @@ def choose_candidates(
     order = cost[vague] / (1.0 + sigma[vague]) if similarity is None else -similarity[vague]
     vague = vague[np.argsort(order, kind="stable")][: rules.n_uncertain]
     if similarity is not None:
-        is_alike = similarity[vague] >= rules.min_similarity
-        is_alike[: rules.n_unlike] = True
-        vague = vague[is_alike]
+        vague = vague[similarity[vague] >= rules.min_similarity]
     return [*sure.tolist(), *vague.tolist()]

@@ -14,6 +14,7 @@ from enum import Enum
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
@@ -152,7 +153,8 @@ def judged(
         outcome = ClosureOutcome.UNTESTABLE
     elif is_against:
         off = found.pose - expected.pose
-        is_far = math.hypot(off[0], off[1]) > rules.doubt_m
+        is_turned = abs(float(se2.wrap(off[2]))) > rules.doubt_rad
+        is_far = is_turned or math.hypot(off[0], off[1]) > rules.doubt_m
         is_open = result.degenerate_direction is not None
         outcome = (
             ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
