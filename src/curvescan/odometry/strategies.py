@@ -203,9 +203,8 @@ def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
         reference=last.keyframe.index,
         new_keyframes=new_keyframes,
     )
-    if (
-        o.prediction.is_missed
-    ):  # the next update of the wheels says where the sensor is, and not where it was at this scan
+    # the next update of the wheels says where the sensor is, and not where it was at this scan
+    if o.prediction.is_missed:
         return replace(placement, is_reference=False)
     if o.matching.as_reference(o.current) is None:
         return placement
