@@ -17,8 +17,6 @@ MOST_DECEIVED = {
     "turned away, office": 1,
     "turned away, doors": 3,
     "elevator": 1,
-    "elevator, 180 deg": 2,
-    "crowded corridor": 1,
 }
 
 

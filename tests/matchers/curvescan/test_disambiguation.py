@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, WEAKEST
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
+    direction_of_walls,
+    direction_to_search,
     prefer,
     search_degenerate_direction,
     top_candidates,
@@ -25,6 +29,7 @@ from curvescan.matchers.curvescan.disambiguation import (
     ties_of,
 )
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
+from curvescan.simulation.deceptive import deceptive_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 
@@ -101,7 +106,7 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
     scores = np.array([0.9, 0.895, 0.89])
-    assert along_weakest_direction(poses, assessment, True, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
     args = (poses, scores, [1], CONFIG)
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
@@ -175,4 +180,31 @@ def test_one_wall_and_little_more_is_no_rival_to_itself_but_named():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     poses = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.3, 0.6, 0.0], [0.9, 0.0, 1.0]])
-    assert along_weakest_direction(poses, assessment, False, CONFIG) == [1]
+    assert along_weakest_direction(poses, assessment, False, None, CONFIG) == [1]
+
+
+def test_where_people_agree_by_chance_the_right_place_along_a_corridor_is_found():
+    """Of this pair people in other places agree half a metre along the corridor."""
+    crowded = list(deceptive_pairs("crowded corridor", n_pairs=18, seed=9101))[17]
+    found = cs.match(crowded.reference, crowded.current)
+    assert found.ok
+    np.testing.assert_allclose(found.pose, crowded.pose, atol=0.05)
+    assert found.degenerate_direction is not None  # and that place is nearly as likely
+
+
+def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_which():
+    ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
+    pose = np.array([[0.4, 0.0, 0.0]])
+    assessment = assess_pose(ref, cur, pose[0], CONFIG)
+    walls = direction_of_walls(ref, assessment)
+    assert abs(walls[0]) == pytest.approx(1.0, abs=1e-3)
+    assert walls[2] == 0.0
+    known = replace(assessment, information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
+    weighed = weigh(Problem(ref, cur, None, CONFIG), pose, np.array([0.8]))
+    assert weighed.is_one_way
+    np.testing.assert_array_equal(direction_to_search(ref, known, weighed, CONFIG), walls)
+    guessed = weigh(Problem(ref, cur, pose[0], CONFIG), pose, np.array([0.8]))
+    assert direction_to_search(ref, known, guessed, CONFIG) is None
+    others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
+    assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]
+    assert along_weakest_direction(others, known, False, None, CONFIG) == []

@@ -6,6 +6,7 @@ the best score.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,10 @@ from curvescan.matchers.curvescan.assessment.confidence import (
     WeighedPoses,
     weigh,
 )
+from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
@@ -54,14 +57,13 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
-    if not len(poses) or scores[0] < config.scoring.min_score:
+    if not len(poses) or scores[0] < config.scoring.min_score or weighed.is_hopeless:
         return RefinedCandidates(weighed=weighed, assessment=None)
     best = weighed.poses[0]
     assessment = assess_pose(ref, cur, best, config)
-    if assessment.is_weakly_observable(config.information):
-        poses, scores = search_degenerate_direction(
-            ref, cur, weighed.poses, assessment.weakest, config
-        )
+    along = direction_to_search(ref, assessment, weighed, config)
+    if along is not None:
+        poses, scores = search_degenerate_direction(ref, cur, weighed.poses, along, config)
         weighed = weigh(problem, poses, scores)
         if not np.array_equal(best, weighed.poses[0]):
             assessment = assess_pose(ref, cur, weighed.poses[0], config)
@@ -72,6 +74,30 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     if kept > 0:
         assessment = assess_pose(ref, cur, weighed.poses[0], config)
     return RefinedCandidates(weighed=weighed, assessment=assessment, is_guess_decisive=True)
+
+
+def direction_to_search(
+    ref: CurvescanFeatures, assessment: Assessment, weighed: WeighedPoses, config: CurvescanConfig
+) -> Pose | None:
+    """Return the direction along which the best pose may lie elsewhere, or None.
+
+    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a corridor, it is that way:
+    what fixes the pose along it may be people who agree by chance.
+    """
+    if assessment.is_weakly_observable(config.information):
+        return assessment.weakest
+    if not weighed.is_one_way:
+        return None
+    return direction_of_walls(ref, assessment)
+
+
+def direction_of_walls(ref: CurvescanFeatures, assessment: Assessment) -> Pose:
+    """Return (3,) the motion of 1 m along the surfaces of the reference that agree."""
+    agreeing = ref.image.surfels[assessment.codes_ref == INLIER]
+    length, nx, ny = agreeing[:, LENGTH], agreeing[:, NX], agreeing[:, NY]
+    doubled = length @ (2.0 * nx * ny), length @ (nx * nx - ny * ny)
+    facing = 0.5 * math.atan2(*doubled)
+    return np.array([-math.sin(facing), math.cos(facing), 0.0])
 
 
 def top_candidates(

@@ -12,12 +12,14 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     degenerate_directions,
     without_dynamic,
 )
+from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import (
     RefinedCandidates,
     competing_hypotheses,
+    direction_of_walls,
 )
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -130,7 +132,8 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     assessment = without_movable(ref, cur, poses[0], assessment, config)
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     is_degenerate[0] |= assessment is not fixed
-    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), config)
+    walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
+    along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores, config)
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
@@ -142,6 +145,8 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     ]
     support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
     ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
+    if walls is not None:
+        ties = [k for k in along if k in ties or weighed.is_as_likely(k)]
     is_degenerate[0] |= is_flat or len(ties) > 0
     return AssessedPose(
         weighed=weighed,
@@ -155,17 +160,24 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
 
 
 def along_weakest_direction(
-    poses: Floats, assessment: Assessment, is_open: bool, config: CurvescanConfig
+    poses: Floats,
+    assessment: Assessment,
+    is_open: bool,
+    walls: Pose | None,
+    config: CurvescanConfig,
 ) -> list[int]:
-    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open."""
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open.
+
+    Or along the `walls`, where nearly all that agrees runs their way.
+    """
     rules = config.information
     is_weak = assessment.information[0] < rules.tie_ratio * assessment.information[1]
-    if not (is_weak or is_open):
-        return []
-    # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
-    directions = [assessment.weakest]
-    if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
-        directions.append(assessment.weakest * _STRAIGHT)
+    directions = [] if walls is None else [walls]
+    if is_weak or is_open:
+        # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
+        directions.append(assessment.weakest)
+        if np.abs(assessment.weakest[:2]).max() > _TRANSLATES:
+            directions.append(assessment.weakest * _STRAIGHT)
     return [
         k
         for k in range(1, len(poses))
@@ -193,7 +205,8 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
         assessed.support,
         assessed.is_degenerate,
     )
-    least = problem.config.scoring.min_confidence
+    ref, cur, _, config = problem
+    least = config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
         return Verdict(outcome=Outcome.UNSUPPORTED)
     confidence = support.confidence_with(assessed.ties)
@@ -202,7 +215,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     if confidence < least:
         is_any = support.is_related >= least
         return Verdict(outcome=Outcome.AMBIGUOUS if is_any else Outcome.UNSUPPORTED)
-    if assessed.weighed.may_be_turned:
+    if assessed.weighed.may_be_turned or is_in_box(ref, cur, assessed.weighed, assessment):
         return Verdict(outcome=Outcome.AMBIGUOUS)
     pose, assessment, cov = place(problem, assessed, assessment)
     return Verdict(

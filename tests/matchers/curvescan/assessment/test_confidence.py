@@ -236,6 +236,32 @@ def test_a_bare_room_may_be_turned_where_the_motion_is_large_or_a_wall_contradic
     assert not poses().may_be_turned
 
 
+def test_a_pair_is_hopeless_where_no_pose_comes_near():
+    """Log odds of all poses below -3: not even one in twenty is right, and none of 5,500 matches had less than -1.3."""
+    bad = {AGREEING: 2.0, MISFIT: 2.0, SEEN_THROUGH: 2.0}
+    assert poses(bad).log_odds(0) < -3.0 < poses(GOOD).log_odds(0)
+    assert poses(bad, bad).is_hopeless
+    assert not poses(bad, GOOD).is_hopeless  # whichever stands first
+    doubtful = {AGREEING: 6.0, MISFIT: 1.0, SEEN_THROUGH: 0.6}
+    assert -3.0 < poses(doubtful).log_odds(0) < 0.0
+    assert not poses(doubtful).is_hopeless
+
+
+def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
+    corridor, room = {AGREEING: 10.0, WEAKEST: 1.1}, {AGREEING: 10.0, WEAKEST: 1.3}
+    assert poses(corridor, room).is_one_way  # that of the first
+    assert not poses(room, corridor).is_one_way
+    assert not poses(corridor, guessed=True).is_one_way  # a guess says where along it
+
+
+def test_a_pose_is_as_likely_within_six_tenths_of_the_log_odds():
+    """The misfit weighs -1.1 a decade: of 0.9 and 0.1 more, 3.0 times as much are 0.52, 4.0 times 0.66."""
+    three, four = ({**GOOD, MISFIT: factor * 0.9 - 0.1} for factor in (3.0, 4.0))
+    both = poses(GOOD, three, four)
+    assert both.is_as_likely(1)
+    assert not both.is_as_likely(2)
+
+
 def test_a_far_pose_counts_less_as_a_rival():
     two_walls = {**GOOD, EXCESS: 0.1}
     shares = [

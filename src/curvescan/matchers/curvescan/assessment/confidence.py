@@ -33,6 +33,9 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
+BARE = 0.2
+"""Metres that agree beyond four walls: with less a room is bare."""
+
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""
 
@@ -94,7 +97,6 @@ _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", 
 
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
-_BARE = 0.2  # metres that agree beyond four walls: with less a room is bare
 _BARE_MOTION = (
     1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
 )
@@ -103,6 +105,9 @@ _BARE_CONTRADICTED = (
 )
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
+_HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
+_AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less likely than the best
+_ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
 _FADING_OF_TWO, _FADING = (
@@ -212,7 +217,22 @@ class WeighedPoses:
             best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
         )
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
-        return bool(best[BEYOND] < _BARE and is_likely and not self.is_guessed[0])
+        return bool(best[BEYOND] < BARE and is_likely and not self.is_guessed[0])
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether no pose comes near a confidence that a match needs: no other place along its walls, and no refinement, makes up for it."""
+        return max(map(self.log_odds, range(len(self.poses)))) < _HOPELESS
+
+    @property
+    def is_one_way(self) -> bool:
+        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor, and no guess has it there."""
+        best = self._rows[0]
+        return bool(best[WEAKEST] < _ONE_WAY * best[AGREEING] and not self.is_guessed[0])
+
+    def is_as_likely(self, k: int) -> bool:
+        """Return whether pose k is hardly less likely than the first."""
+        return self.rank(k) < self.rank(0) + _AS_LIKELY
 
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
