@@ -10,7 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
-from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, WEAKEST
+from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, SMALL, WEAKEST
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
@@ -201,9 +201,11 @@ def test_along_one_long_wall_other_places_are_looked_at_but_where_a_guess_says_w
     assert walls[2] == 0.0
     known = replace(assessment, information=np.array([1e5, 2e5, 1e6]))  # as if people fixed it
     weighed = weigh(Problem(ref, cur, None, CONFIG), pose, np.array([0.8]))
+    weighed.evidence[0, SMALL] = 0.5  # people stand about
     assert weighed.is_one_way
     np.testing.assert_array_equal(direction_to_search(ref, known, weighed, CONFIG), walls)
     guessed = weigh(Problem(ref, cur, pose[0], CONFIG), pose, np.array([0.8]))
+    guessed.evidence[0, SMALL] = 0.5
     assert direction_to_search(ref, known, guessed, CONFIG) is None
     others = np.array([[0.4, 0.0, 0.0], [1.3, 0.0, 0.0], [0.4, 0.6, 0.0]])
     assert along_weakest_direction(others, known, False, walls, CONFIG) == [1]

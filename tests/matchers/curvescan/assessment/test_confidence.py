@@ -248,8 +248,12 @@ def test_a_pair_is_hopeless_where_no_pose_comes_near():
 
 
 def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
-    corridor, room = {AGREEING: 10.0, WEAKEST: 1.1}, {AGREEING: 10.0, WEAKEST: 1.3}
+    corridor, room = (
+        {AGREEING: 10.0, WEAKEST: 1.1, SMALL: 0.3},
+        {AGREEING: 10.0, WEAKEST: 1.3, SMALL: 0.3},
+    )
     assert poses(corridor, room).is_one_way  # that of the first
+    assert not poses({**corridor, SMALL: 0.1}).is_one_way  # nobody is there to agree by chance
     assert not poses(room, corridor).is_one_way
     assert not poses(corridor, guessed=True).is_one_way  # a guess says where along it
 

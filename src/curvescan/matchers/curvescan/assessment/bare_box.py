@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.assessment import Assessment
-from curvescan.matchers.curvescan.assessment.confidence import BARE, WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import BARE, CROWDED, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -21,9 +21,6 @@ _SIZE = 2.3
 
 _STILL = 0.3
 """Metres plus radians: a motion of less is no turn to another corner."""
-
-_HIDING = 0.3
-"""Metres of small things that contradict: from there on people hide what else there is, and the place is not bare."""
 
 _N_TAKEN = 48
 """Readings that stand for all where an extent is measured."""
@@ -37,7 +34,7 @@ def is_in_box(
     Neither a guess nor standing still speaks for the pose.
     """
     best = weighed.evidence[0]
-    if best[BEYOND] >= BARE or best[SMALL] >= _HIDING:
+    if best[BEYOND] >= BARE or best[SMALL] > CROWDED:
         return False
     if weighed.is_guessed[0] or weighed.motions[0] <= _STILL:
         return False

@@ -36,6 +36,9 @@ from curvescan.types import Bools, Floats
 BARE = 0.2
 """Metres that agree beyond four walls: with less a room is bare."""
 
+CROWDED = 0.2
+"""Metres of small things that contradict a pose: from there on people are about, who hide what else there is and agree by chance."""
+
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""
 
@@ -226,9 +229,10 @@ class WeighedPoses:
 
     @property
     def is_one_way(self) -> bool:
-        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor, and no guess has it there."""
+        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor, people are about, and no guess has it there."""
         best = self._rows[0]
-        return bool(best[WEAKEST] < _ONE_WAY * best[AGREEING] and not self.is_guessed[0])
+        is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > CROWDED
+        return bool(is_along_walls and not self.is_guessed[0])
 
     def is_as_likely(self, k: int) -> bool:
         """Return whether pose k is hardly less likely than the first."""
