@@ -17,6 +17,7 @@ MOST_DECEIVED = {
     "turned away, office": 1,
     "turned away, doors": 3,
     "elevator": 1,
+    "crowded corridor": 1,
 }
 
 
