@@ -10,7 +10,13 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
-from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, SMALL, WEAKEST
+from curvescan.matchers.curvescan.assessment.evidence import (
+    AGREEING,
+    EXCESS,
+    N_EVIDENCE,
+    SMALL,
+    WEAKEST,
+)
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,

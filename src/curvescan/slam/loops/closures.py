@@ -155,7 +155,7 @@ def judged(
         outcome = ClosureOutcome.LOW_CONFIDENCE
     elif not certain and not _knows_along(result, expected, config):
         outcome = ClosureOutcome.DEGENERATE
-    elif not certain and is_linked:
+    elif not certain and (is_linked or not (is_unknown or is_loop(i, j))):
         outcome = ClosureOutcome.UNTESTABLE
     elif is_against:
         off = found.pose - expected.pose
