@@ -118,6 +118,8 @@ def test_the_page_of_a_run_and_its_end(log):
             assert b"event: map" in seen
             assert b"event: scan" in seen
             assert b"has ended after 40 scans" in seen
+            while "Ctrl-C closes the page" not in (line := process.stderr.readline()):
+                assert line  # it has not ended
         finally:
             process.terminate()  # as a service manager does: like Ctrl-C
         assert process.wait(20) == 0

@@ -179,8 +179,7 @@ def live(
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None and not report.is_interrupted:
-            ERR.print("the source has ended; Ctrl-C closes the page", markup=False)
-            _wait()
+            _wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
     return 0
@@ -343,7 +342,9 @@ def _open_browser(url: str) -> None:
         webbrowser.open(url)
 
 
-def _wait() -> None:
+def _wait(sentence: str) -> None:
+    """Wait for Ctrl-C, and say so once it is waited for."""
     with stoppable() as stop:
+        ERR.print(sentence, markup=False)
         while not stop.is_asked:
             time.sleep(_POLL_S)
