@@ -344,6 +344,8 @@ def _open_browser(url: str) -> None:
 
 def _wait(sentence: str) -> None:
     """Wait for Ctrl-C, and say so once it is waited for."""
+    from curvescan.cli.console import ERR
+
     with stoppable() as stop:
         ERR.print(sentence, markup=False)
         while not stop.is_asked:
