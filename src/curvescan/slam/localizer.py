@@ -204,7 +204,7 @@ class Localizer:
             before = self._matching.seen_from(expected, self._keyframe, hits[0])
             now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
-            if view.score > 0.0 and (alone is None or alone.is_best(points, now.pose)):
+            if view.score > 0.0 and (alone is None or alone.is_best(now.pose, view.score)):
                 return self._take(step, now, LocalizerOutcome.TRACKED, hits[0].keyframe)
         else:
             view = self._search.field.agreement(points, expected.pose)

@@ -183,7 +183,7 @@ class MapSearch:
             if any(is_same(pose, place.pose) for place in new):
                 continue
             fit = self.field.agreement(points, pose).score
-            view = said(points, fit)
+            view = said(self._contour, fit)
             scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
             by_matches = max(scores, default=0.0)
             support = view + by_matches + (before.support if before else missed)
@@ -240,11 +240,10 @@ class MapSearch:
             return False
         return best.fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
 
-    def is_best(self, points: Points, pose: Pose) -> bool:
-        """Return whether the map agrees with the last view clearly better at a pose than at any other one found."""
+    def is_best(self, pose: Pose, fit: float) -> bool:
+        """Return whether the map agrees with the last view clearly better at a pose, as well as `fit` says, than at any other one found."""
         others = [place.fit for place in self._found if not is_same(place.pose, pose)]
-        most = max(others, default=-1.0)
-        return self.field.agreement(points, pose).score >= most + _LEAD
+        return fit >= max(others, default=-1.0) + _LEAD
 
     @property
     def is_large(self) -> bool:
@@ -258,9 +257,9 @@ class MapSearch:
         return np.ascontiguousarray(self._places[order])
 
 
-def said(points: Points, fit: float) -> float:
-    """Return how much one scan speaks for a pose, by how well the map agrees with it there."""
-    weight = min(contour_length(points) / _CONTOUR_M, 1.0)
+def said(contour: float, fit: float) -> float:
+    """Return how much one scan speaks for a pose, by the length of its contour, metres, and how well the map agrees with it there."""
+    weight = min(contour / _CONTOUR_M, 1.0)
     return weight * float(np.clip(fit - _NEUTRAL, -_MOST_AGAINST, _MOST_FOR))
 
 
