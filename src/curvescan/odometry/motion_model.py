@@ -241,7 +241,7 @@ class MotionModel:
         by_wheels = se2.between(before, odometry_pose)
         turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
         path = math.hypot(by_wheels[0], by_wheels[1])
-        share = self.config.wheel_turn_share * turn
+        share = config.wheel_turn_share * turn
         if self.moved is not None:  # several steps at once; the others were found, or repeated
             by_wheels = se2.between(self.moved, by_wheels)
             turn = float(se2.wrap(turn - self.moved[2]))
@@ -285,9 +285,8 @@ class MotionModel:
         *,
         n_failures: int,
     ) -> MotionModel:
-        advanced = self.advanced(prediction)
         return replace(
-            advanced,
+            self.advanced(prediction),
             moved=moved,
             last=last,
             variance_translation=variances[0],
