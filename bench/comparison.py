@@ -61,9 +61,7 @@ class Row:
     def command(self) -> str:
         """The command that gives the trajectory."""
         flags = f" --method {self.method}" * (self.method != DEFAULT_METHOD)
-        return f"curvescan {self.task} {self.log}.clf --out out{flags}" + (
-            " --odometry-prior" * self.wheels
-        )
+        return f"curvescan {self.task} {self.log}.clf --out out{flags}" + (" --odometry-prior" * self.wheels)
 
 
 def rows_wanted(logs: list[str], methods: list[str]) -> Iterator[tuple[str, str, str, bool]]:
@@ -142,9 +140,7 @@ def when(rows: list[Row]) -> str:
     most, *others = sorted(by, key=lambda one: -len(by[one]))
     sentence = f"The rows of this project were measured {most}"
     for other in others:
-        names = [
-            f"{row.log} {row.task} `{row.method}` ({SENSORS[row.wheels]})" for row in by[other]
-        ]
+        names = [f"{row.log} {row.task} `{row.method}` ({SENSORS[row.wheels]})" for row in by[other]]
         sentence += f"; {', '.join(names)} {other}"
     return f"{sentence}.\n"
 

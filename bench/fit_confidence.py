@@ -216,9 +216,7 @@ class Table:
             self.is_repeated.append(not is_alone or weighed.may_be_turned)
 
 
-def _right(
-    assessed: AssessedPose, rivals: list[int], true: Pose | None, near: tuple[float, float]
-) -> int:
+def _right(assessed: AssessedPose, rivals: list[int], true: Pose | None, near: tuple[float, float]) -> int:
     """Return 0 if the best pose is right, 1 + j if the rival j is, -1 if none is."""
     if true is None:
         return -1
@@ -269,9 +267,7 @@ def fit(data: Data, weights: Floats) -> Floats:
         p = data.probabilities(coefficients)
         misfit = -weights @ np.log(np.maximum((p * is_so).sum(axis=1), 1e-12))
         off = weights[:, np.newaxis] * (p - is_so)
-        slope = np.concatenate(
-            (-off[:, 0] @ data.terms, np.einsum("nk,nkf->f", off[:, 2:], data.rival_terms))
-        )
+        slope = np.concatenate((-off[:, 0] @ data.terms, np.einsum("nk,nkf->f", off[:, 2:], data.rival_terms)))
         return float(misfit + 1e-4 * np.sum(coefficients**2)), slope + 2e-4 * coefficients
 
     bounds = [(0.0, 3.0) if name == "guessed" else (-20.0, 20.0) for name in model.COEFFICIENTS]
@@ -280,9 +276,7 @@ def fit(data: Data, weights: Floats) -> Floats:
     return np.asarray(minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
-def reliability(
-    p: Floats, right: NDArray[np.bool_], weights: Floats
-) -> list[tuple[float, float, int]]:
+def reliability(p: Floats, right: NDArray[np.bool_], weights: Floats) -> list[tuple[float, float, int]]:
     """Return of each band of confidence its mean, the share that is right, and how many pairs it has."""
     edges = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97, 0.99, 1.0001)
     bands = []
@@ -366,9 +360,7 @@ def main() -> None:
     draw(bands, arguments.out)
 
 
-def _bands(
-    p: Floats, right: NDArray[np.bool_], weights: Floats, rows: NDArray[np.bool_]
-) -> list[str]:
+def _bands(p: Floats, right: NDArray[np.bool_], weights: Floats, rows: NDArray[np.bool_]) -> list[str]:
     bands = reliability(p[rows], right[rows], weights[rows])
     return [f"{said:.3f} {so:.3f} ({n})," for said, so, n in bands]
 

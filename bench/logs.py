@@ -37,19 +37,10 @@ LOGS: dict[str, tuple[str, Truth]] = {
     "intel-lab/intel-corrected.log.gz": ("Intel, keyframes 0.7 m apart", "corrected"),
     "aces/aces-corrected.log.gz": ("ACES, keyframes", "corrected"),
     "keyframed-corrected/belgioioso-corrected.log.gz": ("castle, keyframes 1 m apart", "corrected"),
-    "keyframed-corrected/seattle-corrected.log.gz": (
-        "university, corridors of 30 m, keyframes",
-        "corrected",
-    ),
+    "keyframed-corrected/seattle-corrected.log.gz": ("university, corridors of 30 m, keyframes", "corrected"),
     "keyframed-corrected/acapulco-corrected.log.gz": ("convention centre, keyframes", "corrected"),
-    "leg-tracker-people/general_tracking_moving_1.bag.gz": (
-        "wheelchair among walking people, Hokuyo",
-        "wheels",
-    ),
-    "leg-tracker-people/demo_stationary_simple_environment.bag.gz": (
-        "Hokuyo at rest, people walk past",
-        "still",
-    ),
+    "leg-tracker-people/general_tracking_moving_1.bag.gz": ("wheelchair among walking people, Hokuyo", "wheels"),
+    "leg-tracker-people/demo_stationary_simple_environment.bag.gz": ("Hokuyo at rest, people walk past", "still"),
     "leg-tracker-people/positive_1.bag.gz": ("Hokuyo at rest, one person", "still"),
     "ccny-handheld-hokuyo/demo.bag": ("Hokuyo carried by hand", ""),
     "mumble-rplidar-a1/kitchen_1": ("RPLIDAR A1 on a rover in a flat", ""),

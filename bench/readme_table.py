@@ -7,10 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 README, BENCH = ROOT / "README.md", ROOT / "bench" / "bench.md"
-BEGIN, END = (
-    "<!-- figures of bench/bench.md, written by bench/readme_table.py -->",
-    "<!-- end of the figures -->",
-)
+BEGIN, END = ("<!-- figures of bench/bench.md, written by bench/readme_table.py -->", "<!-- end of the figures -->")
 
 DEFAULT, PAPER = "curvescan", "cfsma"
 SCENARIOS = {

@@ -42,9 +42,7 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True  # fields are described once, in their class
 
-html_math_renderer = (
-    "mathml"  # browsers draw it themselves: no script from elsewhere, formulas offline too
-)
+html_math_renderer = "mathml"  # browsers draw it themselves: no script from elsewhere, formulas offline too
 html_theme = "pydata_sphinx_theme"
 html_title = "curvescan"
 html_static_path = ["_static"]
@@ -58,13 +56,7 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": ["theme-version"],
-    "icon_links": [
-        {
-            "name": "Source",
-            "url": "https://github.com/curvescan/curvescan",
-            "icon": "fa-brands fa-github",
-        }
-    ],
+    "icon_links": [{"name": "Source", "url": "https://github.com/curvescan/curvescan", "icon": "fa-brands fa-github"}],
 }
 
 sphinx_gallery_conf = {

@@ -14,10 +14,7 @@ def scan_from(x: float, y: float, theta: float) -> cs.LaserScan:
     to_y = np.where(np.sin(heading) > 0, 4.0 - y, -y) / np.sin(heading)
     noise = 0.005 * np.random.default_rng(0).standard_normal(angles.size)
     return cs.LaserScan(
-        np.minimum(to_x, to_y) + noise,
-        angle_min=angles[0],
-        angle_increment=angles[1] - angles[0],
-        range_max=8.0,
+        np.minimum(to_x, to_y) + noise, angle_min=angles[0], angle_increment=angles[1] - angles[0], range_max=8.0
     )
 
 

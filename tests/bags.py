@@ -65,9 +65,7 @@ def quaternion(yaw: float) -> dict[str, float]:
     return {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}
 
 
-def odometry(
-    stamp: int, pose: Sequence[float], *, topic: str = "/odom", base: str = "base_link"
-) -> Entry:
+def odometry(stamp: int, pose: Sequence[float], *, topic: str = "/odom", base: str = "base_link") -> Entry:
     x, y, yaw = pose
     zero = {"x": 0.0, "y": 0.0, "z": 0.0}
     content = {
@@ -95,10 +93,7 @@ def transform(
     item = {
         "header": header(stamp, parent),
         "child_frame_id": child,
-        "transform": {
-            "translation": {"x": x, "y": y, "z": 0.3},
-            "rotation": rotation or quaternion(yaw),
-        },
+        "transform": {"translation": {"x": x, "y": y, "z": 0.3}, "rotation": rotation or quaternion(yaw)},
     }
     return topic, "tf2_msgs/msg/TFMessage", stamp, {"transforms": [item]}
 

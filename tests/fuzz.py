@@ -39,14 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as seeds:
         names = list(targets(Path(seeds)))
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "readers", nargs="*", metavar="READER", default=names, help=", ".join(names)
-    )
+    parser.add_argument("readers", nargs="*", metavar="READER", default=names, help=", ".join(names))
     parser.add_argument("--minutes", type=float, default=1.0, help="for each reader")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--out", type=Path, default=Path("findings"), help="folder for what is found"
-    )
+    parser.add_argument("--out", type=Path, default=Path("findings"), help="folder for what is found")
     options = parser.parse_args(arguments)
     n_findings = 0
     for name in options.readers:

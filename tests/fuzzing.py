@@ -25,16 +25,7 @@ from curvescan.cli.options import ChainConfigs, MethodConfigs
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import find_issues
 from curvescan.errors import CurvescanError
-from curvescan.io import (
-    Log,
-    read_config,
-    read_csv,
-    read_log,
-    read_poses,
-    read_relations,
-    read_tum,
-    write_config,
-)
+from curvescan.io import Log, read_config, read_csv, read_log, read_poses, read_relations, read_tum, write_config
 from curvescan.io.formats import FORMATS
 from tests import bags, carmen_files
 
@@ -112,9 +103,7 @@ def _read_log(row: str, path: Path, rng: random.Random) -> None:
     if draw < 0.5:
         log = read_log(path)
     else:  # whatever the sniff says
-        log = next(one for one in FORMATS if one.name == row).load()(
-            path, range_max=None, topic=None
-        )
+        log = next(one for one in FORMATS if one.name == row).load()(path, range_max=None, topic=None)
     _check_log(log)
     if draw < 0.1 and len(log) < 200:
         find_issues(inspect_log(log))
@@ -131,11 +120,7 @@ def _check_log(log: Log) -> None:
     odometry = log.odometry
     if odometry is not None and len(odometry) != n_scans:
         raise Finding(f"{len(odometry)} poses for {n_scans} scans")
-    spoken = [
-        *log.notes,
-        *(f"{read_error.rule} {read_error.first}" for read_error in log.read_errors),
-        *log.tag_counts,
-    ]
+    spoken = [*log.notes, *(f"{read_error.rule} {read_error.first}" for read_error in log.read_errors), *log.tag_counts]
     if not all(len(text) < MAX_SENTENCE and text.isprintable() for text in spoken):
         raise Finding(f"text that spoils the terminal: {spoken!r:.500}")
 
@@ -158,9 +143,7 @@ def flip(data: bytes, rng: random.Random) -> bytes:
     for _ in range(rng.choice((1, 1, 2, 4, 8))):
         at = _place(data, rng)
         if at < len(content):
-            content[at] = (
-                rng.randrange(256) if rng.random() < 0.5 else content[at] ^ 1 << rng.randrange(8)
-            )
+            content[at] = rng.randrange(256) if rng.random() < 0.5 else content[at] ^ 1 << rng.randrange(8)
     return bytes(content)
 
 
@@ -250,9 +233,7 @@ def change_member(data: bytes, rng: random.Random) -> bytes:
         name = rng.choice(list(members))
     except Exception:  # noqa: BLE001
         return flip(data, rng)
-    members[name] = rng.choice((flip, put_integer, cut, put_shape, put_shape, repeat))(
-        members[name], rng
-    )
+    members[name] = rng.choice((flip, put_integer, cut, put_shape, put_shape, repeat))(members[name], rng)
     if rng.random() < 0.1:
         members[rng.choice(("ranges.npy", "stamps.npy", "x.npy", "y.txt"))] = members.pop(name)
     file = io.BytesIO()
@@ -310,9 +291,7 @@ def change_database(data: bytes, rng: random.Random) -> bytes:
         connection.deserialize(data)
         connection.execute("pragma writable_schema = on")
         if rng.random() < 0.5:
-            connection.execute(
-                "update sqlite_master set sql = replace(replace(sql, 'NOT NULL', ''), ' INTEGER', '')"
-            )
+            connection.execute("update sqlite_master set sql = replace(replace(sql, 'NOT NULL', ''), ' INTEGER', '')")
             data = connection.serialize()
             connection.deserialize(data)
         connection.executescript(statement)
@@ -330,9 +309,7 @@ def _carmen() -> Iterable[bytes]:
     flaser, configured, odom = carmen_files.flaser, carmen_files.configured, carmen_files.odom
     head = "# CARMEN Logfile\nPARAM robot_front_laser_max 30.0 p 0 host 0.1\n"
     yield (head + "\n".join([odom(0, 1, 2), flaser(), flaser(stamp=1000.5)]) + "\n").encode()
-    yield "\n".join(
-        [configured(), configured(remissions=(1, 2, 3, 4)), odom(1, 1, 1), flaser()]
-    ).encode()
+    yield "\n".join([configured(), configured(remissions=(1, 2, 3, 4)), odom(1, 1, 1), flaser()]).encode()
     raw = configured(tag="RAWLASER1")
     yield "\n".join([odom(1, 2, 0.5), raw, odom(2, 2, 0.6), raw, flaser(tag="RLASER")]).encode()
 
@@ -368,9 +345,7 @@ def _entries() -> list[bags.Entry]:
 
 
 def _bag(folder: Path, kind: str) -> Iterable[bytes]:
-    for i, entries in enumerate(
-        ([bags.scan(1), bags.scan(2)], _entries(), [bags.scan(0), bags.scan(0)])
-    ):
+    for i, entries in enumerate(([bags.scan(1), bags.scan(2)], _entries(), [bags.scan(0), bags.scan(0)])):
         yield bags.storage(bags.write_bag(folder / f"{kind}{i}", kind, entries)).read_bytes()
 
 

@@ -29,9 +29,7 @@ MATCHER = "curvescan/matchers/curvescan"
 ROOMS = {MATCHER: "test_matcher.py", "curvescan/odometry": "test_odometry.py"}
 """Folders that are mutated, and the tests of their files that have none of their own."""
 
-_MAX_SLOWER = (
-    8.0  # a mutant may take so many times the processor time of the original, and hangs beyond
-)
+_MAX_SLOWER = 8.0  # a mutant may take so many times the processor time of the original, and hangs beyond
 _ELSEWHERE = {  # files that others' tests are nearest to
     f"{MATCHER}/candidates.py": "test_disambiguation.py",
     f"{MATCHER}/features/direction_histogram.py": "proposal/test_rotation_hypotheses.py",
@@ -100,12 +98,7 @@ NAMED = (
         "_KNEE_CHI2, _OUTLIER_CHI2 = 4.0, 16.0",
         "_KNEE_CHI2, _OUTLIER_CHI2 = 9.0, 16.0",
     ),
-    _named(
-        "share of a slide 0.2 instead of 0.7",
-        f"{_MATCHER}/disambiguation.py",
-        "_SHARE = 0.7",
-        "_SHARE = 0.2",
-    ),
+    _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(
         "motion gate three times as wide",
         "odometry/config.py",
@@ -113,12 +106,7 @@ NAMED = (
         "motion_gate_chi2: float = 60.0",
         "odometry/test_gating.py",
     ),
-    _named(
-        "pauses clamped ten times later",
-        "odometry/motion_model.py",
-        "_MAX_STRETCH = 20.0",
-        "_MAX_STRETCH = 200.0",
-    ),
+    _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20.0", "_MAX_STRETCH = 200.0"),
     _named(
         "stale share 0.4 instead of 0.1",
         "diagnostics/checks.py",
@@ -150,12 +138,7 @@ NAMED = (
         "if mx * nx + my * ny < _FACING:",
         "if False:",
     ),
-    _named(
-        "no soft weight between 2 and 4 sigma",
-        f"{_MATCHER}/refinement.py",
-        "if u2 > _KNEE_CHI2:",
-        "if False:",
-    ),
+    _named("no soft weight between 2 and 4 sigma", f"{_MATCHER}/refinement.py", "if u2 > _KNEE_CHI2:", "if False:"),
     _named(
         "one leap is a habit",
         "odometry/motion_model.py",

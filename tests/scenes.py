@@ -27,11 +27,7 @@ def room_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.0, seed=0, n_beams=361, fov=math.
     angles = -fov / 2 + increment * np.arange(n_beams)
     noise = sigma * np.random.default_rng(seed).standard_normal(n_beams)
     return LaserScan(
-        room_ranges(pose, angles) + noise,
-        angle_min=-fov / 2,
-        angle_increment=increment,
-        range_max=20.0,
-        **kwargs,
+        room_ranges(pose, angles) + noise, angle_min=-fov / 2, angle_increment=increment, range_max=20.0, **kwargs
     )
 
 
@@ -39,9 +35,7 @@ def rough_polyline(seed, n=40, spacing=0.05, n_corners=3, sigma=0.003):
     """(n, 2) points along a line with corners and noise, as a segment of a scan would be."""
     rng = np.random.default_rng(seed)
     turns = np.zeros(n)
-    turns[rng.choice(np.arange(3, n - 3), size=n_corners, replace=False)] = rng.uniform(
-        -2.0, 2.0, n_corners
-    )
+    turns[rng.choice(np.arange(3, n - 3), size=n_corners, replace=False)] = rng.uniform(-2.0, 2.0, n_corners)
     heading = rng.uniform(-math.pi, math.pi) + np.cumsum(turns)
     steps = spacing * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     return np.cumsum(steps, axis=0) + sigma * rng.standard_normal((n, 2))

@@ -38,10 +38,7 @@ def test_lists_and_tuples_are_taken_for_tuples():
     [
         ({"a": 1}, r"config has an unknown key 'a': known are hypotheses, information"),
         ({"scorin": {}}, "unknown key 'scorin': did you mean 'scoring'"),
-        (
-            {"keypoints": {"min_tur": 1}},
-            r"config\['keypoints'\] has an unknown key 'min_tur': did you mean 'min_turn'",
-        ),
+        ({"keypoints": {"min_tur": 1}}, r"config\['keypoints'\] has an unknown key 'min_tur': did you mean 'min_turn'"),
         ({"keypoints": {"min_turn": "much"}}, "min_turn must be of type float, got 'much'"),
         ({"keypoints": {"max_keypoints": 3.5}}, "max_keypoints must be of type int, got 3.5"),
         ({"keypoints": 3}, r"config\['keypoints'\] must be a table, got 3"),
@@ -79,9 +76,7 @@ def test_the_configuration_of_an_odometry_is_its_own():
     assert cs.Odometry("idc", config={}).config == cs.OdometryConfig.scan_to_scan()
     config = cs.Odometry(config={"motion": {"memory": 10.0}}).config
     assert config == cs.OdometryConfig(motion=cs.MotionConfig(memory=10.0))
-    with pytest.raises(
-        cs.InvalidArgumentError, match=r"must be an? OdometryConfig.*given as matcher="
-    ):
+    with pytest.raises(cs.InvalidArgumentError, match=r"must be an? OdometryConfig.*given as matcher="):
         cs.Odometry(config=cs.CurvescanConfig())
     with pytest.raises(cs.InvalidArgumentError, match="did you mean 'keyframes'"):
         cs.Odometry(config={"keyframe": {}})

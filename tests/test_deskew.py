@@ -52,13 +52,7 @@ def swept(velocity, *, start=(0.1, 0.2, 0.3), world=ROOM_AND_PILLAR, sensor=SWEP
     return scan, se2.compose(start, se2.exp(middle_of_sweep(scan) * np.asarray(velocity)))
 
 
-VELOCITIES = [
-    (0.0, 0.0, math.pi / 2),
-    (0.0, 0.0, -math.pi / 2),
-    (1.0, 0.0, 0.0),
-    (0.7, -0.5, 1.2),
-    (-0.6, 0.3, -2.5),
-]
+VELOCITIES = [(0.0, 0.0, math.pi / 2), (0.0, 0.0, -math.pi / 2), (1.0, 0.0, 0.0), (0.7, -0.5, 1.2), (-0.6, 0.3, -2.5)]
 
 
 @pytest.mark.parametrize("velocity", VELOCITIES)
@@ -80,13 +74,7 @@ def test_readings_come_to_lie_where_the_sensor_sees_them_at_the_middle(velocity,
     seen = np.flatnonzero(moved.valid)
     assert seen.size > 0.9 * len(scan)
     truth = [
-        cast_rays(
-            ROOM_AND_PILLAR,
-            middle,
-            angle_min=moved.angles[i],
-            angle_increment=1.0,
-            n_beams=1,
-        )[0][0]
+        cast_rays(ROOM_AND_PILLAR, middle, angle_min=moved.angles[i], angle_increment=1.0, n_beams=1)[0][0]
         for i in seen
     ]
     off = np.abs(moved.ranges[seen] - truth)
@@ -145,18 +133,14 @@ def test_what_is_hidden_by_something_nearer_is_left_out():
     # a pole half a metre to the side, passed at 2 m/s a thirtieth of a second before the middle: 6 cm, 7 beams
     ranges = np.full(181, 4.0)
     ranges[20:31] = 0.5
-    scan = cs.LaserScan(
-        ranges, angle_min=-math.pi / 2, angle_increment=math.pi / 180, time_increment=5e-4
-    )
+    scan = cs.LaserScan(ranges, angle_min=-math.pi / 2, angle_increment=math.pi / 180, time_increment=5e-4)
     moved = deskew(scan, (2.0, 0.0, 0.0))
     assert moved.valid[20:31].all()
     assert 5 <= np.count_nonzero(~moved.valid) <= 9
     assert (np.diff(moved.angles) > 0).all()
 
 
-@given(
-    st.lists(st.tuples(st.floats(0, 3), st.floats(0.1, 9), st.booleans()), min_size=1, max_size=25)
-)
+@given(st.lists(st.tuples(st.floats(0, 3), st.floats(0.1, 9), st.booleans()), min_size=1, max_size=25))
 def test_of_readings_out_of_order_the_nearer_is_seen(rows):
     bearings, ranges, valid = (np.array(column) for column in zip(*rows, strict=True))
     seen = _seen(bearings, ranges, valid, 0.01)
@@ -316,18 +300,12 @@ def test_a_fast_spin_is_as_accurate_as_one_seen_without_sweeping():
     # 9 degrees a scan are 9 beams exactly, at which matches are best without a sweep: rates around it, either way
     for rate_deg in (87.3, -88.4, 91.6, -90.0):
         for scans, still, truth in spins(rate_deg):
-            found = {
-                "swept": chain(scans),
-                "still": chain(still),
-                "skewed": chain(scans, is_deskewed=False),
-            }
+            found = {"swept": chain(scans), "still": chain(still), "skewed": chain(scans, is_deskewed=False)}
             for name, poses in found.items():
                 one = errors(poses, truth)
                 steps[name].append(one)
                 drift[name].append(np.sum(one[:, 1]))
-    rpe = {
-        name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()
-    }
+    rpe = {name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()}
     total = {name: np.sqrt(np.mean(np.square(all_))) for name, all_ in drift.items()}
     assert rpe["swept"][0] < 1.1 * rpe["still"][0]
     assert rpe["swept"][1] < 1.1 * rpe["still"][1]
@@ -352,9 +330,7 @@ def test_the_odometry_deskews_as_the_chain_does():
                 one = errors(run.trajectory.poses, truth)
                 steps[name].append(one)
                 drift[name].append(np.sum(one[:, 1]))
-    rpe = {
-        name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()
-    }
+    rpe = {name: np.sqrt(np.mean(np.concatenate(all_) ** 2, axis=0)) for name, all_ in steps.items()}
     total = {name: np.sqrt(np.mean(np.square(all_))) for name, all_ in drift.items()}
     assert rpe["swept"][0] < 1.1 * rpe["still"][0]
     assert rpe["swept"][1] < 1.1 * rpe["still"][1]
@@ -388,10 +364,7 @@ def test_a_turtlebot_turns_more_as_its_wheels_say(real_data):
         turns = se2.wrap(np.diff(poses[:, 2]))
         # the clocks of laser and wheels need not agree to a sweep
         return min(
-            np.std(
-                turns[inside]
-                - np.diff(np.interp(stamps + late, stamps[known], np.unwrap(wheels[known])))[inside]
-            )
+            np.std(turns[inside] - np.diff(np.interp(stamps + late, stamps[known], np.unwrap(wheels[known])))[inside])
             for late in np.arange(-0.2, 0.2, 0.01)
         )
 
@@ -399,9 +372,7 @@ def test_a_turtlebot_turns_more_as_its_wheels_say(real_data):
     assert misfit(chain(scans)) < 0.75 * misfit(chain(scans, is_deskewed=False))
 
 
-@pytest.mark.parametrize(
-    ("way", "seconds"), [(1.0, 5e-324), (1.0, 1e-9), (1e9, 0.1), (1e308, 1e-3)]
-)
+@pytest.mark.parametrize(("way", "seconds"), [(1.0, 5e-324), (1.0, 1e-9), (1e9, 0.1), (1e308, 1e-3)])
 def test_a_velocity_that_nothing_has_is_not_expected(way, seconds):
     np.testing.assert_array_equal(predicted_velocity([way, 0.0, 0.1], seconds), np.zeros(3))
 

@@ -20,16 +20,13 @@ DOCS = ROOT / "docs"
 GENERATED = ("_build", "gallery", "reference/generated", "reference/commands")
 # pages that the build writes, as links name them
 BUILT = {DOCS / "reference/commands.md", DOCS / "gallery/index.rst"} | {
-    DOCS / "gallery" / f"{script.stem}.rst"
-    for script in (ROOT / "examples/gallery").glob("plot_*.py")
+    DOCS / "gallery" / f"{script.stem}.rst" for script in (ROOT / "examples/gallery").glob("plot_*.py")
 }
 
 
 def _documents() -> list[Path]:
     return [ROOT / "README.md"] + [
-        path
-        for path in sorted(DOCS.rglob("*.md"))
-        if not path.relative_to(DOCS).as_posix().startswith(GENERATED)
+        path for path in sorted(DOCS.rglob("*.md")) if not path.relative_to(DOCS).as_posix().startswith(GENERATED)
     ]
 
 
@@ -133,9 +130,7 @@ def _figures_of_the_comparison() -> set[float]:
     text = (ROOT / "bench/comparison.jsonl").read_text(encoding="utf-8")
     rows = [json.loads(line) for line in text.splitlines()]
     assert {(row["log"], row["task"]) for row in rows} >= {("intel", "slam"), ("aces", "slam")}
-    pairs = [
-        row[name] for row in rows for name in row if name.endswith(("translation", "rotation"))
-    ]
+    pairs = [row[name] for row in rows for name in row if name.endswith(("translation", "rotation"))]
     for log in BENCHMARKS.values():
         for error in log.errors:
             pairs += [error.translation, error.rotation or ()]
@@ -152,6 +147,4 @@ def test_the_errors_in_the_texts_are_those_of_the_comparison():
     known = _figures_of_the_comparison()
     for figure in re.findall(r"\b\d\.\d+\b", "\n".join(texts + lines)):
         n_digits = len(figure.partition(".")[2])
-        assert any(f"{one:.{n_digits}f}" == figure for one in known), (
-            f"{figure} is measured nowhere"
-        )
+        assert any(f"{one:.{n_digits}f}" == figure for one in known), f"{figure} is measured nowhere"

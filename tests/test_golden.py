@@ -24,9 +24,7 @@ def test_every_answer_is_the_one_on_file() -> None:
         name = old["name"]
         assert new["outcome"] == old["outcome"], name
         np.testing.assert_allclose(new["pose"], old["pose"], rtol=0, atol=ROUNDING, err_msg=name)
-        np.testing.assert_allclose(
-            new["covariance"], old["covariance"], rtol=1e-5, atol=1e-12, err_msg=name
-        )
+        np.testing.assert_allclose(new["covariance"], old["covariance"], rtol=1e-5, atol=1e-12, err_msg=name)
         for field in ("n_matched", "labels"):
             assert new.get(field) == old.get(field), (name, field)
 

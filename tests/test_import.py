@@ -12,9 +12,7 @@ import curvescan
 
 def loaded_after(statement):
     code = f"import sys; {statement}; print(' '.join(m.partition('.')[0] for m in sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=600
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=600)
     return set(done.stdout.split())
 
 
@@ -24,17 +22,14 @@ def test_import_loads_none_of_the_heavy_packages():
 
 
 def test_a_scan_needs_numpy_alone():
-    loaded = loaded_after(
-        "import curvescan; curvescan.LaserScan([1.0], angle_min=0, angle_increment=1).points"
-    )
+    loaded = loaded_after("import curvescan; curvescan.LaserScan([1.0], angle_min=0, angle_increment=1).points")
     assert "numpy" in loaded
     assert not loaded & {"numba", "matplotlib"}
 
 
 def test_a_match_needs_no_matplotlib():
     loaded = loaded_after(
-        "import curvescan; s = curvescan.LaserScan([1.0], angle_min=0, angle_increment=1);"
-        "curvescan.match(s, s)"
+        "import curvescan; s = curvescan.LaserScan([1.0], angle_min=0, angle_increment=1);curvescan.match(s, s)"
     )
     assert not loaded & {"matplotlib", "rich", "tyro"}
 

@@ -18,9 +18,7 @@ WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 def test_the_conda_recipe_needs_what_the_package_needs():
     text = (ROOT / "recipe" / "meta.yaml").read_text("utf-8")
     text = re.sub(r"\{%.*?%\}", "", text)
-    recipe = yaml.safe_load(
-        text.replace("{{ version }}", "0.1.0").replace("{{ PYTHON }}", "python")
-    )
+    recipe = yaml.safe_load(text.replace("{{ version }}", "0.1.0").replace("{{ PYTHON }}", "python"))
     names = {"matplotlib": "matplotlib-base"}
     wanted = {"python " + PROJECT["requires-python"]}
     for requirement in PROJECT["dependencies"]:
@@ -46,9 +44,7 @@ def test_pythons_are_those_that_are_tried():
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "wheel.yml").read_text("utf-8"))
     tried = set(workflow["jobs"]["run"]["strategy"]["matrix"]["python"])
     prefix = "Programming Language :: Python :: 3."
-    assert {
-        f"3.{c.removeprefix(prefix)}" for c in PROJECT["classifiers"] if c.startswith(prefix)
-    } == tried
+    assert {f"3.{c.removeprefix(prefix)}" for c in PROJECT["classifiers"] if c.startswith(prefix)} == tried
 
 
 def test_the_image_has_extras_that_there_are():

@@ -34,10 +34,7 @@ def test_the_figures_of_a_benchmark_are_written_between_their_marks():
     )
     columns = "scenario method success false without median_error over_the_bound NEES in_95"
     head = " | ".join(word.replace("_", " ") for word in columns.split())
-    times = "".join(
-        f"| {m} | 0.1 ms (0.2 ms) | 0.3 ms (1 ms) | 0.2 ms (1 ms) |\n"
-        for m in ("curvescan", "cfsma")
-    )
+    times = "".join(f"| {m} | 0.1 ms (0.2 ms) | 0.3 ms (1 ms) | 0.2 ms (1 ms) |\n" for m in ("curvescan", "cfsma"))
     found = module.figures(
         "### Time of a scan of 361 beams\n\n| method | prepare a scan | match, no guess | match, good guess |\n"
         f"| --- | --- | --- | --- |\n{times}\n"

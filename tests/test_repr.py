@@ -23,10 +23,7 @@ def objects():
         "scan": (scan, "LaserScan("),
         "prepared": (cs.prepare(scan), "PreparedScan(LaserScan("),
         "match": (cs.match(scan, scan), "MatchResult(curvescan: x="),
-        "failed": (
-            cs.match(*[cs.LaserScan([1.0], angle_min=0.0, angle_increment=0.1)] * 2),
-            "MatchResult(curvescan: ",
-        ),
+        "failed": (cs.match(*[cs.LaserScan([1.0], angle_min=0.0, angle_increment=0.1)] * 2), "MatchResult(curvescan: "),
         "simulation": (simulated, "Simulation('office"),
         "world": (simulated.world, "World('office'"),
         "pair": (pair, "ScanPair(x="),
@@ -43,10 +40,7 @@ def objects():
         "step": (step, "OdometryStep(0: STARTED, x=0.0000 m"),
         "builder": (builder, "OccupancyBuilder(1 scans in cells of 0.05 m)"),
         "grid": (builder.grid(), "OccupancyGrid("),
-        "edge": (
-            cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None),
-            "PoseEdge(1 -> 2: x=1.0000 m",
-        ),
+        "edge": (cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None), "PoseEdge(1 -> 2: x=1.0000 m"),
     }
 
 

@@ -47,11 +47,7 @@ def test_points_lie_on_their_beams():
 )
 def test_a_clockwise_scan_gives_the_readings_of_its_mirror_image(ranges, angle_min, increment):
     clockwise = make(ranges, angle_min=angle_min, angle_increment=-increment)
-    mirrored = make(
-        ranges[::-1],
-        angle_min=angle_min - increment * max(len(ranges) - 1, 0),
-        angle_increment=increment,
-    )
+    mirrored = make(ranges[::-1], angle_min=angle_min - increment * max(len(ranges) - 1, 0), angle_increment=increment)
     a, b = valid_readings(clockwise), valid_readings(mirrored)
     np.testing.assert_array_equal(a.ranges, b.ranges)
     np.testing.assert_array_equal(a.beam_idx, len(ranges) - 1 - b.beam_idx)

@@ -26,7 +26,7 @@ PLAIN = (0.0, 0.5, 1.0, 2.0)
 N_POSE = 3
 """Indices below it are those of a pose, a point or a small matrix; other columns have names."""
 
-LONG = {"batch.py:batch", "calibrate.py:calibrate", "evaluate.py:evaluate", "live.py:live"}
+LONG = {"batch.py:batch", "evaluate.py:evaluate", "live.py:live"}
 """Functions that are longer: commands, with one parameter a flag."""
 
 
@@ -52,9 +52,7 @@ def unnamed_numbers(text: str) -> list[str]:
         f"{f.name}:{node.lineno}: {node.value}"
         for f in _functions(ast.parse(text))
         for node in ast.walk(f)
-        if isinstance(node, ast.Constant)
-        and isinstance(node.value, float)
-        and node.value not in PLAIN
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value not in PLAIN
     ]
 
 
@@ -71,11 +69,7 @@ def unnamed_columns(text: str) -> list[str]:
 
 
 def test_functions_fit_a_screen():
-    found = {
-        f"{path.name}:{name}"
-        for path in SOURCE.rglob("*.py")
-        for name in long_functions(path.read_text())
-    }
+    found = {f"{path.name}:{name}" for path in SOURCE.rglob("*.py") for name in long_functions(path.read_text())}
     assert found == LONG
 
 
@@ -114,9 +108,7 @@ def imports_of(text: str, package: str) -> set[str]:
             base = package.rsplit(".", node.level - 1)[0] if node.level else ""
             module = ".".join(filter(None, (base, node.module)))
             found.update(f"{module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Constant) and re.fullmatch(
-            r"curvescan(\.\w+)+(:\w+)?", str(node.value)
-        ):
+        elif isinstance(node, ast.Constant) and re.fullmatch(r"curvescan(\.\w+)+(:\w+)?", str(node.value)):
             found.add(str(node.value).replace(":", "."))
         for child in ast.iter_child_nodes(node):
             visit(child)
@@ -127,10 +119,7 @@ def imports_of(text: str, package: str) -> set[str]:
 
 def import_graph(root: Path = SOURCE) -> dict[str, set[str]]:
     """The modules of the package that each of its modules imports."""
-    files = {
-        ".".join(path.relative_to(root.parent).with_suffix("").parts): path
-        for path in root.rglob("*.py")
-    }
+    files = {".".join(path.relative_to(root.parent).with_suffix("").parts): path for path in root.rglob("*.py")}
     files = {name.removesuffix(".__init__"): path for name, path in files.items()}
     graph: dict[str, set[str]] = {}
     for name, path in files.items():
@@ -190,9 +179,7 @@ def test_a_circle_is_found_though_it_is_lazy(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "folder",
-    sorted({path.parent for path in SOURCE.rglob("*.py")}),
-    ids=lambda p: str(p.relative_to(SOURCE.parent)),
+    "folder", sorted({path.parent for path in SOURCE.rglob("*.py")}), ids=lambda p: str(p.relative_to(SOURCE.parent))
 )
 def test_a_folder_is_small_and_says_what_it_is_for(folder):
     assert len(list(folder.glob("*.py"))) <= MAX_FILES

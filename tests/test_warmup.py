@@ -70,9 +70,7 @@ assert len(kernels) > 8
 
 
 def run(code):
-    done = subprocess.run(
-        [sys.executable, "-c", BEGIN + code], capture_output=True, text=True, timeout=600
-    )
+    done = subprocess.run([sys.executable, "-c", BEGIN + code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -197,10 +195,7 @@ def test_helpers_are_started_once_and_only_where_there_are_cores(tmp_path, monke
     assert not started
     for _ in range(2):
         _compilation.start_helpers(tmp_path)
-    assert [code[-1].rpartition("; ")[2] for code in started] == [
-        "help_compile(0)",
-        "help_compile(1)",
-    ]
+    assert [code[-1].rpartition("; ")[2] for code in started] == ["help_compile(0)", "help_compile(1)"]
 
 
 def test_no_helper_where_it_is_not_wanted_or_python_has_another_name(monkeypatch):

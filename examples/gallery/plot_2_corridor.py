@@ -19,24 +19,11 @@ print("degenerate direction:", np.round(result.degenerate_direction, 3))
 
 fig, ax = plt.subplots(figsize=(6.5, 5.5), layout="constrained")
 ax.plot(*pair.reference.points.T, ".", color="0.6", ms=4, label="reference")
-ax.plot(
-    *cs.se2.transform(result.pose, pair.current.points).T,
-    ".",
-    color="tab:blue",
-    ms=3,
-    label="current",
-)
+ax.plot(*cs.se2.transform(result.pose, pair.current.points).T, ".", color="tab:blue", ms=3, label="current")
 values, vectors = np.linalg.eigh(result.covariance[:2, :2])
 angle = np.linspace(0.0, 2.0 * np.pi, 100)
-ellipse = result.pose[:2, None] + vectors @ (
-    np.sqrt(5.991 * values)[:, None] * [np.cos(angle), np.sin(angle)]
-)
+ellipse = result.pose[:2, None] + vectors @ (np.sqrt(5.991 * values)[:, None] * [np.cos(angle), np.sin(angle)])
 ax.plot(*ellipse, color="tab:red", label="95 % of the position")
-ax.set(
-    xlabel="x [m]",
-    ylabel="y [m]",
-    aspect="equal",
-    title="what the two scans determine, and what they do not",
-)
+ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="what the two scans determine, and what they do not")
 fig.legend(loc="outside lower center", ncols=3)
 plt.show()

@@ -92,15 +92,7 @@ if TYPE_CHECKING:
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
-    from curvescan.slam import (
-        Localizer,
-        LocalizerStep,
-        Slam,
-        SlamConfig,
-        SlamMap,
-        SlamStep,
-        load_map,
-    )
+    from curvescan.slam import Localizer, LocalizerStep, Slam, SlamConfig, SlamMap, SlamStep, load_map
     from curvescan.types import PoseEdge
     from curvescan.warmup import warm_up
 

@@ -76,13 +76,7 @@ class CompilationWatch:
             self.report(is_over=True)
 
     def report(self, *, is_over: bool = False) -> None:
-        """Report how long it took, if its start was reported.
-
-        Parameters
-        ----------
-        is_over : bool
-            Whether the wait is known to be over; else it is where nothing was compiled since the last report.
-        """
+        """Report how long it took, if its start was reported."""
         if self._n_holding:
             return
         is_quiet = self._seconds == self._reported_s

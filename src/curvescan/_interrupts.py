@@ -128,9 +128,7 @@ def end_at_once(number: int, frame: FrameType | None = None) -> None:
     for clean_up in reversed(_clean_ups):
         with suppress(Exception):
             clean_up()
-    with suppress(
-        Exception
-    ):  # what is printed so far; the signal may have come in the middle of it
+    with suppress(Exception):  # what is printed so far; the signal may have come in the middle of it
         sys.stdout.flush()
     # a progress bar hides the cursor and leaves its line
     begin = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""

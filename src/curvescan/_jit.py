@@ -30,14 +30,7 @@ _kernels: list[Any] = []
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Return `function` compiled on its first call, machine code cached on disk.
-
-    Parameters
-    ----------
-    function
-        Takes contiguous arrays and scalars, returns a scalar, an array or a tuple of them. It neither
-        validates nor raises.
-    """
+    """Return `function` compiled on its first call, machine code cached on disk."""
     return _compiled(function)
 
 

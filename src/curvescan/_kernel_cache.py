@@ -15,6 +15,7 @@ import functools
 import hashlib
 import logging
 import os
+import re
 import shutil
 import tempfile
 import threading
@@ -29,10 +30,8 @@ _numba_config: Any = numba.config
 _ROOT = Path(__file__).parent
 _LOGGER = logging.getLogger(__package__)
 
-ROOMS_WITHOUT_KERNELS = frozenset(
-    {"benchmarks", "cli", "diagnostics", "evaluation", "paper", "plots", "runs"}
-)
-"""Rooms whose code no kernel calls or reads: an edit there compiles nothing anew."""
+_DEFINES_KERNELS = re.compile(rf"^from {__package__}\._jit import .*\b(kernel|inlined)\b", re.MULTILINE)
+_IMPORT = re.compile(rf"^\s*from ({__package__}(?:\.\w+)*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 _FOLDER_PREFIX = f"{__package__}-kernels-"
 _DIGEST_LENGTH = 16
@@ -77,21 +76,36 @@ def numba_caches_in(folder: Path) -> Iterator[None]:
 
 
 def source_digest(root: Path) -> str | None:
-    """Return a digest of the sources that machine code can depend on, or None where they are not files."""
-    digest = hashlib.sha256()
-    n_files = 0
+    """Return a digest of the sources that machine code can depend on, or None where they are not files.
+
+    These are the files that define kernels and whatever they import, directly or not: an edit elsewhere compiles
+    nothing anew.
+    """
     try:
-        for path in sorted(root.rglob("*.py")):
-            name = path.relative_to(root)
-            if name.parts[0] in ROOMS_WITHOUT_KERNELS:
-                continue
-            source = path.read_bytes()
-            digest.update(f"{name.as_posix()!a} {len(source)} ".encode())
-            digest.update(source)
-            n_files += 1
+        sources = {
+            ".".join(path.relative_to(root.parent).with_suffix("").parts).removesuffix(".__init__"): path.read_bytes()
+            for path in root.rglob("*.py")
+        }
     except OSError:
         return None
-    return digest.hexdigest()[:_DIGEST_LENGTH] if n_files else None
+    texts = {name: source.decode() for name, source in sources.items()}
+    reached: set[str] = set()
+    ahead = [name for name, text in texts.items() if _DEFINES_KERNELS.search(text)]
+    while ahead:
+        name = ahead.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        for module, names in _IMPORT.findall(texts[name]):
+            words = module.split(".")
+            parents = [".".join(words[:n]) for n in range(2, len(words) + 1)]
+            taken = (*parents, *(f"{module}.{word}" for word in re.findall(r"\w+", names)))
+            ahead += [known for known in taken if known in texts]
+    digest = hashlib.sha256()
+    for name in sorted(reached):
+        digest.update(f"{name!a} {len(sources[name])} ".encode())
+        digest.update(sources[name])
+    return digest.hexdigest()[:_DIGEST_LENGTH] if reached else None
 
 
 class ForgivingCache:

@@ -23,15 +23,7 @@ def has_own_python() -> bool:
 
 
 def python_command(module: str, call: str) -> list[str]:
-    """Return the command of a process that imports from the same places as this one, and calls a function of a module.
-
-    Parameters
-    ----------
-    module : str
-        Where the function is: ``"package.module"``.
-    call : str
-        The call, with its arguments: ``"serve()"``.
-    """
+    """Return the command of a process that imports from the same places as this one, and calls a function of a module."""
     paths = [str(Path(entry).absolute()) for entry in sys.path]
     name = call.partition("(")[0]
     code = f"import sys; sys.path[:] = {paths}; from {module} import {name}; {call}"

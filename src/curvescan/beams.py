@@ -55,10 +55,7 @@ class Beams:
 def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
     """Return n beams evenly spaced, radians; the same object for the same numbers.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When an angle is not finite, or the increment 0.
+    Raises InvalidArgumentError.
     """
     # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
     for name, value in (("angle_min", angle_min), ("angle_increment", angle_increment)):
@@ -66,8 +63,7 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
             raise InvalidArgumentError(f"{name} must be finite, got {value}")
     if angle_increment == 0.0:
         raise InvalidArgumentError(
-            "angle_increment must not be 0: give the angle from a beam to the next, "
-            "negative for a clockwise sensor"
+            "angle_increment must not be 0: give the angle from a beam to the next, negative for a clockwise sensor"
         )
     span = abs(angle_increment) * max(n - 1, 0)
     if max(span, abs(angle_min)) > _MOST_TURNS * 2.0 * math.pi and math.isfinite(span):
@@ -76,23 +72,16 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
             f"{span / (2.0 * math.pi):.1f} times; if they are degrees, convert them with numpy.radians"
         )
     if not math.isfinite(angle_min + angle_increment * n):
-        raise InvalidArgumentError(
-            f"the angles of {n} beams must be finite, got angle_increment={angle_increment}"
-        )
+        raise InvalidArgumentError(f"the angles of {n} beams must be finite, got angle_increment={angle_increment}")
     angles = angle_min + angle_increment * np.arange(n, dtype=np.float64)
     angles.setflags(write=False)
-    return Beams(
-        angles=angles, angle_min=angle_min, angle_increment=angle_increment, is_uniform=True
-    )
+    return Beams(angles=angles, angle_min=angle_min, angle_increment=angle_increment, is_uniform=True)
 
 
 def beams_at(angles: Floats) -> Beams:
     """Return beams at given angles, (n,) float64, radians, having checked the rules of LaserScan.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When they are not finite, do not all rise or all fall, or go round more than once.
+    Raises InvalidArgumentError.
     """
     if not np.isfinite(angles).all():
         raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
@@ -119,10 +108,7 @@ def beams_at(angles: Floats) -> Beams:
     strays = angles - (angles[0] + mean * np.arange(angles.size))
     is_uniform = bool(np.max(np.abs(strays)) <= _EVEN * abs(mean))
     return Beams(
-        angles=angles,
-        angle_min=float(angles[0]),
-        angle_increment=mean if is_uniform else median,
-        is_uniform=is_uniform,
+        angles=angles, angle_min=float(angles[0]), angle_increment=mean if is_uniform else median, is_uniform=is_uniform
     )
 
 

@@ -18,11 +18,7 @@ Config = TypeVar("Config")
 
 
 def as_config(
-    given: Config | Mapping[str, Any] | None,
-    default: Config,
-    *,
-    name: str = "config",
-    hint: str = "",
+    given: Config | Mapping[str, Any] | None, default: Config, *, name: str = "config", hint: str = ""
 ) -> Config:
     """Return the configuration that an argument stands for.
 
@@ -62,19 +58,7 @@ def as_config(
 def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
     """Return a configuration with the fields of a mapping replaced, nested ones field by field.
 
-    Parameters
-    ----------
-    default : dataclass
-        The configuration to change; it stays as it is.
-    given : mapping of str to object
-        Names of fields and their values.
-    where : str
-        What the mapping is called in messages.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When a key is unknown, or a value of the wrong type or out of range.
+    Raises InvalidArgumentError.
     """
     if not isinstance(given, Mapping):
         raise InvalidArgumentError(f"{where} must be a table, got {given!r:.80}")
@@ -122,9 +106,7 @@ def _as_type_of(default: object, value: object, where: str) -> object:
     if type(default) is int and isinstance(value, numbers.Integral) and not is_bool:
         return int(value)
     if type(value) is not type(default):
-        raise InvalidArgumentError(
-            f"{where} must be of type {type(default).__name__}, got {value!r:.80}"
-        )
+        raise InvalidArgumentError(f"{where} must be of type {type(default).__name__}, got {value!r:.80}")
     return value
 
 

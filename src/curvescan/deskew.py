@@ -52,25 +52,7 @@ _LEAP = 100
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     """Return a scan as it would have been seen from one place, at the middle of its sweep.
 
-    Parameters
-    ----------
-    scan : LaserScan
-        A sweep, its first beam at its stamp.
-    velocity : (3,) array_like
-        [vx, vy, omega] of the sensor in its own frame during the sweep, m/s, m/s, rad/s.
-
-    Returns
-    -------
-    LaserScan
-        Of as many beams in the same order, not evenly spaced, all at one time: its stamp is that of the middle of the
-        sweep and its time_increment 0. A beam without a reading has none here, nor has one that is hidden by a nearer
-        one, or seen a second time after a full turn. The scan itself where beam times are not known, or the velocity
-        is so large (half the angle between beams, from one to the next) that it cannot be a sensor's.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When `velocity` is not three finite numbers.
+    velocity (3,). Raises InvalidArgumentError.
     """
     twist = np.asarray(velocity, dtype=np.float64)
     if twist.shape != (3,) or not np.isfinite(twist).all():
@@ -83,9 +65,7 @@ def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
     least = step if scan.has_uniform_angles else float(np.min(np.abs(np.diff(scan.angles))))
     if abs(twist[2]) * scan.time_increment >= _FASTEST * least:
         return scan
-    turned, bearings, ranges = _from_the_middle(
-        scan.angles, scan.ranges, scan.valid, scan.time_increment, twist
-    )
+    turned, bearings, ranges = _from_the_middle(scan.angles, scan.ranges, scan.valid, scan.time_increment, twist)
     way = 1.0 if scan.angle_increment > 0.0 else -1.0
     seen = _seen(way * bearings, ranges, np.isfinite(bearings), 1e-3 * step)
     angles = way * _between_seen(way * bearings, way * turned, seen)
@@ -108,12 +88,7 @@ def middle_of_sweep(scan: LaserScan) -> float:
 def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
     """Return how far the readings at the ends of a sweep are moved by a velocity, or by an error of one, in metres.
 
-    Parameters
-    ----------
-    scan : LaserScan
-        Its beam times, and its median range: a turn moves what is far the farthest.
-    velocity : (3,) array_like
-        [vx, vy, omega], m/s, m/s, rad/s.
+    velocity (3,).
     """
     vx, vy, omega = (float(value) for value in np.asarray(velocity, dtype=np.float64))
     far = float(np.median(scan.ranges[scan.valid])) if scan.valid.any() else 0.0
@@ -123,18 +98,7 @@ def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
 def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
     """Return the velocity of a sensor that goes on as it did.
 
-    Parameters
-    ----------
-    motion : (3,) array_like
-        Pose of the sensor at one scan in that at the scan before.
-    seconds : float
-        Time between them; 0 where it is not known.
-
-    Returns
-    -------
-    (3,) float64
-        [vx, vy, omega] in the sensor's frame, m/s, m/s, rad/s; zeros where the time is not known, or is so short, or the
-        motion so long, that nothing moves so fast.
+    motion (3,); result (3,).
     """
     if not seconds > 0.0:
         return np.zeros(3)
@@ -145,21 +109,7 @@ def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
 
 
 def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
-    """Return the time between two scans of a clock that may stand still, go back, leap or jitter.
-
-    Parameters
-    ----------
-    stamps : sequence of float
-        Of the last few scans, the latest last, seconds: about ten determine what is usual.
-    scan_time : float
-        What the scan says of the time between two, seconds; 0: nothing.
-
-    Returns
-    -------
-    float
-        The mean of the steps that are from a half to one and a half times the usual one, which is scan_time or the median
-        of the steps forward; where there are none the usual one, and 0 where there is neither.
-    """
+    """Return the time between two scans of a clock that may stand still, go back, leap or jitter."""
     steps = np.diff(np.asarray(stamps, dtype=np.float64))
     forward = steps[steps > 0.0]
     usual = scan_time if scan_time > 0.0 else float(np.median(forward)) if forward.size else 0.0

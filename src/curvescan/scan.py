@@ -102,8 +102,7 @@ class LaserScan:
             intensities = _read_only_row(self.intensities, "intensities")
             if intensities.shape != self.ranges.shape:
                 raise InvalidArgumentError(
-                    f"intensities must have one value a beam ({self.ranges.size}), "
-                    f"got {intensities.size}"
+                    f"intensities must have one value a beam ({self.ranges.size}), got {intensities.size}"
                 )
             object.__setattr__(self, "intensities", intensities)
         self._warn_of_millimetres()
@@ -114,9 +113,7 @@ class LaserScan:
         if ((self.ranges > 0.0) & (self.ranges <= limit)).any():
             return
         far = self.ranges[(self.ranges > limit) & (self.ranges < 1000.0 * limit)]
-        is_code = np.unique(far).size < max(
-            far.size // 10, 10
-        )  # one number for all that saw nothing
+        is_code = np.unique(far).size < max(far.size // 10, 10)  # one number for all that saw nothing
         if far.size > len(self) // 2 and not is_code:
             median = float(np.median(far))
             warnings.warn(
@@ -135,15 +132,11 @@ class LaserScan:
                     "the directions of the beams are missing: give angle_min and angle_increment, or angles"
                 )
             return even_beams(
-                n,
-                _as_float(self.angle_min, "angle_min"),
-                _as_float(self.angle_increment, "angle_increment"),
+                n, _as_float(self.angle_min, "angle_min"), _as_float(self.angle_increment, "angle_increment")
             )
         angles = _read_only_row(self.angles, "angles")
         if angles.size != n:
-            raise InvalidArgumentError(
-                f"angles must have one value a beam ({n}), got {angles.size}"
-            )
+            raise InvalidArgumentError(f"angles must have one value a beam ({n}), got {angles.size}")
         if not is_gridded:
             return beams_at(angles)
         # dataclasses.replace hands all fields on: the same directions said twice are no contradiction
@@ -164,10 +157,7 @@ class LaserScan:
     def __repr__(self) -> str:
         n_valid = int(np.count_nonzero(self.valid))
         span_deg = math.degrees(self.angles[-1] - self.angles[0]) if len(self) else 0.0
-        return (
-            f"LaserScan({len(self)} beams over {span_deg:.2f} deg, {n_valid} valid, "
-            f"stamp={self.stamp!r})"
-        )
+        return f"LaserScan({len(self)} beams over {span_deg:.2f} deg, {n_valid} valid, stamp={self.stamp!r})"
 
     @cached_property
     def valid(self) -> Bools:
@@ -216,16 +206,6 @@ def mirrored(scan: LaserScan) -> LaserScan:
     """Return a scan with its beams mirrored about the sensor's x axis, in their own order.
 
     It is what a sensor that hangs upside down, or turns against what its driver says, saw of the world from above.
-
-    Parameters
-    ----------
-    scan : LaserScan
-        Any scan.
-
-    Returns
-    -------
-    LaserScan
-        Each direction negated; all else unchanged.
     """
     return replace(scan, **_directions(scan, -1.0, 1))
 
@@ -235,16 +215,6 @@ def swept_backwards(scan: LaserScan) -> LaserScan:
 
     It is what a sensor swept whose driver turns the order of the readings round (some of RPLIDAR's do), so that the
     times of the beams hold.
-
-    Parameters
-    ----------
-    scan : LaserScan
-        Any scan.
-
-    Returns
-    -------
-    LaserScan
-        Beam i is beam n - 1 - i of `scan`; stamp and times unchanged.
     """
     return replace(
         scan,
@@ -303,16 +273,6 @@ def valid_readings(scan: LaserScan) -> Readings:
     """Return the valid readings of a scan in counter-clockwise order.
 
     A clockwise scan and its mirror image (ranges reversed, increment negated) give the same readings.
-
-    Parameters
-    ----------
-    scan : LaserScan
-        Any scan, also one without a valid reading.
-
-    Returns
-    -------
-    Readings
-        Of length 0 when nothing is valid.
     """
     beam_idx = np.flatnonzero(scan.valid)
     if scan.angle_increment < 0.0:

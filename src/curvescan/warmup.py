@@ -96,8 +96,7 @@ def _warm_up_drive(method: str) -> None:
     # there and back with beam times and wheels, a scan that cannot be matched among them
     xs = [0.0, 0.0, 0.02, 0.05, 0.1, 0.1, 0.05, 0.0]
     scans = [
-        _scan(_wall() if k == 4 else _room(x, 0.5 * x), stamp=k * _PERIOD_S, sweep=_PERIOD_S)
-        for k, x in enumerate(xs)
+        _scan(_wall() if k == 4 else _room(x, 0.5 * x), stamp=k * _PERIOD_S, sweep=_PERIOD_S) for k, x in enumerate(xs)
     ]
     wheels = np.array([(x, 0.5 * x, 0.0) for x in xs])
     for config in (None, OdometryConfig.scan_to_scan()):
@@ -161,15 +160,7 @@ def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None
     find_corners(surfels, sums, nothing.bounds, rules.arm_lengths, sigma, rules.min_turn, most)
 
 
-BACKWARDS = (
-    _assess,
-    _refine,
-    _weigh,
-    _weigh_movable,
-    _pair_keypoints,
-    _search,
-    _find_keypoints,
-)
+BACKWARDS = (_assess, _refine, _weigh, _weigh_movable, _pair_keypoints, _search, _find_keypoints)
 """Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: with one helper
 that is the half that comes last, for what both compile at the same time is compiled twice. Each runs without a scan, so that
 no other has to be compiled.
@@ -216,12 +207,7 @@ def _warm_up_slam() -> None:
     from curvescan.slam.loops.place_index import signature
     from curvescan.slam.pose_graph.consistency import largest_clique
     from curvescan.slam.pose_graph.marginals import marginal_covariances
-    from curvescan.slam.pose_graph.optimization import (
-        Edges,
-        normal_equations,
-        optimize,
-        squared_distances,
-    )
+    from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize, squared_distances
     from curvescan.slam.pose_graph.sparse import block_pattern
     from curvescan.slam.thinning import crowded_places
 
@@ -251,11 +237,7 @@ def _warm_up_slam() -> None:
     signature(np.zeros((2, 5)))
 
 
-PARTS: tuple[Callable[[str], None], ...] = (
-    _warm_up_matches,
-    _warm_up_drive,
-    _warm_up_whatever_matches,
-)
+PARTS: tuple[Callable[[str], None], ...] = (_warm_up_matches, _warm_up_drive, _warm_up_whatever_matches)
 """What is compiled, in the order of use; each takes the name of the matcher."""
 
 
@@ -276,10 +258,7 @@ def _room(x: float, y: float) -> Floats:
     c, s = np.cos(_BEAMS), np.sin(_BEAMS)
     with np.errstate(divide="ignore"):
         walls = [
-            np.minimum(
-                np.where(c > 0.0, x_max - x, x_min - x) / c,
-                np.where(s > 0.0, y_max - y, y_min - y) / s,
-            )
+            np.minimum(np.where(c > 0.0, x_max - x, x_min - x) / c, np.where(s > 0.0, y_max - y, y_min - y) / s)
             for x_min, x_max, y_min, y_max in rectangles
         ]
     farther: Floats = np.maximum(*walls)

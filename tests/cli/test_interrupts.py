@@ -68,16 +68,12 @@ def run_interrupted(log, out, number="SIGINT", *, command="odometry", prelude=""
     """Run a command that sends itself a signal at a place of its own, and return how it ended."""
     words = [command, str(log), "--out", str(out)]
     code = COMMAND.format(words=words, number=number, prelude=prelude, setting=setting)
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=False
-    )
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=False)
 
 
 def patched(module, name, *, is_after=False):
     lines = ["pass", "interrupt()"]
-    return PATCHED.format(
-        module=module, name=name, before=lines[not is_after], after=lines[is_after]
-    )
+    return PATCHED.format(module=module, name=name, before=lines[not is_after], after=lines[is_after])
 
 
 def files(folder):
@@ -88,8 +84,7 @@ STATUS = {"SIGINT": 130, "SIGTERM": 143}
 
 
 @pytest.mark.parametrize(
-    ("number", "name"),
-    [("SIGINT", "tyro"), ("SIGTERM", "numpy"), ("SIGINT", "curvescan.cli.commands.slam")],
+    ("number", "name"), [("SIGINT", "tyro"), ("SIGTERM", "numpy"), ("SIGINT", "curvescan.cli.commands.slam")]
 )
 def test_while_the_command_is_imported(log, tmp_path, number, name):
     done = run_interrupted(log, tmp_path / "out", number, prelude=ON_IMPORT.format(name=name))

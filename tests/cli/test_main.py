@@ -313,12 +313,7 @@ def test_help_explains_itself_and_loads_nothing_heavy(command):
         "assert not {'numba', 'matplotlib'} & set(sys.modules), 'heavy'\n"
         "sys.exit(status)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, *command, "--help"],
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    done = subprocess.run([sys.executable, "-c", code, *command, "--help"], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "usage: curvescan" in done.stdout
 
@@ -368,12 +363,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 
 
 def test_the_module_runs_as_the_command_does():
-    done = subprocess.run(
-        [sys.executable, "-m", "curvescan", "--version"],
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    done = subprocess.run([sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=600)
     assert done.stdout == f"curvescan {__version__}\n"
 
 
@@ -403,9 +393,7 @@ def test_a_progress_bar_tells_all_steps_and_runs_no_thread_beside_the_work(monke
     assert "40/40" in shown.file.getvalue()
 
 
-@pytest.mark.parametrize(
-    "name", ["esc\x1b[31mred.log", "bad\udcff.log", "a$b$x_{.log", "n" * 200 + ".log"]
-)
+@pytest.mark.parametrize("name", ["esc\x1b[31mred.log", "bad\udcff.log", "a$b$x_{.log", "n" * 200 + ".log"])
 def test_names_of_files_are_printed_plainly(log, tmp_path, capsys, name):
     strange = tmp_path / name
     log.rename(strange)

@@ -44,10 +44,7 @@ def test_what_cannot_tell_says_nothing():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "is_reversed_order"),
-    [
-        ("turtlebot4-rplidar/macfirst_floor_take_2", True),
-        ("ccny-handheld-hokuyo/demo.bag", False),
-    ],
+    [("turtlebot4-rplidar/macfirst_floor_take_2", True), ("ccny-handheld-hokuyo/demo.bag", False)],
 )
 def test_real_logs(real_data, name, is_reversed_order):
     assert judge_beam_order(read_log(real_data / name)).is_reversed_order is is_reversed_order

@@ -16,9 +16,7 @@ N_BEAMS = 180
 def statistics(rows, *, range_max=30.0):
     counters = BeamStatistics()
     for row in rows:
-        counters.add(
-            LaserScan(row, angle_min=0.0, angle_increment=0.01, range_min=0.05, range_max=range_max)
-        )
+        counters.add(LaserScan(row, angle_min=0.0, angle_increment=0.01, range_min=0.05, range_max=range_max))
     return counters
 
 

@@ -17,9 +17,7 @@ def report():
     return inspect_log(at(0.0, 0.1, 0.2, 0.3))
 
 
-@pytest.mark.parametrize(
-    ("share", "is_named"), [(0.03, False), (0.09, False), (0.1, True), (0.12, True), (0.3, True)]
-)
+@pytest.mark.parametrize(("share", "is_named"), [(0.03, False), (0.09, False), (0.1, True), (0.12, True), (0.3, True)])
 def test_old_readings_are_named_from_a_tenth_on(report, share, is_named):
     """Below it they are those of beams that see the same to the last digit, as rounded ranges do."""
     issues = find_issues(replace(report, stale_share=share))

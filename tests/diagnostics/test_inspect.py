@@ -21,11 +21,7 @@ from curvescan.diagnostics.issues import find_issues
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.report_json import report_as_plain
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io import (
-    Log,
-    ReadError,
-    read_log,
-)
+from curvescan.io import Log, ReadError, read_log
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
@@ -45,12 +41,7 @@ class FakeLog(ScanAccess):
         notes: tuple[str, ...] = (),
     ) -> None:
         self.name, self.format = "made up", "fake"
-        self.scans, self.odometry, self.read_errors, self.notes = (
-            scans,
-            odometry,
-            read_errors,
-            notes,
-        )
+        self.scans, self.odometry, self.read_errors, self.notes = (scans, odometry, read_errors, notes)
         self.tag_counts: Mapping[str, int] = {}
 
     def __len__(self) -> int:
@@ -60,9 +51,7 @@ class FakeLog(ScanAccess):
         return iter(self.scans)
 
 
-def scan(
-    ranges: Sequence[float] | Floats, stamp: float = 0.0, *, range_max: float = 10.0
-) -> LaserScan:
+def scan(ranges: Sequence[float] | Floats, stamp: float = 0.0, *, range_max: float = 10.0) -> LaserScan:
     return LaserScan(
         np.asarray(ranges),
         angle_min=-1.0,
@@ -95,9 +84,7 @@ def test_sound_log_has_no_findings() -> None:
 
 
 def test_beams_and_limits() -> None:
-    report = inspect_log(
-        FakeLog([scan([1.0] * 101), scan([2.0] * 101), scan([1.0] * 5, range_max=30)])
-    )
+    report = inspect_log(FakeLog([scan([1.0] * 101), scan([2.0] * 101), scan([1.0] * 5, range_max=30)]))
     assert report.beam_counts == {5: 1, 101: 2}
     assert report.fov_deg == pytest.approx(math.degrees(1.0))
     assert report.first_beam_deg == pytest.approx(math.degrees(-1.0))
@@ -129,8 +116,7 @@ def test_time_that_goes_back_stands_still_and_leaps() -> None:
     assert report.time.n_equal == 1
     assert (report.time.n_leaps, report.time.largest_leap) == (1, 20.0)
     assert sentences(report, "time") == [
-        "1 of 8 time steps go back, by up to 0.5 s: scans are taken in file order, "
-        "stamps are kept as they are",
+        "1 of 8 time steps go back, by up to 0.5 s: scans are taken in file order, stamps are kept as they are",
         "1 of 8 time steps are zero: no speed can be computed from them",
         "1 time step of more than ten times the usual 1 s, the longest of 20 s: "
         "the robot may have moved far between the two scans",
@@ -144,12 +130,9 @@ def test_uneven_time_steps() -> None:
 
 
 @pytest.mark.parametrize(
-    ("usual", "longest", "n_leaps"),
-    [(0.05, 0.9, 0), (0.05, 1.1, 1), (2.0, 15.0, 0), (2.0, 21.0, 1)],
+    ("usual", "longest", "n_leaps"), [(0.05, 0.9, 0), (0.05, 1.1, 1), (2.0, 15.0, 0), (2.0, 21.0, 1)]
 )
-def test_leap_is_long_by_itself_and_beside_the_others(
-    usual: float, longest: float, n_leaps: int
-) -> None:
+def test_leap_is_long_by_itself_and_beside_the_others(usual: float, longest: float, n_leaps: int) -> None:
     steps = np.array([usual, usual, longest, usual])
     assert summarise_time(np.cumsum(steps)).n_leaps == n_leaps
 
@@ -231,9 +214,7 @@ def test_rare_values_out_of_range_are_no_codes() -> None:
 def test_blank_scans() -> None:
     report = inspect_log(FakeLog([scan([0.0, 11.0]), scan([1.0, 2.0]), scan([1.0, 3.0])]))
     assert report.n_blank_scans == 1
-    assert "1 of 3 scans have no valid reading: they cannot be matched" in sentences(
-        report, "readings"
-    )
+    assert "1 of 3 scans have no valid reading: they cannot be matched" in sentences(report, "readings")
     assert report.is_usable
 
 
@@ -249,9 +230,7 @@ def test_log_without_any_valid_reading_is_not_usable() -> None:
 def test_log_of_too_few_scans_is_not_usable(n: int) -> None:
     report = inspect_log(FakeLog([scan([1.0, 2.0])] * n))
     assert not report.is_usable
-    assert sentences(report, "scans") == [
-        f"the log holds {n} scan{'s' if n == 0 else ''}: a motion needs two"
-    ]
+    assert sentences(report, "scans") == [f"the log holds {n} scan{'s' if n == 0 else ''}: a motion needs two"]
     assert math.isnan(report.time.duration)
 
 
@@ -324,11 +303,7 @@ def test_a_finding_says_what_follows_and_what_to_try() -> None:
     ranges = noisy_room(100, seed=1)
     ranges[:, 30:40] = 9.5
     (found,) = (f for f in find_issues(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.option)
-    assert (found.topic, found.kind, found.option) == (
-        "readings",
-        "undeclared_code",
-        "--range-max 9.4",
-    )
+    assert (found.topic, found.kind, found.option) == ("readings", "undeclared_code", "--range-max 9.4")
     assert found.sentence == f"{found.what}: {found.consequence}; try {found.argument}"
 
 
@@ -342,10 +317,7 @@ def test_mount_is_told_from_both_odometries() -> None:
             return True
 
     laser = np.array([[0.0, 0.0, 0.0], [1.0, 2.5, 0.0]])
-    log = Mounted(
-        [scan([1.0, 2.0]), scan([2.0, 1.0], 1.0)],
-        odometry=Trajectory(stamps=np.arange(2.0), poses=laser),
-    )
+    log = Mounted([scan([1.0, 2.0]), scan([2.0, 1.0], 1.0)], odometry=Trajectory(stamps=np.arange(2.0), poses=laser))
     report = inspect_log(log)
     assert report.mount == pytest.approx((0.5, 0.0, -math.pi / 2), abs=1e-12)
     assert report.is_upside_down
@@ -356,9 +328,7 @@ def test_mount_is_told_from_both_odometries() -> None:
 def test_a_report_is_strict_json_with_the_same_keys_for_every_log() -> None:
     codes = scan([1.0, math.nan, math.inf, -math.inf, 81.91] * 10)
     empty, full = (inspect_log(FakeLog(scans)) for scans in ([], [codes, codes]))
-    one, two = (
-        json.loads(json.dumps(report_as_plain(report), allow_nan=False)) for report in (empty, full)
-    )
+    one, two = (json.loads(json.dumps(report_as_plain(report), allow_nan=False)) for report in (empty, full))
     assert one.keys() == two.keys() == {"usable", "issues", "report"}
     assert one["report"].keys() == two["report"].keys() == {f.name for f in fields(LogReport)}
     assert one["report"]["time"].keys() == two["report"]["time"].keys()
@@ -375,10 +345,7 @@ def test_a_report_is_strict_json_with_the_same_keys_for_every_log() -> None:
 def test_odometry_is_measured() -> None:
     poses = np.array([[0, 0, 3.0], [3, 4, -3.0], [np.nan] * 3, [3, 4, -3.5]])
     stamps = np.arange(4.0)
-    log = FakeLog(
-        [scan([1.0 + t, 2.0], t) for t in stamps],
-        odometry=Trajectory(stamps=stamps, poses=poses),
-    )
+    log = FakeLog([scan([1.0 + t, 2.0], t) for t in stamps], odometry=Trajectory(stamps=stamps, poses=poses))
     odometry = inspect_log(log).odometry
     assert odometry is not None
     assert odometry.path_length == 5.0
@@ -393,9 +360,7 @@ def test_odometry_is_measured() -> None:
 def test_missing_odometry_is_said() -> None:
     report = inspect_log(FakeLog([scan([1.0, 2.0])]))
     assert report.odometry is None
-    assert sentences(report, "odometry") == [
-        "the log has no odometry: motion is estimated from the scans alone"
-    ]
+    assert sentences(report, "odometry") == ["the log has no odometry: motion is estimated from the scans alone"]
 
 
 def test_faults_and_notes_are_findings() -> None:
@@ -419,9 +384,7 @@ def test_broken_file_end_to_end(tmp_path: Path) -> None:
 # ---- laws
 
 
-@given(
-    st.lists(st.lists(st.floats(width=32), max_size=8).map(lambda values: scan(values)), max_size=8)
-)
+@given(st.lists(st.lists(st.floats(width=32), max_size=8).map(lambda values: scan(values)), max_size=8))
 def test_any_scans_are_reported(scans: list[LaserScan]) -> None:
     report = inspect_log(FakeLog(scans))
     assert report.n_scans == len(scans) == sum(report.beam_counts.values())
@@ -466,22 +429,15 @@ def test_intel(real_data: Path) -> None:
     assert report.odometry is not None
     assert report.odometry.path_length == pytest.approx(508.0, abs=1.0)
     assert sentences(report, "time")[0] == (
-        "631 of 13,630 time steps go back, by up to 0.897 s: scans are taken in file order, "
-        "stamps are kept as they are"
+        "631 of 13,630 time steps go back, by up to 0.897 s: scans are taken in file order, stamps are kept as they are"
     )
     assert report.is_usable
 
 
 @pytest.mark.parametrize(
-    ("name", "code"),
-    [
-        ("intel-lab/intel-corrected.log.gz", 81.83),
-        ("malaga-sena-loop/malaga-sena-loop.clf.gz", 81.87),
-    ],
+    ("name", "code"), [("intel-lab/intel-corrected.log.gz", 81.83), ("malaga-sena-loop/malaga-sena-loop.clf.gz", 81.87)]
 )
-def test_code_of_a_real_log_is_found_when_the_limit_is_lifted(
-    real_data: Path, name: str, code: float
-) -> None:
+def test_code_of_a_real_log_is_found_when_the_limit_is_lifted(real_data: Path, name: str, code: float) -> None:
     lifted = inspect_log(read_log(real_data / name, range_max=100.0))
     assert lifted.suspect is not None
     assert lifted.suspect.value == code
@@ -505,11 +461,7 @@ def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
     report = inspect_log(read_log(path))
     assert 0.25 < report.stale_share < 0.4
     options = {f.kind: f.option for f in find_issues(report) if f.topic == "beams"}
-    assert options == {
-        "stale_beams": "--drop-stale",
-        "turns_against": "--clockwise",
-        "gyro_in_degrees": "",
-    }
+    assert options == {"stale_beams": "--drop-stale", "turns_against": "--clockwise", "gyro_in_degrees": ""}
     repaired = inspect_log(read_log(path, clockwise=True))
     assert repaired.sense is not None
     assert repaired.sense.is_along

@@ -57,9 +57,7 @@ def test_faster_than_any_robot_is_in_degrees_though_the_scans_do_not_tell():
 
 
 def test_a_gyroscope_that_turns_the_other_way_is_told_with_the_remedy():
-    with pytest.raises(
-        cs.InvalidArgumentError, match=r"turns against its scans in .* clockwise=True"
-    ):
+    with pytest.raises(cs.InvalidArgumentError, match=r"turns against its scans in .* clockwise=True"):
         motion_prior(GyroOnly(-1.0))
 
 

@@ -19,9 +19,7 @@ WORLD = room()
 
 
 def look(theta, *, n=360, step=STEP, angle_min=-math.pi, range_max=30.0):
-    ranges, _ = cast_rays(
-        WORLD, (0.4, -0.3, theta), angle_min=angle_min, angle_increment=step, n_beams=n
-    )
+    ranges, _ = cast_rays(WORLD, (0.4, -0.3, theta), angle_min=angle_min, angle_increment=step, n_beams=n)
     return LaserScan(ranges, angle_min=angle_min, angle_increment=step, range_max=range_max)
 
 

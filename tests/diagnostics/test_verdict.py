@@ -14,12 +14,8 @@ from curvescan.diagnostics.verdict import judge_run, propose_commands
 from curvescan.odometry import StepOutcome, run_odometry
 from tests.scenes import room_scan
 
-STALE = Issue(
-    topic="beams", kind="stale_beams", what="30% of the readings are old", option="--drop-stale"
-)
-FIXED = Issue(
-    topic="beams", kind="fixed_beams", what="beams 0 to 3 are fixed", option="--ignore-beams 4 0"
-)
+STALE = Issue(topic="beams", kind="stale_beams", what="30% of the readings are old", option="--drop-stale")
+FIXED = Issue(topic="beams", kind="fixed_beams", what="beams 0 to 3 are fixed", option="--ignore-beams 4 0")
 
 
 def drive(n=30):
@@ -75,13 +71,7 @@ def test_stale_beams_spoil_a_run_and_fixed_ones_do_not():
 def test_one_command_takes_every_option():
     command = ["curvescan", "odometry", "my log.clf", "--out", "o"]
     (sentence,) = propose_commands(command, [STALE, FIXED])
-    assert shlex.split(sentence.partition("try: ")[2]) == [
-        *command,
-        "--drop-stale",
-        "--ignore-beams",
-        "4",
-        "0",
-    ]
+    assert shlex.split(sentence.partition("try: ")[2]) == [*command, "--drop-stale", "--ignore-beams", "4", "0"]
     assert propose_commands(command, []) == ()
 
 

@@ -130,10 +130,7 @@ def test_the_time_of_each_stage_is_that_of_its_file():
     package = Path(cs.__file__).parent
     assert all((package / stage).is_file() for stage in stages if stage != REST)
     # a scan's curvature belongs to it alone, its landmarks are found in it and paired with another's
-    curvature, landmarks = (
-        stages["matchers/cfsma/curvature.py"],
-        stages["matchers/cfsma/landmarks.py"],
-    )
+    curvature, landmarks = (stages["matchers/cfsma/curvature.py"], stages["matchers/cfsma/landmarks.py"])
     assert curvature.prepare_seconds > 0 == curvature.match_seconds == curvature.guess_seconds
     assert min(landmarks.prepare_seconds, landmarks.match_seconds, landmarks.guess_seconds) > 0
 
@@ -191,9 +188,7 @@ def test_a_log_is_judged_step_by_step():
     assert len(seen) == judged.n_steps == 11
     assert judged.n_failed == np.count_nonzero(np.isnan(judged.motion[:, 0]))
     for k in np.flatnonzero(~np.isnan(judged.motion[:, 0])):
-        np.testing.assert_array_equal(
-            judged.motion[k], cs.match(log[k], log[k + 1], method="cfsma").pose
-        )
+        np.testing.assert_array_equal(judged.motion[k], cs.match(log[k], log[k + 1], method="cfsma").pose)
     assert judged.right_share + judged.wrong_share + judged.n_failed / 11 <= 1.0
     assert judged.right_share > 0.5
 
@@ -209,10 +204,7 @@ def test_a_log_without_odometry_is_judged_by_its_motion():
 
 def test_lost_steps_are_found_and_put_right():
     log = simulate("room", n_scans=20, seed=4)
-    blind = [
-        log[k] if k not in (8, 9) else cs.LaserScan([], angle_min=0, angle_increment=1)
-        for k in range(20)
-    ]
+    blind = [log[k] if k not in (8, 9) else cs.LaserScan([], angle_min=0, angle_increment=1) for k in range(20)]
     run = run_odometry(blind, cs.Odometry("cfsma"))
     lost = find_lost_steps(log.truth.poses, run)
     assert lost.n_failed == np.count_nonzero(~run.is_matched[1:]) >= 2
@@ -235,9 +227,7 @@ def relations_of(log, pairs, shift=0.0):
 def test_methods_on_a_log_are_measured_against_its_relations(tmp_path):
     log, other = simulate("office", n_scans=12, seed=2), simulate("room", n_scans=4, seed=1)
     relations = relations_of(log, [(0, 6), (9, 3), (0, 11)])
-    results = run_experiments(
-        methods=["curvescan", "cfsma"], logs=[log, other], relations=[relations], only_logs=True
-    )
+    results = run_experiments(methods=["curvescan", "cfsma"], logs=[log, other], relations=[relations], only_logs=True)
     assert results.drives == ()
     assert [judged.method for judged in results.logs] == ["curvescan", "cfsma"] * 2
     ours = results.logs[0]

@@ -10,14 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.evaluation.trajectory_errors import (
-    Spread,
-    align,
-    ate,
-    rpe,
-    trajectory_errors,
-    travelled,
-)
+from curvescan.evaluation.trajectory_errors import Spread, align, ate, rpe, trajectory_errors, travelled
 from tests.reference import trajectory_errors as slow
 
 FRAME = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3)).map(np.array)
@@ -26,9 +19,7 @@ FRAME = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3)).map(np.a
 def drive(seed, n=150):
     """A random drive, and the same with errors that add up, in a frame of its own."""
     rng = np.random.default_rng(seed)
-    motions = np.column_stack(
-        [rng.uniform(0.0, 0.4, n - 1), rng.normal(0.0, 0.02, n - 1), rng.normal(0.0, 0.3, n - 1)]
-    )
+    motions = np.column_stack([rng.uniform(0.0, 0.4, n - 1), rng.normal(0.0, 0.02, n - 1), rng.normal(0.0, 0.3, n - 1)])
     wrong = motions + rng.normal(0.0, [0.01, 0.01, 0.02], motions.shape)
 
     def chain(steps):
@@ -46,8 +37,7 @@ def evo_core(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
         metrics = pytest.importorskip(
-            "evo.core.metrics",
-            reason="evo (GPL-3) is only compared with: pip install curvescan[evo]",
+            "evo.core.metrics", reason="evo (GPL-3) is only compared with: pip install curvescan[evo]"
         )
         trajectory = pytest.importorskip("evo.core.trajectory")
     return metrics, trajectory
@@ -79,9 +69,7 @@ def test_ate_is_evos(evo_core, seed):
             assert getattr(spread, name) == pytest.approx(figures[name], abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("unit", "delta"), [("frames", 1), ("frames", 7), ("metres", 1.0), ("metres", 3.5)]
-)
+@pytest.mark.parametrize(("unit", "delta"), [("frames", 1), ("frames", 7), ("metres", 1.0), ("metres", 3.5)])
 def test_rpe_is_evos(evo_core, unit, delta):
     metrics, trajectory = evo_core
     poses, truth = drive(3)
@@ -103,9 +91,7 @@ def test_rpe_is_evos(evo_core, unit, delta):
 @pytest.mark.parametrize("alignment", ["best", "first"])
 def test_ate_is_the_slow_one(alignment):
     poses, truth = drive(4)
-    np.testing.assert_allclose(
-        ate(poses, truth, alignment), slow.ate(poses, truth, alignment), atol=1e-10
-    )
+    np.testing.assert_allclose(ate(poses, truth, alignment), slow.ate(poses, truth, alignment), atol=1e-10)
 
 
 def test_rpe_is_the_slow_one():
@@ -132,9 +118,7 @@ def test_the_frame_does_not_matter(frame):
     poses, truth = drive(7, n=20)
     moved = cs.se2.compose(frame, poses)
     np.testing.assert_allclose(ate(moved, truth), ate(poses, truth), atol=1e-10)
-    np.testing.assert_allclose(
-        rpe(moved, truth).translation, rpe(poses, truth).translation, atol=1e-10
-    )
+    np.testing.assert_allclose(rpe(moved, truth).translation, rpe(poses, truth).translation, atol=1e-10)
 
 
 def test_the_best_alignment_is_a_minimum():

@@ -18,18 +18,10 @@ DEFAULTS = {"cfsma": CfSmaConfig(), "odometry": OdometryConfig()}
 @given(st.floats(1e-6, 10.0), st.integers(1, 10_000))
 def test_a_configuration_comes_back_to_the_bit(tmp_path_factory, tolerance, n):
     path = tmp_path_factory.mktemp("config") / "config.toml"
-    config = CfSmaConfig(
-        curvature=CurvatureConfig(arc_tolerance=tolerance),
-        landmarks=LandmarksConfig(n_neighbours=n),
-    )
-    write_config(
-        path, {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))}
-    )
+    config = CfSmaConfig(curvature=CurvatureConfig(arc_tolerance=tolerance), landmarks=LandmarksConfig(n_neighbours=n))
+    write_config(path, {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))})
     found = read_config(path, DEFAULTS)
-    assert found == {
-        "cfsma": config,
-        "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n)),
-    }
+    assert found == {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))}
 
 
 @pytest.mark.parametrize("method", sorted(MATCHERS))
@@ -52,10 +44,7 @@ def test_what_a_file_leaves_out_keeps_its_default(tmp_path):
     ("text", "message"),
     [
         ("[cfsma.landmark]\n", "unknown key 'landmark': did you mean 'landmarks'"),
-        (
-            "[cfsma.landmarks]\nmin_curvatur = 1\n",
-            r"\[cfsma.landmarks\].*did you mean 'min_curvature'",
-        ),
+        ("[cfsma.landmarks]\nmin_curvatur = 1\n", r"\[cfsma.landmarks\].*did you mean 'min_curvature'"),
         ("[idc]\n", "unknown key 'idc'"),
         ("[cfsma.landmarks]\nn_neighbours = 1.5\n", "n_neighbours must be of type int, got 1.5"),
         ("[cfsma.landmarks]\nn_neighbours = true\n", "must be of type int, got True"),

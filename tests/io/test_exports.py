@@ -14,13 +14,7 @@ from curvescan import se2
 from curvescan.cli.main import run
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
-from curvescan.io.exports import (
-    EXPORTS,
-    ExportName,
-    RunData,
-    takes_edges,
-    write_exports,
-)
+from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.kitti import write_kitti
@@ -50,10 +44,7 @@ def trajectory(n: int = 8, *, gap: int | None = None) -> Trajectory:
 def edges_along(poses: np.ndarray) -> list[PoseEdge]:
     rng = np.random.default_rng(4)
     pairs = [(i, i + 1) for i in range(len(poses) - 1)]
-    return [
-        PoseEdge(i=i, j=j, pose=se2.between(poses[i], poses[j]), covariance=random_cov(rng))
-        for i, j in pairs
-    ]
+    return [PoseEdge(i=i, j=j, pose=se2.between(poses[i], poses[j]), covariance=random_cov(rng)) for i, j in pairs]
 
 
 # ---- KITTI, and TUM, by evo
@@ -94,9 +85,7 @@ def test_evo_reads_tum_and_kitti_alike(tmp_path: Path, monkeypatch: pytest.Monke
 # ---- g2o
 
 
-def read_g2o(
-    path: Path,
-) -> tuple[dict[int, list[float]], list[tuple[int, int, Any, Any]], list[int]]:
+def read_g2o(path: Path) -> tuple[dict[int, list[float]], list[tuple[int, int, Any, Any]], list[int]]:
     """Return vertices, edges with full information matrices, and fixed vertices; by g2o's own description."""
     vertices, edges, fixed = {}, [], []
     for line in path.read_text().splitlines():
@@ -134,9 +123,7 @@ def test_a_pose_graph(tmp_path: Path) -> None:
 def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
     gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed: pip install gtsam")
     path = trajectory()
-    closure = PoseEdge(
-        i=0, j=7, pose=path.poses[7] - path.poses[0], covariance=np.diag([1e-4, 4e-4, 1e-6])
-    )
+    closure = PoseEdge(i=0, j=7, pose=path.poses[7] - path.poses[0], covariance=np.diag([1e-4, 4e-4, 1e-6]))
     edges = [*edges_along(path.poses), closure]
     write_g2o(tmp_path / "a.g2o", path, edges)
     graph, values = gtsam.readG2o(str(tmp_path / "a.g2o"), False)
@@ -148,12 +135,8 @@ def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
         factor = graph.at(k)
         assert tuple(factor.keys()) == (edge.i, edge.j)
         measured = factor.measured()
-        np.testing.assert_allclose(
-            [measured.x(), measured.y(), measured.theta()], edge.pose, atol=1e-12
-        )
-        np.testing.assert_allclose(
-            factor.noiseModel().information(), information_of(edge), rtol=1e-9, atol=1e-6
-        )
+        np.testing.assert_allclose([measured.x(), measured.y(), measured.theta()], edge.pose, atol=1e-12)
+        np.testing.assert_allclose(factor.noiseModel().information(), information_of(edge), rtol=1e-9, atol=1e-6)
 
 
 def test_a_return_has_both_its_edges() -> None:
@@ -236,9 +219,7 @@ def test_an_mcap_of_a_run(tmp_path: Path) -> None:
     path, log = trajectory(12, gap=5), rich_log()
     assert path.covariances is not None
     write_odometry_mcap(tmp_path / "run.mcap", path, log)
-    with AnyReader(
-        [tmp_path / "run.mcap"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)
-    ) as reader:
+    with AnyReader([tmp_path / "run.mcap"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         found: dict[str, list[Any]] = {}
         for connection, _, data in reader.messages():
             message: Any = reader.deserialize(data, connection.msgtype)
@@ -322,16 +303,7 @@ def write_room_log(path: Path) -> None:
 def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_room_log(tmp_path / "log.csv")
     out = tmp_path / "out"
-    command = [
-        "odometry",
-        str(tmp_path / "log.csv"),
-        "--out",
-        str(out),
-        "--export",
-        "kitti",
-        "g2o",
-        "mcap",
-    ]
+    command = ["odometry", str(tmp_path / "log.csv"), "--out", str(out), "--export", "kitti", "g2o", "mcap"]
     assert run(command) == 0
     assert "trajectory.kitti, graph.g2o, run.mcap" in capsys.readouterr().out
     assert len((out / "trajectory.kitti").read_text().splitlines()) == 4
@@ -339,9 +311,7 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert len(read_log(out / "run.mcap")) == 4
 
 
-def test_the_graph_is_gathered_for_those_that_take_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_graph_is_gathered_for_those_that_take_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert [name for name in EXPORTS if takes_edges([name])] == ["g2o"]
     write_room_log(tmp_path / "log.csv")
     added: list[int] = []
@@ -353,9 +323,7 @@ def test_the_graph_is_gathered_for_those_that_take_it(
     assert added == [0, 1, 2, 3]
 
 
-def test_a_file_that_cannot_be_made_costs_no_results(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_cannot_be_made_costs_no_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scan = room_scan((0.0, 0.0, 0.0))
     beams = {"angle_min": scan.angle_min, "angle_increment": scan.angle_increment}
     # milliseconds taken for seconds: no message can hold them

@@ -109,10 +109,7 @@ def test_it_says_of_itself_what_the_log_says(log):
     assert not held.hangs_upside_down()
     for name in ("name", "format", "read_errors", "tag_counts", "notes"):
         assert getattr(held, name) == getattr(log, name)
-    for one, other in (
-        (held.odometry, log.odometry),
-        (held.robot_odometry(), log.robot_odometry()),
-    ):
+    for one, other in ((held.odometry, log.odometry), (held.robot_odometry(), log.robot_odometry())):
         np.testing.assert_array_equal(one.poses, other.poses)
     assert repr(held) == repr(log)
     bare = HeldLog(cs.simulate("room", n_scans=2))

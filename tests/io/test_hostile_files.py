@@ -86,10 +86,7 @@ def test_second_frame_of_a_chunk(tmp_path: Path) -> None:
 @pytest.mark.parametrize("n_bytes", [10 << 30, 1 << 62])
 def test_chunk_that_only_claims(tmp_path: Path, n_bytes: int) -> None:
     frame = bombs.claim(n_bytes)
-    for path in (
-        bombs.ros1_bag(tmp_path / "a.bag", "lz4", frame),
-        bombs.mcap_bag(tmp_path / "bag", "lz4", frame),
-    ):
+    for path in (bombs.ros1_bag(tmp_path / "a.bag", "lz4", frame), bombs.mcap_bag(tmp_path / "bag", "lz4", frame)):
         with pytest.raises(LogFormatError, match=TOO_MUCH):
             read_log(path)
         assert peak_of(lambda file=path: read_log(file)) < MIB  # type: ignore[misc]
@@ -97,9 +94,7 @@ def test_chunk_that_only_claims(tmp_path: Path, n_bytes: int) -> None:
 
 def test_size_that_the_summary_claims(tmp_path: Path) -> None:
     path = bombs.mcap_bag(tmp_path / "bag", "zstd", bombs.bomb("zstd", 1), claimed=10 << 30)
-    with pytest.raises(
-        LogFormatError, match=r"chunks of more than 128 MiB lie over the same moment"
-    ):
+    with pytest.raises(LogFormatError, match=r"chunks of more than 128 MiB lie over the same moment"):
         read_log(path)
 
 
@@ -129,9 +124,7 @@ def test_whole_files_in_gzip(tmp_path: Path) -> None:
         path = tmp_path / f"{i}.gz"
         path.write_bytes(gzip.compress(head, mtime=0) + gzip.compress(PAD, 1, mtime=0))
         read = read_relations if i == 3 else read_log
-        with pytest.raises(
-            LogFormatError, match=r"unpacks to more than 64 MiB, too much for a log"
-        ):
+        with pytest.raises(LogFormatError, match=r"unpacks to more than 64 MiB, too much for a log"):
             read(path)
 
 
@@ -205,9 +198,7 @@ def test_message_too_long(tmp_path: Path) -> None:
 # ---- what never ends
 
 
-@pytest.mark.parametrize(
-    "expression", ["(" * 9 + "1" + ")" * 9, "1" + "+1" * 600], ids=["brackets", "sum"]
-)
+@pytest.mark.parametrize("expression", ["(" * 9 + "1" + ")" * 9, "1" + "+1" * 600], ids=["brackets", "sum"])
 def test_definition_that_keeps_its_parser_busy(tmp_path: Path, expression: str) -> None:
     text = f"module sensor_msgs {{ module msg {{ const long A = {expression}; }}; }};"
     _check_idl(tmp_path, text)
@@ -220,16 +211,10 @@ def test_definition_of_sequences_of_sequences(tmp_path: Path) -> None:
 
 def _check_idl(tmp_path: Path, text: str) -> None:
     path = bags.storage(bags.write_bag(tmp_path / "bag", "sqlite3", [bags.scan()]))
-    _change(
-        path,
-        "update message_definitions set encoding = 'ros2idl', encoded_message_definition = ?",
-        text,
-    )
+    _change(path, "update message_definitions set encoding = 'ros2idl', encoded_message_definition = ?", text)
     log = read_log(path)
     assert len(log) == 1
-    assert any(
-        "own definition of sensor_msgs/LaserScan cannot be understood" in n for n in log.notes
-    )
+    assert any("own definition of sensor_msgs/LaserScan cannot be understood" in n for n in log.notes)
 
 
 BILLION = "- a0: &a0 {x: 1}\n" + "".join(
@@ -383,12 +368,8 @@ def test_array_whose_header_is_deeply_nested(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     header = b"-" * 3000 + b"{}"
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(
-            "stamps.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
-        )
-    with pytest.raises(
-        LogFormatError, match=r"'stamps' does not begin like one that numpy.savez wrote"
-    ):
+        archive.writestr("stamps.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
+    with pytest.raises(LogFormatError, match=r"'stamps' does not begin like one that numpy.savez wrote"):
         read_log(path)
 
 
@@ -409,13 +390,9 @@ def test_list_of_another_length_in_a_configuration(tmp_path: Path) -> None:
 def test_angles_and_poses_of_1e308(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     head = "stamp,angle_min,angle_increment,x,y,theta,ranges\n"
-    path.write_text(
-        f"{head}1,0,1e308,0,0,0,1,2,3\n1e308,0,0.1,-1e308,0,0,1\n-1e308,0,0.1,1e308,0,0,1\n"
-    )
+    path.write_text(f"{head}1,0,1e308,0,0,0,1,2,3\n1e308,0,0.1,-1e308,0,0,1\n-1e308,0,0.1,1e308,0,0,1\n")
     log = read_log(path)
-    assert [read_error.rule for read_error in log.read_errors] == [
-        "angles or times that make no scan"
-    ]
+    assert [read_error.rule for read_error in log.read_errors] == ["angles or times that make no scan"]
     report = inspect_log(log)
     assert report.odometry is not None
     assert report.odometry.path_length == np.inf
@@ -436,19 +413,14 @@ def test_signalling_nan_is_silent(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("n", "m", "kind", "order"),
-    [(3_000_000, 0, "i1", "C"), (1, 3_000_000, "i1", "C"), (50, 1_000_000, "i1", "F")],
+    ("n", "m", "kind", "order"), [(3_000_000, 0, "i1", "C"), (1, 3_000_000, "i1", "C"), (50, 1_000_000, "i1", "F")]
 )
 def test_arrays_that_pack_well(tmp_path: Path, n: int, m: int, kind: str, order: Any) -> None:
     path = tmp_path / "a.npz"
     ranges = np.zeros((n, m), dtype=kind, order=order)
-    np.savez_compressed(
-        path, stamps=np.zeros(n, dtype=kind), ranges=ranges, angle_min=0.0, angle_increment=1e-7
-    )
+    np.savez_compressed(path, stamps=np.zeros(n, dtype=kind), ranges=ranges, angle_min=0.0, angle_increment=1e-7)
     assert path.stat().st_size < 100_000
-    with pytest.raises(
-        LogFormatError, match=r"too many for a file|in Fortran's order and too large|damaged from"
-    ):
+    with pytest.raises(LogFormatError, match=r"too many for a file|in Fortran's order and too large|damaged from"):
         read_log(path)
     assert peak_of(lambda: read_log(path)) < 16 * MIB
 

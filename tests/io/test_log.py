@@ -22,11 +22,7 @@ RANGES = np.round(RNG.uniform(0.5, 5.0, (N, 31)), 3)
 
 def carmen(folder):
     path = folder / "log.clf"
-    lines = [
-        line
-        for i in range(N)
-        for line in ("# note", flaser(RANGES[i], stamp=0.1 * i), "FLASER 9 1")
-    ]
+    lines = [line for i in range(N) for line in ("# note", flaser(RANGES[i], stamp=0.1 * i), "FLASER 9 1")]
     path.write_text("\n".join(lines))  # no newline at the end
     return path
 
@@ -82,10 +78,7 @@ def coreslam(folder):
 
 def bag(kind):
     def make(folder):
-        messages = [
-            bag_scan(10**11 + 10**8 * (i // 2), RANGES[i].tolist(), angle_increment=0.05)
-            for i in range(N)
-        ]
+        messages = [bag_scan(10**11 + 10**8 * (i // 2), RANGES[i].tolist(), angle_increment=0.05) for i in range(N)]
         return storage(write_bag(folder / "source", kind, messages))
 
     return make
@@ -130,8 +123,7 @@ def test_every_log_gives_the_scans_of_its_iteration_by_number(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["carmen", "npz", "sqlite3"])
 @pytest.mark.parametrize(
-    "part",
-    [slice(3), slice(4, 9), slice(20, None), slice(None, None, 4), slice(9, 2, -3), slice(5, 5)],
+    "part", [slice(3), slice(4, 9), slice(20, None), slice(None, None, 4), slice(9, 2, -3), slice(5, 5)]
 )
 def test_a_slice_is_a_log(tmp_path, name, part):
     log = cs.read_log(MAKERS[name](tmp_path))
@@ -164,9 +156,7 @@ def test_a_log_as_its_user_has_set_it_up_gives_the_same_scans_by_number(tmp_path
 
 def test_scans_in_memory_and_simulated_ones_are_sliced_too():
     simulated = cs.simulate("office", n_scans=6, seed=1)
-    held = cs.log_from_arrays(
-        [(float(i), RANGES[i]) for i in range(6)], angle_min=-1.0, angle_increment=0.05
-    )
+    held = cs.log_from_arrays([(float(i), RANGES[i]) for i in range(6)], angle_min=-1.0, angle_increment=0.05)
     for log in (simulated, held):
         same(log[2:][1], list(log)[3])
         assert len(log[1:-1]) == 4
@@ -183,9 +173,7 @@ def test_a_scan_of_a_large_file_is_found_without_reading_what_stands_before(tmp_
     from curvescan.io.carmen import reader
 
     parse = reader.SCAN_PARSERS[b"FLASER"]
-    monkeypatch.setitem(
-        reader.SCAN_PARSERS, b"FLASER", lambda line: parsed.append(1) or parse(line)
-    )
+    monkeypatch.setitem(reader.SCAN_PARSERS, b"FLASER", lambda line: parsed.append(1) or parse(line))
     tracemalloc.start()
     log[3999], log[2000], log[-1]
     peak = tracemalloc.get_traced_memory()[1]

@@ -12,8 +12,7 @@ from curvescan.io import read_poses, write_csv, write_tum
 from curvescan.io.trajectories.trajectory import Trajectory
 
 TRAJECTORY = Trajectory(
-    stamps=np.array([1.5, 1.25, 2.0]),
-    poses=np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5], [3.0, -4.0, -2.0]]),
+    stamps=np.array([1.5, 1.25, 2.0]), poses=np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.5], [3.0, -4.0, -2.0]])
 )
 ROWS = "1.5,0,0,0\n1.25,1,2,0.5\n2.0,3,-4,-2\n"
 

@@ -142,9 +142,7 @@ def test_folder(tmp_path: Path) -> None:
 
 def test_carmen_has_no_topics(tmp_path: Path) -> None:
     path = write(tmp_path / "a", flaser())
-    with pytest.raises(
-        InvalidArgumentError, match=r"CARMEN log, which has no topics.*leave it out"
-    ):
+    with pytest.raises(InvalidArgumentError, match=r"CARMEN log, which has no topics.*leave it out"):
         read_log(path, topic="/scan")
 
 
@@ -192,9 +190,7 @@ def test_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("is_packed", [False, True])
-def test_other_content_is_named(
-    tmp_path: Path, content: bytes, sentence: str, is_packed: bool
-) -> None:
+def test_other_content_is_named(tmp_path: Path, content: bytes, sentence: str, is_packed: bool) -> None:
     path = tmp_path / "a.log"
     path.write_bytes(gzip.compress(content) if is_packed else content)
     with pytest.raises(LogFormatError, match=sentence):
@@ -214,8 +210,7 @@ def test_database_that_is_no_bag(tmp_path: Path) -> None:
     connection.execute("create table topics (id integer)")
     connection.close()
     with pytest.raises(
-        LogFormatError,
-        match=r"SQLite database without the tables messages and topics .*: it holds topics$",
+        LogFormatError, match=r"SQLite database without the tables messages and topics .*: it holds topics$"
     ):
         read_log(path)
 
@@ -323,9 +318,7 @@ contents = st.one_of(
 )
 
 
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None)
 @given(content=contents)
 def test_arbitrary_bytes_give_a_log_or_an_error_of_ours(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a"

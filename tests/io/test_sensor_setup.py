@@ -105,9 +105,7 @@ def test_what_the_user_says_of_the_mount_stands_in_place_of_the_log(tmp_path):
     assert next(iter(read_log(bag, clockwise=True))).angle_increment > 0
 
 
-@pytest.mark.parametrize(
-    ("pitch_deg", "leans"), [(0.0, None), (20.0, 20), (160.0, 20), (2.0, None)]
-)
+@pytest.mark.parametrize(("pitch_deg", "leans"), [(0.0, None), (20.0, 20), (160.0, 20), (2.0, None)])
 def test_a_laser_that_leans_is_told(tmp_path, pitch_deg, leans):
     half = math.radians(pitch_deg) / 2
     rotation = {"x": 0.0, "y": math.sin(half), "z": 0.0, "w": math.cos(half)}
@@ -139,9 +137,7 @@ def test_a_carmen_log_tells_the_robot_from_its_laser(tmp_path):
     filled = read_log(write(tmp_path / "b.log", *zeros), laser_pose=(0.0, 0.0, 0.5))
     np.testing.assert_allclose(filled.odometry.poses[0], [1.5, -2.0, 0.75])
     raw = write(tmp_path / "c.log", odom(1, 2, 0.5), "RAWLASER1 0 -1 1 .5 9 0 0 3 1 1 1 0 5 h 5")
-    np.testing.assert_allclose(
-        read_log(raw, laser_pose=(0.0, 0.0, 0.5)).odometry.poses, [[1.0, 2.0, 1.0]]
-    )
+    np.testing.assert_allclose(read_log(raw, laser_pose=(0.0, 0.0, 0.5)).odometry.poses, [[1.0, 2.0, 1.0]])
 
 
 def test_ignored_beams_have_no_reading_and_keep_their_place(tmp_path):
@@ -232,17 +228,7 @@ def test_readings_that_were_not_seen_again_are_dropped(tmp_path):
 @pytest.mark.slow
 def test_commands_take_a_set_up(tmp_path, capsys):
     bag = robot_bag(tmp_path / "bag", "mcap", 0.0, flip=True, told=False)
-    flags = [
-        "--upside-down",
-        "--backwards",
-        "--ignore-beams",
-        "3",
-        "4",
-        "--laser-pose",
-        "0.1",
-        "0",
-        "90",
-    ]
+    flags = ["--upside-down", "--backwards", "--ignore-beams", "3", "4", "--laser-pose", "0.1", "0", "90"]
     assert run(["info", str(bag), *flags]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "the laser hangs upside down" in printed
@@ -262,9 +248,7 @@ def circle(pose, n_beams, start, way, seed, increment_deg=1.0):
     rng = np.random.default_rng(seed)
     angles = start + way * math.radians(increment_deg) * np.arange(n_beams)
     ranges = room_ranges(pose, angles) + 0.003 * rng.standard_normal(n_beams)
-    return cs.LaserScan(
-        ranges, angle_min=start, angle_increment=way * math.radians(increment_deg), range_max=20.0
-    )
+    return cs.LaserScan(ranges, angle_min=start, angle_increment=way * math.radians(increment_deg), range_max=20.0)
 
 
 @pytest.mark.parametrize("n_beams", [359, 360, 361])

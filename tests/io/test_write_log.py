@@ -25,14 +25,7 @@ from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from tests.logs import assert_same_scan, assert_same_scans, rich_log, short
 
-NAMES = {
-    "carmen": "a.clf",
-    "csv": "a.csv",
-    "npz": "a.npz",
-    "ros1": "a.bag",
-    "ros2": "a",
-    "mcap": "a.mcap",
-}
+NAMES = {"carmen": "a.clf", "csv": "a.csv", "npz": "a.npz", "ros1": "a.bag", "ros2": "a", "mcap": "a.mcap"}
 BAGS = ("ros1", "ros2", "mcap")
 
 
@@ -92,9 +85,7 @@ def test_odometry_comes_back(tmp_path: Path, name: str) -> None:
     assert log.odometry is not None
     assert back is not None
     # through a quaternion the angle loses its last digit
-    np.testing.assert_allclose(
-        back.poses, log.odometry.poses, rtol=0, atol=1e-15 if name in BAGS else 0
-    )
+    np.testing.assert_allclose(back.poses, log.odometry.poses, rtol=0, atol=1e-15 if name in BAGS else 0)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -123,12 +114,7 @@ def test_stamps_to_the_nanosecond(tmp_path: Path, name: str, stamp: float) -> No
 
 
 def test_stamps_that_a_bag_cannot_hold(tmp_path: Path) -> None:
-    for stamp, name in (
-        (-0.5, "ros1"),
-        (2.0**32, "ros1"),
-        (2.0**31, "mcap"),
-        (-(2.0**31) - 1, "ros2"),
-    ):
+    for stamp, name in ((-0.5, "ros1"), (2.0**32, "ros1"), (2.0**31, "mcap"), (-(2.0**31) - 1, "ros2")):
         log = log_from_arrays([(0.0, [1.0]), (stamp, [1.0])], angle_min=0, angle_increment=0.125)
         with pytest.raises(OutputError, match=r"cannot write the stamp .* its seconds must lie in"):
             write_log(tmp_path / NAMES[name], log)
@@ -186,9 +172,7 @@ def test_carmen_with_gaps_in_the_odometry(tmp_path: Path) -> None:
 
 
 def test_carmen_to_the_bit_where_it_says_all(tmp_path: Path) -> None:
-    scan = LaserScan(
-        [1.0, np.nan, np.inf, 0.1], angle_min=-1.1, angle_increment=0.1, range_max=8.0, stamp=0.1
-    )
+    scan = LaserScan([1.0, np.nan, np.inf, 0.1], angle_min=-1.1, angle_increment=0.1, range_max=8.0, stamp=0.1)
     log = MemoryLog(scans=(scan, replace(scan, intensities=np.arange(4.0))))
     assert write_log(tmp_path / "a.log", log) == ()
     for before, after in zip(log, read_log(tmp_path / "a.log"), strict=True):
@@ -260,9 +244,7 @@ def test_the_ending_chooses_and_format_overrides(tmp_path: Path) -> None:
     write_log(tmp_path / "a.csv.gz", log)
     assert read_log(tmp_path / "a.CSV").format == "CSV of scans"
     assert read_log(tmp_path / "a.dat").format == "NPZ of scans"
-    assert (
-        gzip.decompress((tmp_path / "a.csv.gz").read_bytes()) == (tmp_path / "a.CSV").read_bytes()
-    )
+    assert gzip.decompress((tmp_path / "a.csv.gz").read_bytes()) == (tmp_path / "a.CSV").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -273,9 +255,7 @@ def test_the_ending_chooses_and_format_overrides(tmp_path: Path) -> None:
         ("a.bag.gz", {}, "only text is written gzip-compressed"),
     ],
 )
-def test_what_is_wrong_with_the_name_is_told(
-    tmp_path: Path, name: str, options: dict[str, str], sentence: str
-) -> None:
+def test_what_is_wrong_with_the_name_is_told(tmp_path: Path, name: str, options: dict[str, str], sentence: str) -> None:
     with pytest.raises(InvalidArgumentError, match=sentence):
         write_log(tmp_path / name, rich_log(), **options)  # type: ignore[arg-type]
 
@@ -332,11 +312,7 @@ def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     open_file = Path.open
 
     def open_full(path: Path, *args: Any, **kwargs: Any) -> Any:
-        return (
-            open_file(Path("/dev/full"), "wb")
-            if path.name == "a.csv"
-            else open_file(path, *args, **kwargs)
-        )
+        return open_file(Path("/dev/full"), "wb") if path.name == "a.csv" else open_file(path, *args, **kwargs)
 
     monkeypatch.setattr(Path, "open", open_full)
     with pytest.raises(OutputError, match="No space left on device"):
@@ -380,14 +356,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path: Path, name: str) -> None:
 class ChangingLog:
     """A log whose length changes from one reading to the next, as that of a file that is still written."""
 
-    name, format, odometry, notes, read_errors, tag_counts = (
-        "a.log",
-        "test",
-        None,
-        (),
-        (),
-        MappingProxyType({}),
-    )
+    name, format, odometry, notes, read_errors, tag_counts = ("a.log", "test", None, (), (), MappingProxyType({}))
 
     def __init__(self, *lengths: int) -> None:
         self._lengths, self._n_readings = lengths, 0

@@ -30,9 +30,7 @@ def crc8(data: bytes) -> int:
 
 def packet(degrees: list[float], millimetres: list[int], rate_hz: float) -> bytes:
     """One packet; the sensor turns clockwise, and its angles count so."""
-    body = struct.pack(
-        "<BBHH", HEADER, VERSION, round(360 * rate_hz), round(100 * degrees[0]) % 36000
-    )
+    body = struct.pack("<BBHH", HEADER, VERSION, round(360 * rate_hz), round(100 * degrees[0]) % 36000)
     for distance in millimetres:
         body += struct.pack("<HB", distance, 200)
     body += struct.pack("<HH", round(100 * degrees[-1]) % 36000, 0)

@@ -32,8 +32,7 @@ def turn_bytes(scan: LaserScan) -> bytes:
     angles = [-math.degrees(a) % 360.0 for a in scan.angles]
     order = sorted(range(len(scan)), key=angles.__getitem__)
     return b"".join(
-        sample(angles[i], scan.ranges[i] if scan.valid[i] else 0.0, is_first=k == 0)
-        for k, i in enumerate(order)
+        sample(angles[i], scan.ranges[i] if scan.valid[i] else 0.0, is_first=k == 0) for k, i in enumerate(order)
     )
 
 

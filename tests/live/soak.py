@@ -26,11 +26,7 @@ from curvescan.simulation import SENSORS
 
 RATE = 40.0
 SENSOR = replace(
-    SENSORS["spinning-360"],
-    name="spinning-720",
-    n_beams=720,
-    angle_increment=np.radians(0.5),
-    period=1.0 / RATE,
+    SENSORS["spinning-360"], name="spinning-720", n_beams=720, angle_increment=np.radians(0.5), period=1.0 / RATE
 )
 
 
@@ -87,29 +83,20 @@ def main() -> None:
     def on_scan(tracked) -> None:
         if tracked.index % step == 0:
             seconds = time.monotonic() - started
-            print(
-                f"{tracked.index:>8,} scans, {seconds:6.0f} s, {memory_mib():6.0f} MiB, {engine!r}",
-                flush=True,
-            )
+            print(f"{tracked.index:>8,} scans, {seconds:6.0f} s, {memory_mib():6.0f} MiB, {engine!r}", flush=True)
 
     with PageServer(viewer) as server:
-        listener = multiprocessing.get_context("spawn").Process(
-            target=listen, args=(server.url, result)
-        )
+        listener = multiprocessing.get_context("spawn").Process(target=listen, args=(server.url, result))
         listener.start()
         time.sleep(3.0)
         report = run_live(LogSource(log, speed=speed), Tracker(engine), [viewer], on_scan=on_scan)
         viewer.close()
         viewer.set_status("ended", "over")
         latencies = result.get(timeout=60)
-    print(
-        f"{report.n_scans:,} of {log._n:,} scans, {report.n_dropped} dropped, {memory_mib():.0f} MiB"
-    )
+    print(f"{report.n_scans:,} of {log._n:,} scans, {report.n_dropped} dropped, {memory_mib():.0f} MiB")
     for what, values in (("scan to pose", report.latencies), ("scan to browser", latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
-        print(
-            f"{what}: {median:.1f} ms median, {p99:.1f} ms p99, {worst:.0f} ms worst of {len(values):,}"
-        )
+        print(f"{what}: {median:.1f} ms median, {p99:.1f} ms p99, {worst:.0f} ms worst of {len(values):,}")
     listener.join()
 
 

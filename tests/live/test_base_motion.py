@@ -52,6 +52,4 @@ def test_map_odom_waits_until_the_laser_has_been_found():
 
 
 def step_of(pose, covariance, moved):
-    return SimpleNamespace(
-        pose=pose, covariance=covariance, motion=moved, motion_covariance=covariance
-    )
+    return SimpleNamespace(pose=pose, covariance=covariance, motion=moved, motion_covariance=covariance)

@@ -207,10 +207,7 @@ def test_over_a_socket():
     threading.Thread(target=serve, daemon=True).start()
     port = f"socket://127.0.0.1:{server.getsockname()[1]}"
     read = []
-    with (
-        pytest.raises(SourceError, match="is gone"),
-        open_driver("lds2d:LDROBOT-LD19", port) as source,
-    ):
+    with pytest.raises(SourceError, match="is gone"), open_driver("lds2d:LDROBOT-LD19", port) as source:
         read.extend(source.scans())
     server.close()
     assert len(read) <= 4
@@ -239,18 +236,11 @@ def test_a_turn_as_a_scan():
         range_min=0.1,
         range_max=10.0,
     )
-    assert scan.angles.tolist() == pytest.approx(
-        np.radians([-0.2, -90, -180, -270, -359.9]).tolist()
-    )
+    assert scan.angles.tolist() == pytest.approx(np.radians([-0.2, -90, -180, -270, -359.9]).tolist())
     assert scan.ranges.tolist() == [1, 2, 3, 4, 5]
     assert scan.stamp == 1.0
     assert scan.time_increment == pytest.approx(0.2)
-    assert (
-        scan_of_turn(
-            [0.0], [1.0], None, begin=0, end=1, is_clockwise=True, range_min=0, range_max=9
-        )
-        is None
-    )
+    assert scan_of_turn([0.0], [1.0], None, begin=0, end=1, is_clockwise=True, range_min=0, range_max=9) is None
 
 
 def n_open_files():

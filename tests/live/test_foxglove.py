@@ -22,9 +22,7 @@ class Client:
     """A client of the protocol foxglove.websocket.v1, written from its specification."""
 
     def __init__(self, url):
-        self.socket = websocket.create_connection(
-            url, timeout=10.0, subprotocols=["foxglove.sdk.v1"]
-        )
+        self.socket = websocket.create_connection(url, timeout=10.0, subprotocols=["foxglove.sdk.v1"])
         self.info = json.loads(self.socket.recv())
         self.channels = {}
         while len(self.channels) < len(TOPICS):
@@ -93,8 +91,7 @@ def test_a_client_gets_what_is_recorded(log, mode, engine, tmp_path):
         assert channel["schemaName"] == msgtype
     with (tmp_path / "run.mcap").open("rb") as file:
         recorded = [
-            (channel.topic, message.data)
-            for _, channel, message in mcap_reader.make_reader(file).iter_messages()
+            (channel.topic, message.data) for _, channel, message in mcap_reader.make_reader(file).iter_messages()
         ]
     for topic in ("/scan", "/odom", "/tf"):
         sent = [bytes(data) for name, _, data in got if name == topic]

@@ -147,9 +147,7 @@ def test_a_queue_drops_the_oldest_or_waits():
     assert lossy.get(timeout=0.01) is None
 
     lossless = BoundedQueue(3, is_lossless=True)
-    threading.Thread(
-        target=lambda: [lossless.put(k) for k in range(100)] + [lossless.close()]
-    ).start()
+    threading.Thread(target=lambda: [lossless.put(k) for k in range(100)] + [lossless.close()]).start()
     assert list(iter(lossless.get, None)) == list(range(100))
     assert lossless.n_dropped == 0
     assert not lossless.put(1)
@@ -177,24 +175,18 @@ def written(log, folder, mode, engine, *, is_replayed, is_finished=False):
         sink.finish_with(engine.finish().poses, 1.5)
     sink.close()
     folder.mkdir()
-    files = sink.write(
-        folder, report, name=log.name, engine=engine, log=log if is_replayed else None
-    )
+    files = sink.write(folder, report, name=log.name, engine=engine, log=log if is_replayed else None)
     assert {file.name for file in folder.iterdir()} == set(files)
     return {name: (folder / name).read_bytes() for name in files}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("mode", "is_finished"), [("odometry", False), ("SLAM", False), ("SLAM", True)]
-)
+@pytest.mark.parametrize(("mode", "is_finished"), [("odometry", False), ("SLAM", False), ("SLAM", True)])
 def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mode, is_finished):
     offline = tmp_path / "offline"
     offline.mkdir()
     if mode == "SLAM":
-        live = written(
-            log, tmp_path / "live", mode, Slam(), is_replayed=True, is_finished=is_finished
-        )
+        live = written(log, tmp_path / "live", mode, Slam(), is_replayed=True, is_finished=is_finished)
         save_slam_run(offline, run_slam(log), log)
     else:
         live = written(log, tmp_path / "live", mode, Odometry(), is_replayed=True)
@@ -217,9 +209,7 @@ def test_the_results_of_a_replay_are_those_of_the_offline_run(log, tmp_path, mod
 @pytest.mark.parametrize("mode", ["odometry", "SLAM"])
 def test_a_sensor_leaves_the_same_files_though_its_scans_have_gone(log, tmp_path, mode):
     engines = {"odometry": Odometry, "SLAM": Slam}
-    replayed, gone = (
-        written(log, tmp_path / str(k), mode, engines[mode](), is_replayed=k == 0) for k in range(2)
-    )
+    replayed, gone = (written(log, tmp_path / str(k), mode, engines[mode](), is_replayed=k == 0) for k in range(2))
     assert replayed.keys() == gone.keys()
     assert replayed["trajectory.tum"] == gone["trajectory.tum"]
     # the map is drawn of fewer scans: what they saw is in the map of all

@@ -55,9 +55,7 @@ def events(page, n, timeout=5):
         text = b""
         while text.count(b"\ndata: ") < n or not text.endswith(b"\n\n"):
             text += connection.recv(65536)
-    blocks = [
-        block.split("\n") for block in text.decode().split("\n\n") if block.startswith("event: ")
-    ]
+    blocks = [block.split("\n") for block in text.decode().split("\n\n") if block.startswith("event: ")]
     return [(b[0].removeprefix("event: "), json.loads(b[1].removeprefix("data: "))) for b in blocks]
 
 
@@ -129,9 +127,7 @@ def test_no_file_of_the_visitors_choosing(page, path):
     assert answer.status == (200 if path.startswith("/?") else 404)
 
 
-@pytest.mark.parametrize(
-    "method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "BREW"]
-)
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "BREW"])
 def test_nothing_is_written(page, method):
     answer, _ = ask(page, "/", method)
     assert answer.status in (405, 501)

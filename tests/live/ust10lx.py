@@ -66,9 +66,7 @@ class Ust10lx:
                     command = line.rstrip("\n")
                     reply = [command, checked("00")]
                     if command == "PP":
-                        reply += [
-                            f"{k}:{v};" + checked(f"{k}:{v}")[-1] for k, v in PARAMETERS.items()
-                        ]
+                        reply += [f"{k}:{v};" + checked(f"{k}:{v}")[-1] for k, v in PARAMETERS.items()]
                     self._connection.sendall(("\n".join(reply) + "\n\n").encode())
                     if command.startswith("MD"):
                         self._send(command)

@@ -18,12 +18,7 @@ HERE = np.zeros(3)
 def with_person(scan, first, last, distance):
     ranges = scan.ranges.copy()
     ranges[first:last] = distance
-    return LaserScan(
-        ranges,
-        angle_min=scan.angle_min,
-        angle_increment=scan.angle_increment,
-        range_max=scan.range_max,
-    )
+    return LaserScan(ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=scan.range_max)
 
 
 def beams(*spans):
@@ -69,10 +64,7 @@ def test_an_open_field_is_free_to_the_end_of_the_range():
     angles = np.linspace(-0.5, 0.5, 101)
     field = LaserScan(np.full(101, math.inf), angle_min=-0.5, angle_increment=0.01, range_max=8.0)
     somebody = LaserScan(
-        np.where(np.abs(angles) < 0.1, 3.0, math.inf),
-        angle_min=-0.5,
-        angle_increment=0.01,
-        range_max=8.0,
+        np.where(np.abs(angles) < 0.1, 3.0, math.inf), angle_min=-0.5, angle_increment=0.01, range_max=8.0
     )
     moved = dynamic_readings(somebody, [(field, HERE)])
     np.testing.assert_array_equal(moved, somebody.valid)
@@ -87,8 +79,7 @@ def test_the_way_a_sensor_turns_and_where_it_starts_do_not_matter(start):
 
     def scans(sign):
         return [
-            LaserScan(r[::sign], angle_min=angles[::sign][0], angle_increment=sign * increment)
-            for r in (ranges, came)
+            LaserScan(r[::sign], angle_min=angles[::sign][0], angle_increment=sign * increment) for r in (ranges, came)
         ]
 
     before, after = scans(1)
@@ -126,9 +117,7 @@ def test_uneven_beams_tell_what_moved_too():
             for scan in (room, with_person(room, 100, 120, 1.0))
         )
         assert not before.has_uniform_angles
-        np.testing.assert_array_equal(
-            dynamic_readings(after, [(before, HERE)]), beams((100, 120))[keep][::way]
-        )
+        np.testing.assert_array_equal(dynamic_readings(after, [(before, HERE)]), beams((100, 120))[keep][::way])
 
 
 def test_a_hole_between_two_beams_was_not_looked_through():

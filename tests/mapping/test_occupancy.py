@@ -48,9 +48,7 @@ def test_against_the_slow_twin(seed, clear_no_return):
         ranges = rng.uniform(0.05, 6.0, 40)
         codes = rng.choice([np.inf, np.nan, 0.0, 81.91], 40)
         ranges = np.where(rng.random(40) < 0.3, codes, ranges)
-        scans.append(
-            LaserScan(ranges, angle_min=-2.0, angle_increment=0.1, range_min=0.1, range_max=5.0)
-        )
+        scans.append(LaserScan(ranges, angle_min=-2.0, angle_increment=0.1, range_min=0.1, range_max=5.0))
         poses.append(rng.uniform([-8, -8, -3], [8, 8, 3]))
         ignored.append(rng.random(40) < 0.2)
     grid = build(scans, poses, ignored, config)
@@ -157,9 +155,7 @@ def test_a_wall_along_which_beams_pass_stays():
     scan = LaserScan(1.0 / np.sin(angles), angle_min=0.05, angle_increment=0.002)
     once = build([scan], [(0.0, 0.01, 0.0)])
     assert once.is_occupied.sum() > 60
-    np.testing.assert_array_equal(
-        once.is_occupied, build([scan] * 9, [(0.0, 0.01, 0.0)] * 9).is_occupied
-    )
+    np.testing.assert_array_equal(once.is_occupied, build([scan] * 9, [(0.0, 0.01, 0.0)] * 9).is_occupied)
 
 
 def test_a_scan_without_a_pose_is_left_out():
@@ -175,9 +171,7 @@ def test_a_map_beyond_all_memory_is_refused_and_what_was_there_stays(far):
     builder = OccupancyBuilder()
     builder.add(beam(1.01), np.zeros(3))
     before = builder.grid()
-    with pytest.raises(
-        MapTooLargeError, match=r"1 GiB.*resolution of OccupancyConfig.*smaller range_max"
-    ):
+    with pytest.raises(MapTooLargeError, match=r"1 GiB.*resolution of OccupancyConfig.*smaller range_max"):
         builder.add(beam(1.0), np.array([far, far, 0.0]))
     after = builder.grid()
     np.testing.assert_array_equal(before.log_odds, after.log_odds)

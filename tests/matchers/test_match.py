@@ -37,10 +37,7 @@ def method(request):
 def pair(method):
     """Two noisy scans of the room that the method matches."""
     for seed in range(20):
-        scans = (
-            room_scan(sigma=0.005, seed=seed),
-            room_scan(MOTION, sigma=0.005, seed=100 + seed),
-        )
+        scans = (room_scan(sigma=0.005, seed=seed), room_scan(MOTION, sigma=0.005, seed=100 + seed))
         if cs.match(*scans, method=method).ok:
             return scans
     raise AssertionError(f"{method} matches none of 20 pairs of a plain room")
@@ -67,9 +64,7 @@ def test_a_small_motion_in_a_room_is_found(method):
     errors = []
     for seed in range(20):
         result = cs.match(
-            room_scan(sigma=0.005, seed=seed),
-            room_scan(MOTION, sigma=0.005, seed=100 + seed),
-            method=method,
+            room_scan(sigma=0.005, seed=seed), room_scan(MOTION, sigma=0.005, seed=100 + seed), method=method
         )
         if result.ok:
             errors.append(result.pose - MOTION)
@@ -98,10 +93,7 @@ def test_swapped_scans_give_the_inverse(method):
 
 def mirror_order(scan):
     return cs.LaserScan(
-        scan.ranges[::-1],
-        angle_min=scan.angles[-1],
-        angle_increment=-scan.angle_increment,
-        range_max=scan.range_max,
+        scan.ranges[::-1], angle_min=scan.angles[-1], angle_increment=-scan.angle_increment, range_max=scan.range_max
     )
 
 
@@ -127,9 +119,7 @@ def test_bad_readings_are_data(method):
     spoilt = b.ranges.copy()
     where = np.random.default_rng(3).choice(361, 40, replace=False)
     spoilt[where] = np.resize([np.nan, np.inf, -np.inf, 0.0, -1.0, 81.91], 40)
-    b = cs.LaserScan(
-        spoilt, angle_min=b.angle_min, angle_increment=b.angle_increment, range_max=b.range_max
-    )
+    b = cs.LaserScan(spoilt, angle_min=b.angle_min, angle_increment=b.angle_increment, range_max=b.range_max)
     result = cs.match(a, b, method=method)
     assert (result.labels_current[where] == Label.NO_READING).all()
     assert (np.delete(result.labels_current, where) != Label.NO_READING).all()
@@ -153,9 +143,7 @@ def wall_scan(seed, sigma=0.0):
     """One straight wall 2 m ahead: nothing tells how far along it the sensor is."""
     angles = -0.7 + 0.005 * np.arange(281)
     noise = sigma * np.random.default_rng(seed).standard_normal(281)
-    return cs.LaserScan(
-        2.0 / np.cos(angles) + noise, angle_min=-0.7, angle_increment=0.005, range_max=8.0
-    )
+    return cs.LaserScan(2.0 / np.cos(angles) + noise, angle_min=-0.7, angle_increment=0.005, range_max=8.0)
 
 
 def test_the_outcome_names_the_gate_that_left_nothing():
@@ -192,8 +180,7 @@ def test_wrong_arguments_are_named():
     with pytest.raises(cs.InvalidArgumentError, match=r"current must be a LaserScan.*got ndarray"):
         cs.match(scan, scan.ranges)
     with pytest.raises(
-        cs.InvalidArgumentError,
-        match="must be a CfSmaConfig, a mapping of its fields or None, got CurvatureConfig",
+        cs.InvalidArgumentError, match="must be a CfSmaConfig, a mapping of its fields or None, got CurvatureConfig"
     ):
         cs.match(scan, scan, method="cfsma", config=CurvatureConfig())
     for guess in ((1e200, 0, 0), (0, 0, 1e200)):
@@ -232,18 +219,12 @@ def test_uneven_beams_give_the_pose_within_the_noise(method, beams, way):
     n_ok = {"even": 0, "uneven": 0}
     for seed in range(4):
         fov = 2 * math.pi if method != "cfsma" and seed % 2 else math.pi
-        even = (
-            room_scan(sigma=0.005, seed=seed, fov=fov),
-            room_scan(MOTION, sigma=0.005, seed=50 + seed, fov=fov),
-        )
+        even = (room_scan(sigma=0.005, seed=seed, fov=fov), room_scan(MOTION, sigma=0.005, seed=50 + seed, fov=fov))
         if beams == "thinned":
             keep = np.flatnonzero(np.arange(361) % 3 != 1)[::way]
             uneven = tuple(told_by_angles(scan, keep) for scan in even)
         else:
-            uneven = (
-                jittered_room(np.zeros(3), seed, fov, way),
-                jittered_room(MOTION, 50 + seed, fov, way),
-            )
+            uneven = (jittered_room(np.zeros(3), seed, fov, way), jittered_room(MOTION, 50 + seed, fov, way))
         assert not any(scan.has_uniform_angles for scan in uneven)
         guess = (0.05, 0.0, 0.05)
         n_ok["even"] += cs.match(*even, method=method, guess=guess).ok

@@ -60,13 +60,10 @@ def run(monkeypatch, poses, hidden=(), config=None, links=None, wheels=None):
     """Return the odometry after all scans of a script, and its steps."""
     row = f"{__name__}:ScriptedMatcher", f"{__name__}:Script"
     monkeypatch.setitem(MATCHERS, METHOD, row)
-    script = Script(
-        poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden), links=links or {}
-    )
+    script = Script(poses=np.asarray(poses, dtype=float), hidden=frozenset(hidden), links=links or {})
     odometry = cs.Odometry(METHOD, config=config or cs.OdometryConfig(), matcher=script)
     scans = [
-        cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k))
-        for k in range(len(poses))
+        cs.LaserScan(np.ones(_N_BEAMS), angle_min=0.0, angle_increment=0.1, stamp=float(k)) for k in range(len(poses))
     ]
     wheels = [None] * len(scans) if wheels is None else wheels
     return odometry, [odometry.add(*pair) for pair in zip(scans, wheels, strict=True)]

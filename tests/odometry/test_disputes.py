@@ -50,8 +50,7 @@ def test_memory_is_bounded():
 
 
 @pytest.mark.parametrize(
-    ("off", "is_one"),
-    [((0.25, 0, 0), True), ((0.35, 0, 0), False), ((0, 0, 0.05), True), ((0, 0, 0.07), False)],
+    ("off", "is_one"), [((0.25, 0, 0), True), ((0.35, 0, 0), False), ((0, 0, 0.05), True), ((0, 0, 0.07), False)]
 )
 def test_two_ask_for_one_correction_within_30_cm_and_3_deg(off, is_one):
     here = np.array([2.0, 0.0, 0.0])

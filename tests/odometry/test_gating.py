@@ -32,10 +32,7 @@ def matched(pose=(0.1, 0.0, 0.05), **kwargs):
     return replace(result, **kwargs)
 
 
-ALONG_X = {
-    "degenerate_direction": np.array([1.0, 0.0, 0.0]),
-    "covariance": np.diag([1.0, 1e-6, 1e-7]),
-}
+ALONG_X = {"degenerate_direction": np.array([1.0, 0.0, 0.0]), "covariance": np.diag([1.0, 1e-6, 1e-7])}
 
 
 def test_a_match_in_a_room_decides_alone():
@@ -138,9 +135,7 @@ def test_what_speaks_against_a_match_is_each_enough():
     assert not failed.is_fully_observed  # though no direction is named
 
 
-@pytest.mark.parametrize(
-    ("confidence", "is_accepted"), [(0.79, False), (0.8, True), (0.95, True), (math.nan, True)]
-)
+@pytest.mark.parametrize(("confidence", "is_accepted"), [(0.79, False), (0.8, True), (0.95, True), (math.nan, True)])
 def test_a_match_that_explains_little_must_be_sure(confidence, is_accepted):
     here = gate(matched(score=0.2, confidence=confidence), EXPECTED, CONFIG)
     assert here.is_accepted(0.25) == is_accepted

@@ -16,9 +16,7 @@ def grow(keyframes, n, start=None, **kwargs):
     """A chain of n keyframes, each placed by the one before it."""
     made = [] if start is None else [start]
     for k in range(n):
-        localization = (
-            None if not made else Localization(keyframe=made[-1], pose_keyframe_scan=STEP, **kwargs)
-        )
+        localization = None if not made else Localization(keyframe=made[-1], pose_keyframe_scan=STEP, **kwargs)
         made.append(keyframes.add(None, len(keyframes) + k, localization))
     return made
 
@@ -33,9 +31,7 @@ def test_the_error_between_two_is_that_of_the_way_between_them():
     trunk = grow(keyframes, 10)
     branch = grow(keyframes, 4, start=trunk[6])
     # from the end of the branch back to the fork, and on along the trunk
-    pose_keyframe_scan = Localization(keyframe=branch[-1], pose_keyframe_scan=STEP).relative_to(
-        trunk[9]
-    )
+    pose_keyframe_scan = Localization(keyframe=branch[-1], pose_keyframe_scan=STEP).relative_to(trunk[9])
     way = inverse(compose(compose(STEP, STEP), STEP))
     for _ in range(5):
         way = compose(way, STEP)
@@ -54,9 +50,7 @@ def test_from_its_own_key_scan_a_place_is_as_it_was_seen():
 def test_a_share_of_a_measured_variance_stays():
     keyframes = KeyframeGraph(max_keyframes=5, variance_retained=0.25)
     first = keyframes.add(None, 0, None)
-    measured = keyframes.add(
-        None, 1, Localization(keyframe=first, pose_keyframe_scan=STEP, is_measured=True)
-    )
+    measured = keyframes.add(None, 1, Localization(keyframe=first, pose_keyframe_scan=STEP, is_measured=True))
     expected = keyframes.add(None, 2, Localization(keyframe=first, pose_keyframe_scan=STEP))
     np.testing.assert_allclose(measured.pose_map_keyframe.cov, 0.25 * STEP.cov)
     np.testing.assert_allclose(expected.pose_map_keyframe.cov, STEP.cov)
@@ -66,12 +60,7 @@ def test_nearest_come_first_and_far_ones_not_at_all():
     keyframes = KeyframeGraph(max_keyframes=50, variance_retained=1.0)
     grow(keyframes, 12)
     near = keyframes.nearest(keyframes.add(None, 99, None).pose_map_keyframe.pose, 2.5, 0.25)
-    assert [keyframe.number for keyframe in near] == [
-        0,
-        12,
-        1,
-        2,
-    ]  # two at the origin, then along the chain
+    assert [keyframe.number for keyframe in near] == [0, 12, 1, 2]  # two at the origin, then along the chain
 
 
 def test_directions_are_compared_the_short_way_round():
@@ -139,9 +128,7 @@ def test_only_what_came_after_a_break_is_known_less():
     for keyframe, cov in zip(made[:2], before[:2], strict=True):
         np.testing.assert_array_equal(keyframe.pose_map_keyframe.cov, cov)
     for keyframe, cov in zip(made[2:], before[2:], strict=True):
-        np.testing.assert_array_equal(
-            keyframe.pose_map_keyframe.cov, cov + np.diag([100.0, 100.0, 3.0])
-        )
+        np.testing.assert_array_equal(keyframe.pose_map_keyframe.cov, cov + np.diag([100.0, 100.0, 3.0]))
 
 
 def test_near_is_within_reach_and_within_the_turn():

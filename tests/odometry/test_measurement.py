@@ -12,12 +12,7 @@ import curvescan as cs
 from curvescan.matchers.registry import find_matcher
 from curvescan.matchers.result import Outcome
 from curvescan.odometry import MotionConfig
-from curvescan.odometry.measurement import (
-    as_measurement,
-    decided_by_expectation,
-    doubtful_pose,
-    unguided_measurement,
-)
+from curvescan.odometry.measurement import as_measurement, decided_by_expectation, doubtful_pose, unguided_measurement
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import SENSORS
 
@@ -51,9 +46,7 @@ def doubtful():
 def test_a_doubtful_match_counts_where_it_is_expected_and_only_there(doubtful):
     n_decided = 0
     for result, truth in doubtful:
-        decided = decided_by_expectation(
-            result, expected(truth, (0.05, 0.05, 0.05)), MotionConfig()
-        )
+        decided = decided_by_expectation(result, expected(truth, (0.05, 0.05, 0.05)), MotionConfig())
         n_decided += decided.ok
         if decided.ok:
             off = cs.se2.between(truth, decided.pose)
@@ -124,9 +117,7 @@ def test_a_match_that_fixes_the_pose_is_taken_as_it_is():
     assert result.ok
     assert result.degenerate_direction is None
     np.testing.assert_array_equal(as_measurement(result).cov, result.covariance)
-    assert (
-        decided_by_expectation(result, expected(np.zeros(3), (9, 9, 9)), MotionConfig()) is result
-    )
+    assert decided_by_expectation(result, expected(np.zeros(3), (9, 9, 9)), MotionConfig()) is result
     assert doubtful_pose(result) is None
 
 
@@ -135,6 +126,4 @@ def test_an_empty_scan_decides_nothing():
     result = MATCHER.match(blank, blank, None)
     assert result.outcome is Outcome.NO_SEGMENTS
     assert doubtful_pose(result) is None
-    assert (
-        decided_by_expectation(result, expected(np.zeros(3), (1, 1, 1)), MotionConfig()) is result
-    )
+    assert decided_by_expectation(result, expected(np.zeros(3), (1, 1, 1)), MotionConfig()) is result

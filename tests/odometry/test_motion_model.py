@@ -115,9 +115,7 @@ def test_wheels_are_taken_as_far_as_they_are_known():
     model = updated(steady(), 0.1, odometry_pose=np.array([5.0, 1.0, 0.5]))
     prediction = model.predict(0.2, np.array([5.0, 1.2, 0.5]))
     expected = prediction.motion
-    np.testing.assert_allclose(
-        expected.pose, [0.2 * math.sin(0.5), 0.2 * math.cos(0.5), 0.0], atol=1e-12
-    )
+    np.testing.assert_allclose(expected.pose, [0.2 * math.sin(0.5), 0.2 * math.cos(0.5), 0.0], atol=1e-12)
     config = MotionConfig()
     assert expected.cov[0, 0] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
     assert expected.cov[2, 2] == pytest.approx(0.003**2 + (config.wheel_drift * 0.2) ** 2)
@@ -186,10 +184,7 @@ def test_the_noise_of_wheels_after_one_error_of_theirs():
     prediction = model.predict(0.2, np.array([0.1, 0.0, 0.0]))
     error = np.array([0.02, 0.03, 0.015])
     model = model.updated(
-        prediction,
-        UncertainPose(prediction.motion.pose + error, SEEN.cov),
-        is_plausible=True,
-        is_fully_observed=True,
+        prediction, UncertainPose(prediction.motion.pose + error, SEEN.cov), is_plausible=True, is_fully_observed=True
     )
     cov = prediction.motion.cov
     square = 0.5 * (0.02**2 + 0.03**2) / cov[0, 0], 0.015**2 / cov[2, 2]

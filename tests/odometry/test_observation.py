@@ -31,9 +31,7 @@ class NeedsGuess:
         if abs(guess[2]) < 0.03:
             return found
         unknown = {"pose": np.full(3, np.nan), "covariance": np.full((3, 3), np.nan)}
-        return cs.MatchResult(
-            **{**vars(found), **unknown, "outcome": cs.Outcome.AMBIGUOUS, "confidence": 0.0}
-        )
+        return cs.MatchResult(**{**vars(found), **unknown, "outcome": cs.Outcome.AMBIGUOUS, "confidence": 0.0})
 
 
 def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
@@ -44,12 +42,7 @@ def gated(by_wheels, by_last=TRUE, is_measured=True, **result):
         clock=Clock(),
         odometry_pose=None,
     )
-    matching = Matching(
-        method="curvescan",
-        matcher_config=None,
-        matcher=NeedsGuess(**result),
-        config=OdometryConfig(),
-    )
+    matching = Matching(method="curvescan", matcher_config=None, matcher=NeedsGuess(**result), config=OdometryConfig())
     scan = SimpleNamespace(features=None)
     return matching.match(scan, scan, identity(), prediction)
 
@@ -72,18 +65,13 @@ def test_wheels_help_where_the_last_motion_misleads():
 def test_a_sure_match_is_the_same_with_wheels_and_without():
     alone = gated(TRUE, is_measured=False)
     helped = gated((0.14, 0.02, 0.02))
-    np.testing.assert_array_equal(
-        alone.pose_keyframe_scan.pose, helped.pose_keyframe_scan.pose, strict=True
-    )
+    np.testing.assert_array_equal(alone.pose_keyframe_scan.pose, helped.pose_keyframe_scan.pose, strict=True)
     assert helped.is_by_last_motion
     assert not alone.is_by_last_motion
 
 
 def test_along_an_open_direction_the_wheels_decide():
-    open_along_x = {
-        "degenerate_direction": np.array([1.0, 0.0, 0.0]),
-        "covariance": np.diag([0.25, 1e-6, 1e-7]),
-    }
+    open_along_x = {"degenerate_direction": np.array([1.0, 0.0, 0.0]), "covariance": np.diag([0.25, 1e-6, 1e-7])}
     found = gated((0.14, 0.0, 0.0), **open_along_x)
     assert found.pose_keyframe_scan.pose[0] == pytest.approx(0.14, abs=2e-3)
     assert not found.is_by_last_motion

@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.odometry import (
-    KeyframesConfig,
-    MotionConfig,
-    OdometryConfig,
-    StepOutcome,
-    run_odometry,
-)
+from curvescan.odometry import KeyframesConfig, MotionConfig, OdometryConfig, StepOutcome, run_odometry
 from tests.scenes import room_scan
 
 STEP = np.array([0.05, 0.02, 0.04])
@@ -31,9 +25,7 @@ def drive(n, sigma=0.003):
 
 
 def blank(stamp=0.0):
-    return cs.LaserScan(
-        np.full(361, np.nan), angle_min=-math.pi / 2, angle_increment=math.pi / 360, stamp=stamp
-    )
+    return cs.LaserScan(np.full(361, np.nan), angle_min=-math.pi / 2, angle_increment=math.pi / 360, stamp=stamp)
 
 
 def test_poses_are_the_chain_of_the_matches():
@@ -80,9 +72,7 @@ def test_a_failed_match_repeats_the_last_motion_and_says_so():
 def other_room(pose, **kwargs):
     """A place with nothing in common with the room: a long wall without a corner."""
     angles = -0.7 + 0.005 * np.arange(281)
-    return cs.LaserScan(
-        (3.0 - pose[0]) / np.cos(angles), angle_min=-0.7, angle_increment=0.005, **kwargs
-    )
+    return cs.LaserScan((3.0 - pose[0]) / np.cos(angles), angle_min=-0.7, angle_increment=0.005, **kwargs)
 
 
 def test_the_failed_scan_becomes_the_next_reference():
@@ -110,11 +100,7 @@ def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():
     scans, _ = drive(2)
     odometry = cs.Odometry()
     steps = [odometry.add(scan) for scan in [blank(), scans[0], scans[1]]]
-    assert [s.outcome for s in steps] == [
-        StepOutcome.STARTED,
-        StepOutcome.PREDICTED,
-        StepOutcome.MATCHED,
-    ]
+    assert [s.outcome for s in steps] == [StepOutcome.STARTED, StepOutcome.PREDICTED, StepOutcome.MATCHED]
 
 
 def test_a_run_collects_every_step():
@@ -299,9 +285,7 @@ def test_covariances_are_consistent_over_a_hundred_runs():
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_drive():
     scans, _ = in_the_office(6, 40)
-    odometry = cs.Odometry(
-        config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=5, distance=0.05))
-    )
+    odometry = cs.Odometry(config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=5, distance=0.05)))
     for _ in range(3):
         for scan in [*scans, *scans[::-1]]:
             odometry.add(scan)
@@ -441,7 +425,5 @@ def test_a_match_beats_wheels_that_contradict_it(crept, n_least, n_most):
     assert n_least <= helped.n_prior_rejected <= n_most
     assert alone.n_prior_rejected == 0
     true_end = cs.se2.between(truth[0], truth[-1])
-    errors = [
-        np.hypot(*cs.se2.between(true_end, run.trajectory.poses[-1])[:2]) for run in (alone, helped)
-    ]
+    errors = [np.hypot(*cs.se2.between(true_end, run.trajectory.poses[-1])[:2]) for run in (alone, helped)]
     assert errors[1] < errors[0] + 0.005

@@ -25,12 +25,7 @@ def test_after_a_recovery_the_old_velocity_does_not_go_on(monkeypatch):
     poses[7:] = poses[5] - np.array([0.1, 0.0, 0.0])  # it was stopped and pushed back meanwhile
     _, steps = run(monkeypatch, poses, hidden={6, 8, 9})
     outcomes = [step.outcome for step in steps[5:9]]
-    assert outcomes == [
-        StepOutcome.MATCHED,
-        StepOutcome.PREDICTED,
-        StepOutcome.RELOCALIZED,
-        StepOutcome.PREDICTED,
-    ]
+    assert outcomes == [StepOutcome.MATCHED, StepOutcome.PREDICTED, StepOutcome.RELOCALIZED, StepOutcome.PREDICTED]
     assert steps[6].pose[0] == pytest.approx(1.8, abs=0.01)  # the velocity goes on, once
     np.testing.assert_allclose(steps[7].pose, poses[7], atol=0.01)
     np.testing.assert_allclose(steps[8].pose, steps[7].pose, atol=1e-9)

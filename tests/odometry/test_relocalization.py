@@ -11,12 +11,7 @@ import curvescan as cs
 from curvescan import se2
 from curvescan.odometry import KeyframesConfig
 from curvescan.odometry.keyframes import KeyframeGraph, Localization
-from curvescan.odometry.relocalization import (
-    Closure,
-    Search,
-    find_loop_closure,
-    search_loop_closures,
-)
+from curvescan.odometry.relocalization import Closure, Search, find_loop_closure, search_loop_closures
 from curvescan.se2.uncertain import UncertainPose, identity
 
 SURE = np.diag([1e-6, 1e-6, 1e-7])
@@ -38,24 +33,16 @@ def recovery_covariance(office, cov, off=(0.0, 0.0, 0.0)):
     keyframes = KeyframeGraph(max_keyframes=10, variance_retained=1.0)
     keyframe = keyframes.add(scans[0], 0, None)
     for k in (1, 2):
-        keyframes.add(
-            scans[k],
-            k,
-            Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[k], SURE)),
-        )
+        keyframes.add(scans[k], k, Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[k], SURE)))
     blank = cs.prepare(cs.LaserScan([], angle_min=0.0, angle_increment=0.1))
     far = keyframes.add(
-        blank,
-        3,
-        Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[3] + off, cov)),
+        blank, 3, Localization(keyframe=keyframe, pose_keyframe_scan=UncertainPose(truth[3] + off, cov))
     )
     return scans[3], Localization(keyframe=far, pose_keyframe_scan=identity()), keyframes, truth[3]
 
 
 def ask(current, localization, keyframes, is_lost=False, **config):
-    return find_loop_closure(
-        current, localization, keyframes, KeyframesConfig(**config), turn=math.pi, is_lost=is_lost
-    )
+    return find_loop_closure(current, localization, keyframes, KeyframesConfig(**config), turn=math.pi, is_lost=is_lost)
 
 
 def find(office, cov, off=(0.0, 0.0, 0.0), **config):
@@ -144,9 +131,7 @@ def test_places_that_contradict_the_chain_are_disputed(office):
     assert search.disputed is not None
     np.testing.assert_allclose(search.disputed.localization.pose_map_scan.pose, truth, atol=0.01)
     for config in ({"disputed_gate_chi2": 17.0}, {"disputed_confidence": 1.0}):
-        strict = search_loop_closures(
-            current, localization, keyframes, KeyframesConfig(**config), turn=math.pi
-        )
+        strict = search_loop_closures(current, localization, keyframes, KeyframesConfig(**config), turn=math.pi)
         assert strict == Search()
 
 
@@ -161,12 +146,8 @@ def test_a_doubtful_match_counts_as_one_of_two(office):
     for off, is_found in (((0.0, 0.0, 0.0), True), ((6.0, 0.0, 0.0), False)):
         chain = localization.relative_to(first).pose
         here = UncertainPose(se2.between(chain, truth) + off, SURE)
-        doubtful = Closure(
-            Localization(keyframe=localization.keyframe, pose_keyframe_scan=here), failed
-        )
-        known = find_loop_closure(
-            current, localization, keyframes, KeyframesConfig(), turn=math.pi, doubtful=doubtful
-        )
+        doubtful = Closure(Localization(keyframe=localization.keyframe, pose_keyframe_scan=here), failed)
+        known = find_loop_closure(current, localization, keyframes, KeyframesConfig(), turn=math.pi, doubtful=doubtful)
         assert (known is not None) == is_found
         if known is not None:
             assert known.result.ok  # the one that did not fail

@@ -12,12 +12,7 @@ from curvescan import InvalidArgumentError, LaserScan
 from curvescan.cli.main import run
 from curvescan.io import read_config
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.paper.calibration import (
-    TOLERANCES,
-    calibrate,
-    planes_of_log,
-    simulated_planes,
-)
+from curvescan.paper.calibration import TOLERANCES, calibrate, planes_of_log, simulated_planes
 from curvescan.paper.calibration_pairs import calibrate_on_pairs
 from curvescan.simulation import SENSORS
 from tests.scenes import room_scan
@@ -60,8 +55,7 @@ def test_planes_are_found_in_a_log():
     walls = planes_of_log(
         [
             LaserScan(
-                3.0 / np.cos(np.linspace(-0.8, 0.8, 161))
-                + 0.005 * np.random.default_rng(k).standard_normal(161),
+                3.0 / np.cos(np.linspace(-0.8, 0.8, 161)) + 0.005 * np.random.default_rng(k).standard_normal(161),
                 angle_min=-0.8,
                 angle_increment=0.01,
             )

@@ -150,12 +150,7 @@ def test_a_match_of_any_method_is_drawn(tmp_path, method):
     scan = room_scan(sigma=0.01)
     result = cs.match(scan, scan, method=method)
     save_match(tmp_path, result, scans=(scan, scan), names=("one", "two"), cfsma=CfSmaConfig())
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "curvature.png",
-        "match.json",
-        "matched.png",
-        "segments.png",
-    ]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["curvature.png", "match.json", "matched.png", "segments.png"]
     assert (tmp_path / "matched.png").read_bytes().startswith(PNG)
     assert json.loads((tmp_path / "match.json").read_text())["method"] == method
 
@@ -166,9 +161,7 @@ def test_configurations_become_plain_values():
     assert as_plain((cs.Outcome.MATCHED, {"a": 1})) == ["matched", {"a": 1}]
 
 
-@pytest.mark.parametrize(
-    "name", ["a$b$x_{", "bad\udcff", "esc\x1b[31m", "\u30b9\u30ad\u30e3\u30f3"]
-)
+@pytest.mark.parametrize("name", ["a$b$x_{", "bad\udcff", "esc\x1b[31m", "\u30b9\u30ad\u30e3\u30f3"])
 def test_the_name_of_a_log_is_no_formula_and_no_warning(tmp_path, name):
     with drawing(tmp_path / "a.png", 2.0, 2.0) as figure:
         as_place(figure.subplots(), f"{name}: 3 scans")

@@ -45,9 +45,7 @@ def closest_point(point, ref_points, is_joined, max_distance):
     n = len(ref_points)
     best, partner = math.inf, np.full(2, math.nan)
     for k in range(n):
-        q = on_stretch(
-            point, ref_points[k], ref_points[(k + 1) % n] if is_joined[k] else ref_points[k]
-        )
+        q = on_stretch(point, ref_points[k], ref_points[(k + 1) % n] if is_joined[k] else ref_points[k])
         squared = float((q - point) @ (q - point))
         if squared < best:
             best, partner = squared, q
@@ -84,9 +82,7 @@ def split(points, start, stop, max_error):
     worst, at = 0.0, start
     for k in range(start + 1, stop - 1):
         away = points[k] - a
-        distance = (
-            abs(chord[0] * away[1] - chord[1] * away[0]) / length if length else math.hypot(*away)
-        )
+        distance = abs(chord[0] * away[1] - chord[1] * away[0]) / length if length else math.hypot(*away)
         if distance > worst:
             worst, at = distance, k
     if worst <= max_error:

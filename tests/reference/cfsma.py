@@ -10,9 +10,7 @@ import math
 import numpy as np
 
 
-def segments(
-    ranges, angles, *, is_closed, angle_step, range_sigma, incidence_limit, min_readings, max_gap
-):
+def segments(ranges, angles, *, is_closed, angle_step, range_sigma, incidence_limit, min_readings, max_gap):
     """Eq. 2: lists of consecutive reading indices, in sweep order from the first breakpoint."""
     n = len(ranges)
     if n == 0:
@@ -88,16 +86,12 @@ def resample(eta, length):
 
 def correlation(function_cur, function_ref):
     """Eq. 6 without a Fourier transform: the largest sum of products over all circular shifts."""
-    return max(
-        float(np.dot(function_cur, np.roll(function_ref, lag))) for lag in range(len(function_ref))
-    )
+    return max(float(np.dot(function_cur, np.roll(function_ref, lag))) for lag in range(len(function_ref)))
 
 
 def pair_functions(upsilon, min_correlation):
     """Best pair, then the best of what is left, down to U_c."""
-    left = [
-        (-upsilon[i, j], i, j) for i in range(upsilon.shape[0]) for j in range(upsilon.shape[1])
-    ]
+    left = [(-upsilon[i, j], i, j) for i in range(upsilon.shape[0]) for j in range(upsilon.shape[1])]
     pairs = []
     for score, i, j in sorted(left):
         if -score >= min_correlation and all(i != p and j != q for p, q in pairs):
@@ -109,9 +103,7 @@ def characteristic(eta, min_curvature):
     """Eq. 7 with abs(eta) for one segment, inner readings only."""
     height = [abs(e) for e in eta]
     return [
-        i
-        for i in range(1, len(eta) - 1)
-        if height[i] >= min_curvature and height[i - 1] < height[i] >= height[i + 1]
+        i for i in range(1, len(eta) - 1) if height[i] >= min_curvature and height[i - 1] < height[i] >= height[i + 1]
     ]
 
 
@@ -169,9 +161,7 @@ def align(ref, cur):
 
 def covariance(cur, pose, error):
     """Eqs. 13-18 with the matrix M written out row by row."""
-    turn = np.array(
-        [[math.cos(pose[2]), -math.sin(pose[2])], [math.sin(pose[2]), math.cos(pose[2])]]
-    )
+    turn = np.array([[math.cos(pose[2]), -math.sin(pose[2])], [math.sin(pose[2]), math.cos(pose[2])]])
     rows = []
     for p in np.asarray(cur):
         qx, qy = turn @ p

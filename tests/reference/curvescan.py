@@ -101,11 +101,7 @@ def jacobian(pose, point_a, surfel_b, inverse, h=1e-6):
     steps = h * np.eye(3)
     return np.array(
         [
-            (
-                residual(pose + s, point_a, surfel_b, inverse)
-                - residual(pose - s, point_a, surfel_b, inverse)
-            )
-            / (2 * h)
+            (residual(pose + s, point_a, surfel_b, inverse) - residual(pose - s, point_a, surfel_b, inverse)) / (2 * h)
             for s in steps
         ]
     )
@@ -156,11 +152,7 @@ def static_segments(surfels, bounds, partner, others, pose, limit, least):
     """(m,) False on surfaces whose readings lie to one side of their partners' lines on the mean."""
     is_static = np.ones(len(surfels), dtype=bool)
     for start, stop in itertools.pairwise(bounds):
-        rows = [
-            i
-            for i in range(start, stop)
-            if partner[i] >= 0 and surfels[i, 7] > 0 and others[partner[i], 7] > 0
-        ]
+        rows = [i for i in range(start, stop) if partner[i] >= 0 and surfels[i, 7] > 0 and others[partner[i], 7] > 0]
         if len(rows) < 4:
             continue
         distances = [residual(pose, surfels[i, :2], others[partner[i]], False) for i in rows]

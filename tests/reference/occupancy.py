@@ -41,16 +41,11 @@ def occupancy(scans, poses, ignored, config):
         for beam, reading in enumerate(scan.ranges):
             angle = theta + scan.angle_min + beam * scan.angle_increment
             is_valid = scan.range_min <= reading <= scan.range_max and reading > 0
-            is_fully_observed = (
-                config.clear_no_return and reading == np.inf and math.isfinite(scan.range_max)
-            )
+            is_fully_observed = config.clear_no_return and reading == np.inf and math.isfinite(scan.range_max)
             if not is_valid and not is_fully_observed:
                 continue
             reach = reading if is_valid else scan.range_max
-            end = (
-                (x + reach * math.cos(angle)) / config.resolution,
-                (y + reach * math.sin(angle)) / config.resolution,
-            )
+            end = ((x + reach * math.cos(angle)) / config.resolution, (y + reach * math.sin(angle)) / config.resolution)
             last = (math.floor(end[0]), math.floor(end[1]))
             cells = cells_passed(start, end)
             passed |= cells if is_fully_observed else cells - {last}

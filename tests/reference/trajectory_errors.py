@@ -31,9 +31,7 @@ def ate(poses, reference, alignment):
         move[:2, :2], move[:2, 2] = r, t
     else:
         move = goal[0] @ np.linalg.inv(own[0])
-    return np.array(
-        [np.linalg.norm((move @ p)[:2, 2] - q[:2, 2]) for p, q in zip(own, goal, strict=True)]
-    )
+    return np.array([np.linalg.norm((move @ p)[:2, 2] - q[:2, 2]) for p, q in zip(own, goal, strict=True)])
 
 
 def rpe(poses, reference, pairs):
@@ -50,10 +48,7 @@ def rpe(poses, reference, pairs):
 def associate(first, second, tolerance):
     """All pairs within the tolerance, equal ones first, then the nearest; each stamp once; in the order of `first`."""
     candidates = sorted(
-        (abs(a - b), i, j)
-        for i, a in enumerate(first)
-        for j, b in enumerate(second)
-        if abs(a - b) <= tolerance
+        (abs(a - b), i, j) for i, a in enumerate(first) for j, b in enumerate(second) if abs(a - b) <= tolerance
     )
     pairs, used_first, used_second = [], set(), set()
     for _, i, j in candidates:

@@ -42,9 +42,7 @@ def test_a_report_is_a_page_with_its_tables_and_figures_inside(tmp_path):
         columns=("method", "|error| [m]"),
         rows=(("<script>x</script>", "1.0"), ("a_b * c", "±2 & 3")),
     )
-    save_document(
-        tmp_path, "A & B", ["# Report", "Two < three, as *it* is.", table, ("map.png", "The map")]
-    )
+    save_document(tmp_path, "A & B", ["# Report", "Two < three, as *it* is.", table, ("map.png", "The map")])
     markdown = (tmp_path / "report.md").read_text("utf-8")
     assert "# Report" in markdown
     assert "![The map](map.png)" in markdown

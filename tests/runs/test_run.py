@@ -10,15 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.cli.main import run as command
 
-FILES = (
-    "map.pgm",
-    "map.png",
-    "map.yaml",
-    "occupancy.png",
-    "run.json",
-    "trajectory.csv",
-    "trajectory.tum",
-)
+FILES = ("map.pgm", "map.png", "map.yaml", "occupancy.png", "run.json", "trajectory.csv", "trajectory.tum")
 
 
 @pytest.fixture(scope="module")
@@ -30,12 +22,7 @@ def log_file(tmp_path_factory):
 
 def test_a_run_writes_what_the_command_writes(log_file, tmp_path):
     result = cs.run(log_file, out=tmp_path / "a", exports=("kitti", "g2o"))
-    assert (
-        command(
-            ["odometry", str(log_file), "--out", str(tmp_path / "b"), "--export", "kitti", "g2o"]
-        )
-        == 0
-    )
+    assert command(["odometry", str(log_file), "--out", str(tmp_path / "b"), "--export", "kitti", "g2o"]) == 0
     assert result.files == (*FILES, "trajectory.kitti", "graph.g2o")
     for name in (*FILES, "trajectory.kitti", "graph.g2o"):
         a, b = (tmp_path / folder / name for folder in "ab")
@@ -64,8 +51,7 @@ def test_a_run_without_a_folder_writes_nothing_and_gives_the_same(log_file, tmp_
 
 def test_a_run_says_what_is_wrong_with_its_arguments(log_file, tmp_path):
     with pytest.raises(
-        cs.InvalidArgumentError,
-        match=r"exports must be of kitti, g2o, mcap, got 'g20': did you mean 'g2o'",
+        cs.InvalidArgumentError, match=r"exports must be of kitti, g2o, mcap, got 'g20': did you mean 'g2o'"
     ):
         cs.run(log_file, out=tmp_path / "o", exports=("g20",))
     with pytest.raises(cs.InvalidArgumentError, match="give out="):
@@ -99,7 +85,6 @@ def test_a_prior_that_turns_against_the_scans_is_refused(tmp_path):
     cs.write_log(path, log)
     mirrored = cs.read_log(path, clockwise=True)
     with pytest.raises(
-        cs.InvalidArgumentError,
-        match=r"wheel odometry of log.npz turns against its scans.*clockwise=True",
+        cs.InvalidArgumentError, match=r"wheel odometry of log.npz turns against its scans.*clockwise=True"
     ):
         cs.run(mirrored, odometry_prior=True)

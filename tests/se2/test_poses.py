@@ -86,9 +86,7 @@ def test_wrap_leaves_what_is_inside_untouched(angle):
 
 
 def test_wrap_at_the_seam():
-    np.testing.assert_array_equal(
-        se2.wrap([math.pi, -math.pi, 3 * math.pi, -3 * math.pi]), [math.pi] * 4
-    )
+    np.testing.assert_array_equal(se2.wrap([math.pi, -math.pi, 3 * math.pi, -3 * math.pi]), [math.pi] * 4)
     assert np.isnan(se2.wrap([math.nan, math.inf])).all()
 
 
@@ -125,9 +123,7 @@ def test_covariances_agree_with_a_monte_carlo():
 
 
 def test_wrong_shapes_are_named():
-    with pytest.raises(
-        InvalidArgumentError, match=r"pose_a_b must have shape \(\.\.\., 3\).*\(2,\)"
-    ):
+    with pytest.raises(InvalidArgumentError, match=r"pose_a_b must have shape \(\.\.\., 3\).*\(2,\)"):
         se2.compose([1, 2], [1, 2, 3])
     with pytest.raises(InvalidArgumentError, match=r"points must have shape \(\.\.\., 2\).*\(3,\)"):
         se2.transform([0, 0, 0], [1, 2, 3])

@@ -8,14 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curvescan import se2
-from curvescan.se2.uncertain import (
-    UncertainPose,
-    between,
-    compose,
-    fuse,
-    identity,
-    inverse,
-)
+from curvescan.se2.uncertain import UncertainPose, between, compose, fuse, identity, inverse
 
 
 def draw(seed, scale=1.0):

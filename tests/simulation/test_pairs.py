@@ -90,9 +90,7 @@ def test_people_take_their_share_and_are_others_in_each_scan():
     alone = simulate_pairs("room", n_pairs=1, clearance=1.0, seed=2)[0]
     assert np.array_equal(alone.pose, pairs[0].pose)
     is_seen = ~pairs[0].is_person_ref & pairs[0].reference.valid
-    np.testing.assert_array_equal(
-        alone.reference.ranges[is_seen], pairs[0].reference.ranges[is_seen]
-    )
+    np.testing.assert_array_equal(alone.reference.ranges[is_seen], pairs[0].reference.ranges[is_seen])
 
 
 def test_a_world_too_narrow_is_told():

@@ -32,11 +32,7 @@ def deserted():
 
 def test_a_simulation_is_a_log(crowded):
     assert isinstance(crowded, Log)
-    assert (crowded.name, crowded.format, crowded.read_errors) == (
-        "office (seed 3)",
-        "simulated log",
-        (),
-    )
+    assert (crowded.name, crowded.format, crowded.read_errors) == ("office (seed 3)", "simulated log", ())
     assert len(crowded) == len(list(crowded)) == len(list(crowded)) == N
     assert all(isinstance(scan, LaserScan) for scan in crowded)
     assert [scan.stamp for scan in crowded] == crowded.truth.stamps.tolist()
@@ -181,9 +177,7 @@ def test_each_beam_of_a_slow_sweep_is_cast_from_its_own_place():
     motion = se2.log(se2.between(poses[20], poses[21]))
     for beam in (1, 100, 250, 360):
         pose = se2.compose(poses[20], se2.exp(motion * beam / CLEAN.n_beams))
-        alone, _ = cast_rays(
-            world, pose, angle_min=scan.angles[beam], angle_increment=1.0, n_beams=1, range_max=8.0
-        )
+        alone, _ = cast_rays(world, pose, angle_min=scan.angles[beam], angle_increment=1.0, n_beams=1, range_max=8.0)
         assert log.exact_ranges[20, beam] == pytest.approx(alone[0], abs=1e-9)
 
 

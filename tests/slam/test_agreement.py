@@ -110,10 +110,7 @@ def test_what_was_accepted_contradicts_nothing_beyond_a_slip() -> None:
 def test_the_next_room_waits_while_matches_where_the_graph_has_them_contradict_it() -> None:
     """The keyframes match their own place and, by many more, a room that the graph can hardly have there."""
     likely = [_closure(0, 30, 0.0), _closure(1, 31, 0.0)]
-    lookalikes = [
-        dataclasses.replace(_closure(4 + i, 30 + i // 2, 2.0, ROOM), is_doubtful=True)
-        for i in range(8)
-    ]
+    lookalikes = [dataclasses.replace(_closure(4 + i, 30 + i // 2, 2.0, ROOM), is_doubtful=True) for i in range(8)]
 
     def n_accepted(first: list[Closure]) -> int:
         waiting = Waiting(SlamConfig())

@@ -50,9 +50,7 @@ def test_a_matcher_without_a_confidence_is_judged_by_its_score(result: MatchResu
     assert _outcome(poor) is ClosureOutcome.LOW_CONFIDENCE
 
 
-def test_a_degenerate_match_counts_across_where_the_graph_knows_the_rest(
-    result: MatchResult,
-) -> None:
+def test_a_degenerate_match_counts_across_where_the_graph_knows_the_rest(result: MatchResult) -> None:
     along_x = dataclasses.replace(result, degenerate_direction=np.array([1.0, 0.0, 0.0]))
     assert _outcome(along_x) is ClosureOutcome.ACCEPTED
     assert _outcome(along_x, 1.0) is ClosureOutcome.DEGENERATE
@@ -77,9 +75,7 @@ def test_the_farther_off_the_more_must_agree(result: MatchResult) -> None:
     assert _off(result, 3.5, sigma_m=1.0) is ClosureOutcome.UNEXPECTED
 
 
-def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(
-    result: MatchResult,
-) -> None:
+def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(result: MatchResult) -> None:
     assert _off(result, 0.8) is ClosureOutcome.WAITING
     assert _off(result, 1.4) is ClosureOutcome.WAITING
     # however sure the graph is: it may have a wrong turn
@@ -90,9 +86,7 @@ def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(
     assert _off(result, 1.6, sigma_m=0.01) is ClosureOutcome.UNEXPECTED
 
 
-@pytest.mark.parametrize(
-    ("turn", "outcome"), [(0.3, ClosureOutcome.WAITING), (2.4, ClosureOutcome.UNEXPECTED)]
-)
+@pytest.mark.parametrize(("turn", "outcome"), [(0.3, ClosureOutcome.WAITING), (2.4, ClosureOutcome.UNEXPECTED)])
 def test_a_match_that_turns_the_way_contradicts_the_graph_wherever_it_lies(
     result: MatchResult, turn: float, outcome: ClosureOutcome
 ) -> None:

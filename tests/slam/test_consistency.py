@@ -19,9 +19,7 @@ def test_it_is_as_large_as_the_one_found_by_trying_all(seed: int) -> None:
     def is_clique(rows: tuple[int, ...]) -> bool:
         return all(links[a, b] for a, b in itertools.combinations(rows, 2))
 
-    sizes = [
-        size for size in range(10) if any(map(is_clique, itertools.combinations(range(9), size)))
-    ]
+    sizes = [size for size in range(10) if any(map(is_clique, itertools.combinations(range(9), size)))]
     found = largest_clique(links)
     assert is_clique(tuple(found))
     assert len(found) == max(sizes)

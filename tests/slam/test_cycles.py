@@ -25,9 +25,7 @@ def _by_graph(a: int, b: int, poses: Pose, motions: Cov) -> UncertainPose:
     return UncertainPose(pose, way.cov + 4.0 * n_edges * np.diag(_FLOOR))
 
 
-def _twin(
-    ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motions: Cov
-) -> np.ndarray:
+def _twin(ends: np.ndarray, measured: Pose, covariances: Cov, poses: Pose, motions: Cov) -> np.ndarray:
     n = len(ends)
     found = np.zeros((n, n))
     for a in range(n):

@@ -20,9 +20,7 @@ def scans() -> list[cs.LaserScan]:
     return list(cs.simulate("office", seed=1, n_scans=3, odometry_noise=None))
 
 
-def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(
-    scans: list[cs.LaserScan],
-) -> None:
+def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(scans: list[cs.LaserScan]) -> None:
     growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     lost = UncertainPose(np.zeros(3), np.diag([1e6, 1e6, 10.0]))
@@ -31,9 +29,7 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(
     assert np.linalg.eigvalsh(growing.graph.covariances[is_motion][0]).max() < 1e3
 
 
-def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(
-    scans: list[cs.LaserScan],
-) -> None:
+def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:
     """A closure moves the keyframes from its own on, which then come apart from those before."""
     growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
@@ -52,9 +48,7 @@ def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(
     np.testing.assert_allclose(growing.chain().poses, chain, atol=1e-12)
 
 
-def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(
-    scans: list[cs.LaserScan],
-) -> None:
+def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[cs.LaserScan]) -> None:
     made = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     made.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1):

@@ -94,9 +94,7 @@ def test_one_scan_alone_is_located(stored: SlamMap) -> None:
 
 
 @pytest.mark.slow
-def test_walls_hold_a_scan_along_what_its_matches_leave_open(
-    stored: SlamMap, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_walls_hold_a_scan_along_what_its_matches_leave_open(stored: SlamMap, monkeypatch: pytest.MonkeyPatch) -> None:
     localizer = cs.Localizer(stored)
     around = localizer._matching.around
 

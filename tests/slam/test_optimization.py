@@ -7,12 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from curvescan import se2
-from curvescan.slam.pose_graph.optimization import (
-    Edges,
-    normal_equations,
-    optimize,
-    squared_distances,
-)
+from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize, squared_distances
 from curvescan.slam.pose_graph.sparse import block_pattern
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
@@ -55,16 +50,11 @@ def test_normal_equations_are_jt_j_of_numerical_derivatives() -> None:
     truth = loop(8)
     edges = measured_edges(truth, ladder(8), seed=3)
     pattern = block_pattern(8, edges.ends, 3)
-    data, gradient, _ = normal_equations(
-        truth, edges, np.ones(len(edges.ends)), np.zeros(0, dtype=np.int64), pattern
-    )
+    data, gradient, _ = normal_equations(truth, edges, np.ones(len(edges.ends)), np.zeros(0, dtype=np.int64), pattern)
     step = 1e-6
     jac = np.column_stack(
         [
-            (
-                _residuals(truth + step * e.reshape(-1, 3), edges)
-                - _residuals(truth - step * e.reshape(-1, 3), edges)
-            )
+            (_residuals(truth + step * e.reshape(-1, 3), edges) - _residuals(truth - step * e.reshape(-1, 3), edges))
             / (2.0 * step)
             for e in np.eye(24)
         ]

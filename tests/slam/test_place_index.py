@@ -11,9 +11,7 @@ from curvescan.slam.loops.place_index import SIGNATURE_SIZE, PlaceIndex, signatu
 
 def _keypoints(seed: int, n: int = 12) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    return np.column_stack(
-        (rng.uniform(-4, 4, (n, 2)), rng.uniform(-3, 3, n), rng.choice([-1.0, 0.0, 1.0], n))
-    )
+    return np.column_stack((rng.uniform(-4, 4, (n, 2)), rng.uniform(-3, 3, n), rng.choice([-1.0, 0.0, 1.0], n)))
 
 
 def test_a_signature_stays_as_it_is_when_the_sensor_moves_and_turns() -> None:

@@ -7,13 +7,7 @@ import pytest
 
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
-from curvescan.slam.pose_graph.posterior import (
-    design_effect,
-    own_noise,
-    variance_factor,
-    with_own_noise,
-    without_floor,
-)
+from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
 from tests.slam.graphs import SIGMAS, loop, measured_edges
 
 N = 60

@@ -29,9 +29,7 @@ def test_it_keeps_the_true_closures_and_no_false_one(share: float) -> None:
     truth = loop(n)
     edges, is_false = _with_outliers(measured_edges(truth, ladder(n), seed=1), n, share, seed=2)
     is_chain = np.arange(len(edges.ends)) < n - 1
-    found = optimize_robustly(
-        dead_reckoning(edges, n), edges, is_chain, np.array([0]), limit=16.0, from_chordal=False
-    )
+    found = optimize_robustly(dead_reckoning(edges, n), edges, is_chain, np.array([0]), limit=16.0, from_chordal=False)
     assert found.weights[is_false].max() == 0.0
     assert found.weights[~is_false].min() > 0.99
     off = se2.between(truth, found.poses)
@@ -44,9 +42,7 @@ def test_an_edge_wins_its_vote_back() -> None:
     edges = measured_edges(truth, ladder(n), seed=3)
     is_chain = np.arange(len(edges.ends)) < n - 1
     lost = is_chain.astype(np.float64)
-    found = optimize_robustly(
-        truth, edges, is_chain, np.array([0]), limit=16.0, from_chordal=False, weights=lost
-    )
+    found = optimize_robustly(truth, edges, is_chain, np.array([0]), limit=16.0, from_chordal=False, weights=lost)
     assert found.weights.min() == 1.0
 
 

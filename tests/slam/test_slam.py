@@ -52,9 +52,7 @@ def test_loop_closures_and_matches_of_neighbours_are_counted_apart(run: SlamRun)
     assert f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours" in repr(run.slam)
 
 
-def test_every_accepted_closure_is_true(
-    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
-) -> None:
+def test_every_accepted_closure_is_true(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
     _, truth = floor
     slam_map = run.slam.map
     true = se2.between(truth[0], truth)
@@ -76,9 +74,7 @@ def test_every_pose_has_a_covariance_that_is_positive_definite(run: SlamRun) -> 
     assert np.isfinite(covariances).all()
 
 
-def test_the_same_input_gives_the_same_bits(
-    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
-) -> None:
+def test_the_same_input_gives_the_same_bits(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
     again = run_slam(floor[0])
     assert again.revised.trajectory.poses.tobytes() == run.revised.trajectory.poses.tobytes()
     assert again.online.poses.tobytes() == run.online.poses.tobytes()
@@ -100,9 +96,7 @@ def test_a_map_is_continued_from_anywhere(
     assert np.hypot(*(trajectory.poses[-1, :2] - true[-1, :2])) < 0.1
 
 
-def test_a_localizer_finds_and_follows_the_sensor(
-    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
-) -> None:
+def test_a_localizer_finds_and_follows_the_sensor(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
     scans, truth = floor
     start = len(scans) // 2
     localizer = cs.Localizer(run.slam.map)

@@ -7,12 +7,7 @@ from collections import Counter, deque
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-OK, WARN, ERROR, STALE = (
-    DiagnosticStatus.OK,
-    DiagnosticStatus.WARN,
-    DiagnosticStatus.ERROR,
-    DiagnosticStatus.STALE,
-)
+OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
 SILENT = 1.0
 """After so long without a scan something is missing, seconds."""
 
@@ -58,9 +53,7 @@ class Diagnosis:
             "loop closures": self.n_closures,
             "ms a scan, median": f"{np.median(milliseconds):.2f}",
             "ms a scan, worst": f"{milliseconds.max():.2f}",
-            "degenerate direction": "none"
-            if self.direction is None
-            else ", ".join(f"{v:.2f}" for v in self.direction),
+            "degenerate direction": "none" if self.direction is None else ", ".join(f"{v:.2f}" for v in self.direction),
         } | {f"outcome {name}": count for name, count in self.outcomes.items()}
         status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         return status

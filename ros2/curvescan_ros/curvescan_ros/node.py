@@ -61,16 +61,10 @@ PARAMETERS = {
 }
 """Parameters and their defaults."""
 
-SENSOR_DATA = QoSProfile(
-    depth=200, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
-)
+SENSOR_DATA = QoSProfile(depth=200, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
 """As rclpy's qos_profile_sensor_data, with room for a hiccup: a scan that is dropped is a motion twice as large."""
 
-LATCHED = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 MOUNT_PATIENCE = 2.0
 """Scans wait so long for the laser's mount in /tf_static before they are refused, seconds."""
@@ -123,9 +117,7 @@ class CurvescanNode(Node):
         if mode == "slam":
             return Tracker(curvescan.Slam(method))
         if mode != "odometry":
-            raise curvescan.InvalidArgumentError(
-                f"mode must be odometry, slam or localization, got {mode!r}"
-            )
+            raise curvescan.InvalidArgumentError(f"mode must be odometry, slam or localization, got {mode!r}")
         if not self._p["config"]:
             return Tracker(curvescan.Odometry(method))
         defaults = {method: find_matcher(method).config, "odometry": OdometryConfig()}
@@ -139,10 +131,7 @@ class CurvescanNode(Node):
                 self._map.publish(map_message(stamp, grid, self._map_parent()))
 
         return MapPublisher(
-            publish,
-            period=self._p["map_period"],
-            is_revisable=self._p["mode"] == "slam",
-            saved_map=self._saved_map,
+            publish, period=self._p["map_period"], is_revisable=self._p["mode"] == "slam", saved_map=self._saved_map
         )
 
     def _map_parent(self) -> str:
@@ -155,9 +144,7 @@ class CurvescanNode(Node):
             self.get_logger().error("tf2_msgs is not installed: no transform is read or published")
             return None
         static = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(
-            TFMessage, "/tf_static", lambda m: add_transforms(self._tree, m), static
-        )
+        self.create_subscription(TFMessage, "/tf_static", lambda m: add_transforms(self._tree, m), static)
         self._tf_type = TFMessage
         return self.create_publisher(TFMessage, "/tf", 100) if self._p["publish_tf"] else None
 
@@ -206,9 +193,7 @@ class CurvescanNode(Node):
         return self.count_publishers("/tf_static") > 0
 
     def _on_wheels(self, message: Odometry) -> None:
-        self._wheels.append(
-            (Time.from_msg(message.header.stamp).nanoseconds * 1e-9, pose_of(message))
-        )
+        self._wheels.append((Time.from_msg(message.header.stamp).nanoseconds * 1e-9, pose_of(message)))
 
     def _wheel_pose(self, scan: curvescan.LaserScan) -> np.ndarray | None:
         """Return the laser's pose by the wheels in the middle of a sweep, interpolated; None where that is not known."""
@@ -238,9 +223,7 @@ class CurvescanNode(Node):
         infos = self.get_publishers_info_by_topic(topic)
         if not infos:
             types = dict(self.get_topic_names_and_types())
-            others = [
-                n for n, t in types.items() if "sensor_msgs/msg/LaserScan" in t and n != topic
-            ]
+            others = [n for n, t in types.items() if "sensor_msgs/msg/LaserScan" in t and n != topic]
             hint = f"; laser scans are on {', '.join(others)}: remap scan" if others else ""
             return f"nobody publishes {topic}: is the laser's driver running?{hint}"
         wrong = {i.topic_type for i in infos} - {"sensor_msgs/msg/LaserScan"}

@@ -58,14 +58,7 @@ def scans():
 def save_scans(path, log, wheels=None):
     """Write scans, and the poses of wheels at their times, for player.py."""
     scans = list(log)
-    names = (
-        "angle_min",
-        "angle_increment",
-        "range_min",
-        "range_max",
-        "time_increment",
-        "scan_time",
-    )
+    names = ("angle_min", "angle_increment", "range_min", "range_max", "time_increment", "scan_time")
     np.savez(
         path,
         ranges=np.array([scan.ranges for scan in scans], dtype=np.float32),

@@ -64,14 +64,7 @@ def main() -> None:
     while not writer.get_matched_subscriptions() and time.monotonic() < deadline:
         time.sleep(0.1)
     time.sleep(1.0)
-    fields = (
-        "angle_min",
-        "angle_increment",
-        "time_increment",
-        "scan_time",
-        "range_min",
-        "range_max",
-    )
+    fields = ("angle_min", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
     numbers = {name: float(data[name]) for name in fields}
     for nanoseconds, ranges in zip(data["nanoseconds"].tolist(), data["ranges"], strict=True):
         stamp = Stamp(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)

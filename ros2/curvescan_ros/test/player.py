@@ -18,16 +18,9 @@ from sensor_msgs.msg import LaserScan
 def wheel_message(stamp: Time, x: float, y: float, theta: float) -> Odometry:
     """Return a pose by the wheels."""
     message = Odometry()
-    message.header.stamp, message.header.frame_id, message.child_frame_id = (
-        stamp,
-        "wheels",
-        "base_link",
-    )
+    message.header.stamp, message.header.frame_id, message.child_frame_id = (stamp, "wheels", "base_link")
     message.pose.pose.position.x, message.pose.pose.position.y = x, y
-    message.pose.pose.orientation.z, message.pose.pose.orientation.w = (
-        math.sin(0.5 * theta),
-        math.cos(0.5 * theta),
-    )
+    message.pose.pose.orientation.z, message.pose.pose.orientation.w = (math.sin(0.5 * theta), math.cos(0.5 * theta))
     return message
 
 
@@ -50,15 +43,9 @@ def main() -> None:
     due = time.monotonic()
     for k, ranges in enumerate(data["ranges"]):
         message = LaserScan(
-            **{
-                name: float(data[name])
-                for name in ("angle_min", "angle_increment", "range_min", "range_max")
-            }
+            **{name: float(data[name]) for name in ("angle_min", "angle_increment", "range_min", "range_max")}
         )
-        message.time_increment, message.scan_time = (
-            float(data["time_increment"]),
-            float(data["scan_time"]),
-        )
+        message.time_increment, message.scan_time = (float(data["time_increment"]), float(data["scan_time"]))
         nanoseconds = int(data["nanoseconds"][k])
         message.header.stamp = Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
         message.header.frame_id = "laser"

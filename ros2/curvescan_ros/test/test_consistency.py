@@ -34,10 +34,7 @@ def test_twist_and_pose_are_consistent(bench, tmp_path, record_property):
     assert len(made.odom) == len(log)
     first = log.truth.poses
     half = 0.5 * (359 / 360)
-    truth = [
-        se2.compose(a, se2.exp(half * se2.log(se2.between(a, b))))
-        for a, b in itertools.pairwise(first)
-    ]
+    truth = [se2.compose(a, se2.exp(half * se2.log(se2.between(a, b)))) for a, b in itertools.pairwise(first)]
     of_twist, of_pose = [], []
     for k in range(1, len(truth)):
         message, linear = made.odom[k], made.odom[k].twist.twist.linear

@@ -44,12 +44,8 @@ def test_colcon_builds_the_package(tmp_path):
         pytest.skip("colcon is not installed")
     shutil.copytree(PACKAGE, tmp_path / "src" / PACKAGE.name)
     build = [colcon, "build"]
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    }
-    built = subprocess.run(
-        build, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
-    )
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    built = subprocess.run(build, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
     assert built.returncode == 0, built.stderr
     prefix = tmp_path / "install" / "curvescan_ros"
     share = prefix / "share" / "curvescan_ros"

@@ -119,9 +119,7 @@ def test_in_a_saved_map_that_map_is_published_first(bench, scans, scans_file, tm
 def test_transforms(bench, scans, scans_file):
     """The laser is ahead of the base and turned by 90 degrees, which /tf_static says: poses are those of the base."""
     tf2 = pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not built")
-    if not hasattr(
-        tf2, "TFMessage"
-    ):  # what is found is the folder that it is built from, beside this file
+    if not hasattr(tf2, "TFMessage"):  # what is found is the folder that it is built from, beside this file
         pytest.skip("tf2_msgs is not built")
     from geometry_msgs.msg import TransformStamped
 

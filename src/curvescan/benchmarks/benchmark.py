@@ -9,14 +9,7 @@ from curvescan.benchmarks.deception import DeceptionScore, score_deception
 from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.benchmarks.profile import StageTime, measure_stages
 from curvescan.benchmarks.rotation import TURNS_DEG, success_by_turn
-from curvescan.benchmarks.scenarios import (
-    OPEN_WORLDS,
-    SCENARIOS,
-    OpenScore,
-    ScenarioScore,
-    score_open,
-    score_scenario,
-)
+from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
 from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
 from curvescan.benchmarks.stamp_jitter import JITTERS, JitterSpread, measure_jitter, timed_log
 from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
@@ -105,33 +98,12 @@ def run_benchmark(
     seed: int = 0,
     progress: Progress = in_silence,
 ) -> Benchmark:
-    """Return time, success, accuracy and consistency of methods on simulated pairs and real logs.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of matchers.
-    n_pairs : int
-        Pairs of each scenario; times are taken on 200 at most.
-    n_runs : int
-        Runs of each variant and world of experiment 1.
-    n_deceptive : int
-        Pairs of each deceptive world.
-    logs : sequence of Log
-        Real logs, each of whose scans is matched with the one before.
-    seed : int
-        The same seed gives the same results, times aside.
-    progress : callable
-        Tells how far it is; silent by default.
-    """
+    """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
     speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
     scenarios, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
     n_turned = max(n_pairs // 5, 1)
     turns = success_by_turn(
-        methods,
-        n_pairs=n_turned,
-        seed=seed + 2,
-        on_pair=progress("any turn", n_turned * len(TURNS_DEG)),
+        methods, n_pairs=n_turned, seed=seed + 2, on_pair=progress("any turn", n_turned * len(TURNS_DEG))
     )
     experiment_1 = _experiment_1(n_runs, seed, progress)
     judged = [
@@ -139,9 +111,7 @@ def run_benchmark(
         for log in logs
         for method in methods
     ]
-    reading = measure_reading(
-        n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS)
-    )
+    reading = measure_reading(n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS))
     return Benchmark(
         n_pairs=n_pairs,
         n_runs=n_runs,
@@ -176,9 +146,7 @@ def _times(
         series = []
         for n_beams in BEAM_COUNTS:
             sensor = with_beams(n_beams)
-            series.append(
-                measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed)
-            )
+            series.append(measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed))
             advance()
         growth[method] = tuple(series)
     return tuple(speeds), tuple(stages), growth
@@ -191,24 +159,15 @@ def _scores(
     scenarios = [
         score
         for one in SCENARIOS
-        for score in score_scenario(
-            one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs)
-        )
+        for score in score_scenario(one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs))
     ]
     open_worlds = [
         score
         for world in OPEN_WORLDS
-        for score in score_open(
-            world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs)
-        )
+        for score in score_open(world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs))
     ]
     deceptions = [
-        score_deception(
-            world,
-            n_pairs=n_deceptive,
-            seed=seed + 3,
-            on_pair=progress(f"deceptive: {world}", n_deceptive),
-        )
+        score_deception(world, n_pairs=n_deceptive, seed=seed + 3, on_pair=progress(f"deceptive: {world}", n_deceptive))
         for world in DECEPTIONS
         if DEFAULT_METHOD in methods
     ]

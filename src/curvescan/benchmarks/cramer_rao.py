@@ -20,21 +20,7 @@ _SAME_SURFACE = 0.05
 def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Floats]:
     """Return the exact ranges of a sweep and how they change with the sensor's pose.
 
-    Parameters
-    ----------
-    world : World
-        What stands still.
-    pose : (3,) float64
-        Of the sensor in the world.
-    sensor : Sensor
-        Whose beams.
-
-    Returns
-    -------
-    ranges : (n,) float64
-        Metres; inf where nothing is met.
-    gradient : (n, 3) float64
-        Change of the range with x and y (of the sensor's own frame) and theta: 1, 1, m/rad; NaN where nothing is met.
+    pose (3,); ranges (n,): Metres; inf where nothing is met; gradient (n, 3).
     """
     from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
 
@@ -60,34 +46,19 @@ def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Fl
 def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
     """Return the least covariance that an unbiased estimate of a pair's pose can have.
 
-    Only beams count that both scans can compare: not on people, and on a surface that the other scan has a reading of.
+    Only beams count that both scans can compare: not on people, and on a surface that the other scan has a reading
+    of.
 
-    Parameters
-    ----------
-    pair : ScanPair
-        With its world and true poses.
-    sensor : Sensor
-        That took both scans.
-
-    Returns
-    -------
-    (3, 3) float64
-        Of the pose of the current scan in the reference, x, y, theta: m^2, m rad, rad^2. NaN where the scans do not fix
-        the pose.
+    result (3, 3).
     """
     poses = (pair.reference_pose, se2.compose(pair.reference_pose, pair.pose))
-    usable = (
-        pair.reference.valid & ~pair.is_person_ref,
-        pair.current.valid & ~pair.is_person_cur,
-    )
+    usable = (pair.reference.valid & ~pair.is_person_ref, pair.current.valid & ~pair.is_person_cur)
     swept = [range_gradient(pair.world, pose, sensor) for pose in poses]
     information = np.zeros((3, 3))
     for own, other in ((0, 1), (1, 0)):
         ranges, gradient = swept[own]
         counts = usable[own] & ~np.isnan(gradient).any(axis=1)
-        counts &= _is_seen(
-            ranges, se2.between(poses[other], poses[own]), swept[other][0], usable[other], sensor
-        )
+        counts &= _is_seen(ranges, se2.between(poses[other], poses[own]), swept[other][0], usable[other], sensor)
         seen = gradient[counts]
         half = 0.5 * seen.T @ seen / (2.0 * sensor.sigma_range**2)
         if own == 0:
@@ -107,12 +78,7 @@ def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
 def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
     """Return the median translation error, metres, that matches at their bounds would have.
 
-    Parameters
-    ----------
-    bounds : list of (3, 3) float64
-        One a pair; NaN ones are left out.
-    seed : int
-        Of the 200 errors drawn for each pair.
+    bounds: One a pair; NaN ones are left out.
     """
     rng = np.random.default_rng(seed)
     errors = [
@@ -140,9 +106,7 @@ def _normals(world: World, pose: Pose, points: Points, hit_idx: Ints) -> Points:
     return unit
 
 
-def _is_seen(
-    ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Bools, sensor: Sensor
-) -> Bools:
+def _is_seen(ranges: Floats, pose: Pose, other_ranges: Floats, other_usable: Bools, sensor: Sensor) -> Bools:
     """Return (n,) whether the other scan has a usable reading next to each exact reading of this one."""
     angles = sensor.angle_min + sensor.angle_increment * np.arange(sensor.n_beams)
     is_hit = np.isfinite(ranges)

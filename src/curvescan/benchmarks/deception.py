@@ -52,21 +52,7 @@ def score_deception(
     seed: int = 1,
     on_pair: Callable[[], None] | None = None,
 ) -> DeceptionScore:
-    """Return how a method does in one deceptive world.
-
-    Parameters
-    ----------
-    world : str
-        One of :data:`curvescan.simulation.deceptive.DECEPTIONS`.
-    method : str
-        Name of a matcher.
-    n_pairs : int
-        How many pairs.
-    seed : int
-        The same seed, the same pairs.
-    on_pair : callable or None
-        Called after each pair.
-    """
+    """Return how a method does in one deceptive world."""
     right = sure = flagged = 0
     for pair in deceptive_pairs(world, n_pairs=n_pairs, seed=seed):
         result = match(pair.reference, pair.current, method=method, guess=pair.guess)

@@ -12,14 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.io import WRITERS, read_log, write_log
-from curvescan.io.arrays.coreslam import (
-    ANGLE_INCREMENT,
-    ANGLE_MIN,
-    N_BEAMS,
-    RANGE_MAX,
-    RANGE_MIN,
-    SCAN_TIME,
-)
+from curvescan.io.arrays.coreslam import ANGLE_INCREMENT, ANGLE_MIN, N_BEAMS, RANGE_MAX, RANGE_MIN, SCAN_TIME
 from curvescan.io.log import Log
 from curvescan.simulation import Sensor, simulate
 
@@ -71,25 +64,9 @@ class ReadingSpeed:
 
 
 def measure_reading(
-    *,
-    n_scans: int = 500,
-    repeats: int = 3,
-    seed: int = 0,
-    on_format: Callable[[], object] = lambda: None,
+    *, n_scans: int = 500, repeats: int = 3, seed: int = 0, on_format: Callable[[], object] = lambda: None
 ) -> tuple[ReadingSpeed, ...]:
-    """Return the speed of every format that is read, in a temporary folder that goes afterwards; one thread.
-
-    Parameters
-    ----------
-    n_scans : int
-        Scans of the log.
-    repeats : int
-        Measurements of each format, of which the fastest counts: the others waited for something else.
-    seed : int
-        Seed of the simulation.
-    on_format : callable
-        Called after each format.
-    """
+    """Return the speed of every format that is read, in a temporary folder that goes afterwards; one thread."""
     log = simulate("office", sensor=URG_04LX, n_scans=n_scans, seed=seed)
     speeds = []
     with tempfile.TemporaryDirectory(prefix="curvescan-") as folder:

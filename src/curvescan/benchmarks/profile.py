@@ -48,15 +48,6 @@ def measure_stages(method: str, *, n_pairs: int = 200, seed: int = 0) -> list[St
     """Return the stages of a matcher on simulated pairs, those that take most first.
 
     They are measured by Python's profiler, which makes each function that is not compiled some 0.5 us slower.
-
-    Parameters
-    ----------
-    method : str
-        Name of a matcher.
-    n_pairs : int
-        Pairs of scans of 361 beams, of :func:`curvescan.benchmarks.speed.easy_pairs`.
-    seed : int
-        Seed of the simulation.
     """
     pairs, guesses = easy_pairs("sick-lms200", n_pairs, seed)
 
@@ -80,9 +71,7 @@ def measure_stages(method: str, *, n_pairs: int = 200, seed: int = 0) -> list[St
     return _stages(method, times)
 
 
-def _by_stage(
-    function: Callable[..., object], arguments: Sequence[tuple[Any, ...]], n_each: int
-) -> dict[str, float]:
+def _by_stage(function: Callable[..., object], arguments: Sequence[tuple[Any, ...]], n_each: int) -> dict[str, float]:
     """Return the mean seconds that calls of a function spend in each file of the package."""
     profile = cProfile.Profile(time.perf_counter)
     profile.enable()

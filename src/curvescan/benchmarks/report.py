@@ -27,13 +27,7 @@ def save_benchmark(folder: Path, results: Benchmark) -> None:
 
 def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     """Return the tables of a benchmark, in the order in which it was measured."""
-    tables = [
-        _speed(results),
-        _stages(results),
-        _growth(results),
-        _scenarios(results),
-        _open_worlds(results),
-    ]
+    tables = [_speed(results), _stages(results), _growth(results), _scenarios(results), _open_worlds(results)]
     if results.deceptions:
         tables.append(_deceptions(results))
     tables.append(_experiment_1(results))
@@ -47,14 +41,7 @@ def jitter_table(spreads: Sequence[JitterSpread]) -> ResultTable:
     """Return the table of what jittered stamps change, one row a log and jitter."""
     return ResultTable(
         title="Odometry with jittered stamps, beside that with the log's own",
-        columns=(
-            "log",
-            "scans",
-            "stamps moved by",
-            "runs",
-            "ends apart, most",
-            "poses that differ",
-        ),
+        columns=("log", "scans", "stamps moved by", "runs", "ends apart, most", "poses that differ"),
         rows=[
             (
                 one.log,
@@ -214,19 +201,8 @@ def _deceptions(results: Benchmark) -> ResultTable:
 def _experiment_1(results: Benchmark) -> ResultTable:
     return ResultTable(
         title=f"Experiment 1, cfsma, {results.n_runs:,} runs each: median errors of the matches that did not fail",
-        columns=(
-            "world",
-            "condition",
-            "translation",
-            "rotation",
-            "mean N_t",
-            "failed",
-            "within 0.1 m, 2 deg",
-        ),
-        rows=[
-            (world, condition.title, *_errors(runs))
-            for (world, condition), runs in results.experiment_1.items()
-        ],
+        columns=("world", "condition", "translation", "rotation", "mean N_t", "failed", "within 0.1 m, 2 deg"),
+        rows=[(world, condition.title, *_errors(runs)) for (world, condition), runs in results.experiment_1.items()],
     )
 
 

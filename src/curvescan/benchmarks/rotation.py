@@ -20,39 +20,16 @@ TRANSLATION_MAX = 0.3
 
 
 def success_by_turn(
-    methods: Sequence[str],
-    *,
-    n_pairs: int = 60,
-    seed: int = 2,
-    on_pair: Callable[[], None] | None = None,
+    methods: Sequence[str], *, n_pairs: int = 60, seed: int = 2, on_pair: Callable[[], None] | None = None
 ) -> dict[str, Floats]:
-    """Return the share of pairs that each method matches rightly without a guess, for each turn.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of matchers.
-    n_pairs : int
-        Pairs a turn, each in a fresh office, half of them to the left.
-    seed : int
-        The same seed, the same pairs.
-    on_pair : callable or None
-        Called after each pair.
-
-    Returns
-    -------
-    dict of str to (len(TURNS_DEG),) float64
-        Shares, 0 to 1.
-    """
+    """Return the share of pairs that each method matches rightly without a guess, for each turn."""
     rng = np.random.default_rng(seed)
     right = {method: np.zeros(len(TURNS_DEG)) for method in methods}
     for k, turn_deg in enumerate(TURNS_DEG):
         bearing = rng.uniform(-np.pi, np.pi, n_pairs)
         radius = TRANSLATION_MAX * np.sqrt(rng.uniform(size=n_pairs))
         side = np.where(np.arange(n_pairs) % 2 == 0, 1.0, -1.0)
-        motions = np.column_stack(
-            [radius * np.cos(bearing), radius * np.sin(bearing), side * np.radians(turn_deg)]
-        )
+        motions = np.column_stack([radius * np.cos(bearing), radius * np.sin(bearing), side * np.radians(turn_deg)])
         for pair in simulate_pairs("office", sensor="spinning-360", motions=motions, seed=seed + k):
             for method in methods:
                 result = match(pair.reference, pair.current, method=method)

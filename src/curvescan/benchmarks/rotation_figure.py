@@ -17,7 +17,5 @@ def draw_turns(path: Path, shares: dict[str, Floats]) -> None:
             axes.plot(TURNS_DEG, 100.0 * share, ".-", color=segment_colour(k), label=method)
         axes.set(xlabel="turn between the scans [deg]", ylabel="right matches [%]", ylim=(-3, 103))
         axes.set_xticks(TURNS_DEG[::2])
-        axes.set_title(
-            f"360 beams over the full circle, no guess, offices, up to {TRANSLATION_MAX:g} m apart"
-        )
+        axes.set_title(f"360 beams over the full circle, no guess, offices, up to {TRANSLATION_MAX:g} m apart")
         figure.legend(loc="outside lower center", ncols=4)

@@ -45,19 +45,11 @@ _SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
 
 SCENARIOS = (
     *(
-        Scenario(
-            name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0
-        )
+        Scenario(name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0)
         for n, t, r in _SIZES
     ),
     *(
-        Scenario(
-            name=f"{n}, people",
-            sensor="sick-lms200",
-            translation_max=t,
-            rotation_max_deg=r,
-            people_share=0.15,
-        )
+        Scenario(name=f"{n}, people", sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.15)
         for n, t, r in _SIZES
     ),
     *(
@@ -72,11 +64,7 @@ SCENARIOS = (
         for (n, t, r), p in ((_SIZES[0], 0.0), (_SIZES[2], 0.15))
     ),
     Scenario(
-        name="360 deg, any turn",
-        sensor="spinning-360",
-        translation_max=0.3,
-        rotation_max_deg=180.0,
-        people_share=0.0,
+        name="360 deg, any turn", sensor="spinning-360", translation_max=0.3, rotation_max_deg=180.0, people_share=0.0
     ),
 )
 
@@ -122,21 +110,7 @@ def score_scenario(
     seed: int = 1,
     on_pair: Callable[[], None] | None = None,
 ) -> list[ScenarioScore]:
-    """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Which pairs.
-    methods : sequence of str
-        Names of matchers.
-    n_pairs : int
-        How many.
-    seed : int
-        The same seed, the same pairs.
-    on_pair : callable or None
-        Called after each pair.
-    """
+    """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess."""
     sensor = SENSORS[scenario.sensor]
     bounds = []
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
@@ -188,35 +162,11 @@ OPEN_WORLDS = ("bare-corridor", "round-room")
 
 
 def score_open(
-    world: str,
-    methods: Sequence[str],
-    *,
-    n_pairs: int = 300,
-    seed: int = 1,
-    on_pair: Callable[[], None] | None = None,
+    world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: Callable[[], None] | None = None
 ) -> list[OpenScore]:
-    """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open.
-
-    Parameters
-    ----------
-    world : str
-        Name of a simulated world.
-    methods : sequence of str
-        Names of matchers.
-    n_pairs : int
-        How many pairs.
-    seed : int
-        The same seed, the same pairs.
-    on_pair : callable or None
-        Called after each pair.
-    """
+    """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open."""
     pairs = simulate_pairs(
-        world,
-        n_pairs=n_pairs,
-        translation_max=0.1,
-        rotation_max=np.radians(5.0),
-        sight_share=0.3,
-        seed=seed,
+        world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), sight_share=0.3, seed=seed
     )
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in pairs:
@@ -274,9 +224,7 @@ def _score(method: str, scenario: str, tries: list[_Try], bound: float) -> Scena
         scenario=scenario,
         success=len(right) / len(tries),
         false_positives=(len(matched) - len(right)) / len(tries),
-        unflagged_false_positives=sum(
-            one.result.degenerate_direction is None and not one.is_right for one in matched
-        )
+        unflagged_false_positives=sum(one.result.degenerate_direction is None and not one.is_right for one in matched)
         / len(tries),
         median_error=float(np.median(distance)) if distance else float("nan"),
         bound=bound,

@@ -43,42 +43,16 @@ def easy_pairs(sensor: str | Sensor, n_pairs: int, seed: int) -> tuple[list[Scan
     The guesses are as good as odometry's: 2 cm and 1 degree off, standard deviations.
     """
     turn = np.radians(5.0)
-    pairs = simulate_pairs(
-        "office",
-        sensor=sensor,
-        n_pairs=n_pairs,
-        translation_max=0.1,
-        rotation_max=turn,
-        seed=seed,
-    )
+    pairs = simulate_pairs("office", sensor=sensor, n_pairs=n_pairs, translation_max=0.1, rotation_max=turn, seed=seed)
     rng = np.random.default_rng(seed)
     listed = list(pairs)
     return listed, [pair.pose + rng.normal(0.0, [0.02, 0.02, np.radians(1.0)]) for pair in listed]
 
 
 def measure_speed(
-    method: str,
-    *,
-    sensor: str | Sensor = "sick-lms200",
-    n_pairs: int = 200,
-    repeats: int = 5,
-    seed: int = 0,
+    method: str, *, sensor: str | Sensor = "sick-lms200", n_pairs: int = 200, repeats: int = 5, seed: int = 0
 ) -> Speed:
-    """Return the times of a matcher on simulated pairs, one thread.
-
-    Parameters
-    ----------
-    method : str
-        Name of a matcher.
-    sensor : str or Sensor
-        A simulated sensor or its name.
-    n_pairs : int
-        Pairs of :func:`easy_pairs`.
-    repeats : int
-        Measurements of each pair.
-    seed : int
-        Seed of the simulation.
-    """
+    """Return the times of a matcher on simulated pairs, one thread."""
     pairs, guesses = easy_pairs(sensor, n_pairs, seed)
     for pair in pairs[:20]:
         match(pair.reference, pair.current, method=method)  # compiles

@@ -73,25 +73,7 @@ def measure_jitter(
     new_odometry: Callable[[], Odometry] = Odometry,
     on_run: Callable[[], object] = lambda: None,
 ) -> JitterSpread:
-    """Return how far apart a log ends over runs with jittered stamps.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once, and held in memory.
-    name : str
-        Name of the log.
-    jitter : float
-        Each stamp is moved by up to this, either way, seconds; 0: by one unit in the last place.
-    n_runs : int
-        Runs with jittered stamps, beside the one without.
-    seed : int
-        Of the jitter.
-    new_odometry : callable
-        Returns a fresh odometry.
-    on_run : callable
-        Called after each run with jittered stamps.
-    """
+    """Return how far apart a log ends over runs with jittered stamps."""
     held = list(scans)
     own = run_odometry(held, new_odometry()).trajectory.poses
     ends, shares = np.zeros((n_runs, 3)), np.zeros(n_runs)
@@ -105,9 +87,7 @@ def measure_jitter(
     return JitterSpread(log=name, n_scans=len(held), jitter=jitter, ends=ends, moved_shares=shares)
 
 
-def _jittered(
-    scans: Sequence[LaserScan], jitter: float, rng: np.random.Generator
-) -> list[LaserScan]:
+def _jittered(scans: Sequence[LaserScan], jitter: float, rng: np.random.Generator) -> list[LaserScan]:
     """Return the scans with their stamps moved."""
     stamps = np.array([scan.stamp for scan in scans])
     if jitter > 0.0:

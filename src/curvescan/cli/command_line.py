@@ -129,9 +129,7 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
     from curvescan.io.config import read_config
 
     defaults = {
-        field.name: getattr(group(), field.name)
-        for group in CONFIG_ARGUMENTS.values()
-        for field in fields(group)
+        field.name: getattr(group(), field.name) for group in CONFIG_ARGUMENTS.values() for field in fields(group)
     }
     read = read_config(path, {**defaults, "map": OccupancyConfig()})
     configs: dict[str, object] = {
@@ -152,9 +150,6 @@ def _with_configs(command: Callable[..., int], configs: Mapping[str, object]) ->
     def changed(*args: Any, **kwargs: Any) -> int:
         return command(*args, **kwargs)
 
-    parameters = [
-        p.replace(default=configs[p.name]) if p.name in configs else p
-        for p in signature.parameters.values()
-    ]
+    parameters = [p.replace(default=configs[p.name]) if p.name in configs else p for p in signature.parameters.values()]
     changed.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return changed

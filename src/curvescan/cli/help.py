@@ -31,10 +31,7 @@ def overview(commands: Mapping[str, Callable[..., int]]) -> str:
     """Return the list of commands, a line each."""
     width = _width()
     indent = max(map(len, commands)) + 4
-    rows = [
-        f"  {name:<{indent - 2}}{_fit(_summary(command), width - indent)}"
-        for name, command in commands.items()
-    ]
+    rows = [f"  {name:<{indent - 2}}{_fit(_summary(command), width - indent)}" for name, command in commands.items()]
     return "\n".join(
         [
             "usage: curvescan COMMAND ...",
@@ -55,9 +52,7 @@ def short_help(name: str, command: Callable[..., int]) -> str:
     purpose = textwrap.wrap(_paragraph(command), width)
     foot = ["", "Defaults and full texts: --help-all."]
     if n_groups:
-        foot[1] = (
-            "Every parameter, with defaults: --help-all; set them there or in a TOML file (--config)."
-        )
+        foot[1] = "Every parameter, with defaults: --help-all; set them there or in a TOML file (--config)."
     n_left = _MAX_LINES - len(purpose) - len(foot) - 4
     if len(positional) + len(flags) > n_left:
         flags = list(_merged(flags))
@@ -101,9 +96,7 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
     for name, parameter in inspect.signature(command).parameters.items():
         kind, metavar, is_flat = _unwrapped(hints[name])
         if is_dataclass(kind):
-            if is_flat and not any(
-                is_dataclass(_unwrapped(h)[0]) for h in get_type_hints(kind).values()
-            ):
+            if is_flat and not any(is_dataclass(_unwrapped(h)[0]) for h in get_type_hints(kind).values()):
                 flags += _fields(kind, texts.get(name, ""))
             else:
                 n_groups += 1

@@ -11,13 +11,7 @@ import tyro
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.matchers.baselines.config import (
-    CoxConfig,
-    HistogramConfig,
-    IcpConfig,
-    IdcConfig,
-    PlIcpConfig,
-)
+from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.registry import MatcherConfig, Method
@@ -122,9 +116,7 @@ class Laser:
 
     ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
     """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
-    laser_pose: Annotated[
-        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")
-    ] = None
+    laser_pose: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")] = None
     """Pose of the laser on the robot, metres, metres, degrees: carries the wheel odometry to the laser, in place of
     what the log says."""
     upside_down: Flag = False

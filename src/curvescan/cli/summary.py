@@ -44,15 +44,11 @@ def summarise(run: OdometryRun, n_scans: int) -> Table:
     result.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")
     median, p99, worst = np.percentile(1e3 * run.seconds, [50, 99, 100])
     result.add_row(
-        f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile, {worst:.1f} ms worst",
-        "",
-        "",
+        f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile, {worst:.1f} ms worst", "", ""
     )
     share = 100.0 * median / (1e3 * run.scan_period)
     if np.isfinite(share):
-        result.add_row(
-            f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", ""
-        )
+        result.add_row(f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", "")
     return result
 
 
@@ -60,12 +56,7 @@ def errors_of(tracks: Mapping[str, Pose], truth: Pose) -> Table:
     """Return a table of the errors of trajectories against the truth: by name, the ends laid over each other."""
     path_length = trajectory_errors(truth, truth).path_length
     rows = table(
-        f"errors over {path_length:.1f} m",
-        "",
-        "a step, median",
-        "positions, mean",
-        "positions, worst",
-        "end pose",
+        f"errors over {path_length:.1f} m", "", "a step, median", "positions, mean", "positions, worst", "end pose"
     )
     true = between(truth[0], truth)
     for name, poses in tracks.items():

@@ -21,9 +21,7 @@ def make_config(method: Method, chain: Chain, chain_config: ChainConfigs) -> Odo
     return replace(config, deskew=given.deskew)
 
 
-def make_odometry(
-    method: Method, chain: Chain, configs: MethodConfigs, chain_config: ChainConfigs
-) -> Odometry:
+def make_odometry(method: Method, chain: Chain, configs: MethodConfigs, chain_config: ChainConfigs) -> Odometry:
     """Return a fresh odometry."""
     from curvescan.odometry import Odometry  # a batch that has nothing left to do needs no kernels
 

@@ -58,13 +58,7 @@ class BeamOrder:
 
 
 def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
-    """Return in which order the beams of a log's scans were swept, as far as its motion determines it.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Successive scans with beam times; three are held at a time.
-    """
+    """Return in which order the beams of a log's scans were swept, as far as its motion determines it."""
     gains: list[float] = []
     deskewer = Deskewer()
     held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
@@ -98,9 +92,6 @@ def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
         return []
     scores = []
     for sign in (1.0, -1.0):
-        pair = [
-            prepare(deskew(scan, sign * v))
-            for scan, v in zip((first, second), velocities, strict=True)
-        ]
+        pair = [prepare(deskew(scan, sign * v)) for scan, v in zip((first, second), velocities, strict=True)]
         scores.append(match(*pair).score)
     return [scores[0] - scores[1]] if np.isfinite(scores).all() else []

@@ -39,18 +39,10 @@ def on_file(report: LogReport) -> Iterator[Problem]:
 def on_scans(report: LogReport) -> Iterator[Problem]:
     """Yield what stands in the way of taking the scans for a sequence."""
     if report.n_scans < 2:
-        yield Problem(
-            "too_few_scans",
-            f"the log holds {_counted(report.n_scans, 'scan')}",
-            "a motion needs two",
-        )
+        yield Problem("too_few_scans", f"the log holds {_counted(report.n_scans, 'scan')}", "a motion needs two")
     if len(report.beam_counts) > 1:
         counts = ", ".join(f"{n} ({_counted(k, 'scan')})" for n, k in report.beam_counts.items())
-        yield Problem(
-            "changing_beams",
-            f"the number of beams changes: {counts}",
-            "each scan is taken with its own",
-        )
+        yield Problem("changing_beams", f"the number of beams changes: {counts}", "each scan is taken with its own")
     if report.n_repeated_scans:
         yield Problem(
             "repeated_scans",
@@ -142,9 +134,7 @@ def on_time(report: LogReport) -> Iterator[Problem]:
 def _on_steps(time: TimeSummary) -> Iterator[Problem]:
     if time.n_equal == time.n_steps:
         yield Problem(
-            "equal_stamps",
-            "all stamps are equal",
-            "scans are taken in file order, rate and speeds are unknown",
+            "equal_stamps", "all stamps are equal", "scans are taken in file order, rate and speeds are unknown"
         )
         return
     if time.n_back:
@@ -225,11 +215,7 @@ def on_readings(report: LogReport) -> Iterator[Problem]:
 def on_odometry(report: LogReport) -> Iterator[Problem]:
     """Yield what is wrong with the odometry."""
     if report.odometry is None:
-        yield Problem(
-            "no_odometry",
-            "the log has no odometry",
-            "motion is estimated from the scans alone",
-        )
+        yield Problem("no_odometry", "the log has no odometry", "motion is estimated from the scans alone")
         return
     if report.odometry.n_missing:
         yield Problem(

@@ -71,9 +71,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         time=summarise_time(np.array(statistics.stamps)),
         n_timed_scans=statistics.n_timed,
         sweep_seconds=statistics.sweep_seconds,
-        valid_share=statistics.n_valid / statistics.n_readings
-        if statistics.n_readings
-        else math.nan,
+        valid_share=statistics.n_valid / statistics.n_readings if statistics.n_readings else math.nan,
         n_blank_scans=statistics.n_blank,
         n_repeated_scans=statistics.n_repeats,
         n_blind_beams=statistics.beams.n_blind,
@@ -83,9 +81,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
-        odometry=None
-        if odometry is None
-        else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
+        odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
         sense=sensor.rotation,
@@ -99,15 +95,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
 def summarise_time(stamps: Floats) -> TimeSummary:
     """Return what the time steps of a sequence of scans look like.
 
-    Parameters
-    ----------
-    stamps : (n,) float64
-        Seconds, finite, in the order of the log; n may be 0.
-
-    Returns
-    -------
-    TimeSummary
-        NaN where there are too few scans.
+    stamps (n,); TimeSummary: NaN where there are too few scans.
     """
     steps = np.diff(stamps)
     if not steps.size:
@@ -167,13 +155,9 @@ def _summarise_odometry(odometry: Trajectory, lag: float) -> OdometrySummary:
 
 
 def _codes(statistics: LogStatistics) -> tuple[ReadingCode, ...]:
-    shares = [
-        (value, count / statistics.n_readings) for value, count in statistics.codes.most_common()
-    ]
+    shares = [(value, count / statistics.n_readings) for value, count in statistics.codes.most_common()]
     return tuple(
-        ReadingCode(value=value, share=share)
-        for value, share in shares[:_MAX_CODES]
-        if share >= _MIN_CODE_SHARE
+        ReadingCode(value=value, share=share) for value, share in shares[:_MAX_CODES] if share >= _MIN_CODE_SHARE
     )
 
 
@@ -188,7 +172,5 @@ def _suspect(statistics: LogStatistics) -> ReadingCode | None:
     least = max(_MIN_SUSPECT_COUNT, _MIN_SUSPECT_SHARE * statistics.n_fresh_readings)
     for value in largest:
         if statistics.top[value] >= least:
-            return ReadingCode(
-                value=value, share=statistics.top[value] / statistics.n_fresh_readings
-            )
+            return ReadingCode(value=value, share=statistics.top[value] / statistics.n_fresh_readings)
     return None

@@ -6,15 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from curvescan.diagnostics.checks import (
-    Problem,
-    on_beams,
-    on_file,
-    on_odometry,
-    on_readings,
-    on_scans,
-    on_time,
-)
+from curvescan.diagnostics.checks import Problem, on_beams, on_file, on_odometry, on_readings, on_scans, on_time
 from curvescan.diagnostics.report import LogReport
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
@@ -73,11 +65,7 @@ class Issue:
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:
     """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
-    return tuple(
-        Issue(topic=topic, **found._asdict())
-        for topic, find in _CHECKS.items()
-        for found in find(report)
-    )
+    return tuple(Issue(topic=topic, **found._asdict()) for topic, find in _CHECKS.items() for found in find(report))
 
 
 _CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {

@@ -17,21 +17,7 @@ _FASTEST = 20.0
 def motion_prior(log: Log, sense: RotationDirection | None = None) -> Pose:
     """Return the pose of the sensor at each scan by the log's own odometry.
 
-    Parameters
-    ----------
-    log : Log
-        Its scans are read once more where there is only a gyroscope, to find its unit and direction.
-
-    Returns
-    -------
-    (n, 3) float64
-        [x, y, theta] in a frame of its own: metres, metres, radians; NaN where it gives none. Of a gyroscope x and y
-        are NaN.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the log has neither, or it turns against the scans.
+    result (n, 3). Raises InvalidArgumentError.
     """
     turned = log.turned_by_gyro() if log.odometry is None and isinstance(log, GyroLog) else None
     if log.odometry is None and turned is None:

@@ -34,12 +34,7 @@ _MIN_STEPS = 30
 def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
     """Return by how many seconds the headings of a log are late; 0 where none is found.
 
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once; two in memory at a time.
-    headings : (n,) float64
-        Of the robot at each scan by its odometry, radians; NaN where it is not known.
+    headings (n,): Of the robot at each scan by its odometry, radians; NaN where it is not known.
     """
     turns = se2.wrap(np.diff(headings))
     sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)
@@ -75,14 +70,7 @@ def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
 def without_lag(stamps: Floats, poses: Floats, lag: float) -> Floats:
     """Return poses as they would be without their lag.
 
-    Parameters
-    ----------
-    stamps : (n,) float64
-        Of the poses, rising, seconds.
-    poses : (n, 3) float64
-        Late by `lag`.
-    lag : float
-        Seconds.
+    stamps (n,); poses (n, 3).
     """
     columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
     moved = np.column_stack([np.interp(stamps + lag, stamps, column) for column in columns])

@@ -14,17 +14,7 @@ from curvescan.diagnostics.report import LogReport, ReadingCode
 def report_as_plain(report: LogReport) -> dict[str, Any]:
     """Return a report and its issues as dictionaries, lists, numbers, strings and None.
 
-    Parameters
-    ----------
-    report : LogReport
-        Any report.
-
-    Returns
-    -------
-    dict
-        ``usable``: bool. ``issues``: a list of the fields of Issue. ``report``: the fields of LogReport, by their
-        names. A figure that is not known (NaN) or has no limit (an infinity) is None; a code for *no reading* that is no
-        number is the string ``"nan"``, ``"inf"`` or ``"-inf"``.
+    dict.
     """
     return {
         "usable": report.is_usable,

@@ -68,20 +68,13 @@ class RotationDirection:
     @property
     def is_along(self) -> bool:
         """Whether they clearly turn the same way."""
-        return (
-            self.n_turns >= _MIN_TURNS
-            and self.n_turns - self.n_reversed >= _MIN_SHARE * self.n_turns
-        )
+        return self.n_turns >= _MIN_TURNS and self.n_turns - self.n_reversed >= _MIN_SHARE * self.n_turns
 
     @property
     def is_in_degrees(self) -> bool:
         """Whether the reference is a gyroscope that gives degrees where REP-103 requires radians."""
         is_fully_observed = self.is_reversed or self.is_along
-        return (
-            self.reference == "gyroscope"
-            and is_fully_observed
-            and _DEGREES[0] < self.ratio < _DEGREES[1]
-        )
+        return self.reference == "gyroscope" and is_fully_observed and _DEGREES[0] < self.ratio < _DEGREES[1]
 
 
 def rotation_of_log(log: Log) -> RotationDirection | None:
@@ -96,25 +89,10 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
     return None
 
 
-def compare_rotation(
-    scans: Iterable[LaserScan], headings: Floats, reference: Reference
-) -> RotationDirection | None:
+def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Reference) -> RotationDirection | None:
     """Return how scans turn against a reference, from the sharpest turns between consecutive scans.
 
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once; two in memory at a time.
-    headings : (n,) float64
-        Of the robot at each scan by the reference, counter-clockwise; radians, or any unit for a gyroscope. NaN where it
-        is not known.
-    reference : str
-        What it is.
-
-    Returns
-    -------
-    RotationDirection or None
-        None where the reference never turns.
+    headings (n,); RotationDirection or None: None where the reference never turns.
     """
     turns = np.diff(headings)
     if reference == "wheel odometry":
@@ -138,18 +116,7 @@ def compare_rotation(
 
 
 def turn_between(earlier: LaserScan, later: LaserScan) -> float:
-    """Return the angle a sensor turned by between two scans, where their profiles determine it clearly.
-
-    Parameters
-    ----------
-    earlier, later : LaserScan
-        Scans with the same, evenly spaced beams; for others it is undetermined.
-
-    Returns
-    -------
-    float
-        Radians, counter-clockwise, a multiple of the angle between beams, 40 deg at most; 0 where it is undetermined.
-    """
+    """Return the angle a sensor turned by between two scans, where their profiles determine it clearly."""
     step, n = earlier.angle_increment, len(earlier)
     if len(later) != n or later.angle_increment != step or not earlier.has_uniform_angles:
         return 0.0

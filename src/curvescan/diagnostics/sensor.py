@@ -43,16 +43,7 @@ class SensorJudgement:
 
 
 def judge_sensor(log: Log, *, is_order_needed: bool = True) -> SensorJudgement:
-    """Return what a log's scans say of its sensor.
-
-    Parameters
-    ----------
-    log : Log
-        Its first 300 scans are matched where they have beam times, and all are read once more where wheels or a
-        gyroscope give the robot's turns; it may be empty.
-    is_order_needed : bool
-        Whether to judge the order of the beams, which only deskewing depends on.
-    """
+    """Return what a log's scans say of its sensor."""
     order = beam_order_of_log(log) if is_order_needed else None
     return SensorJudgement(beam_order=order, rotation=rotation_of_log(log))
 

@@ -47,15 +47,7 @@ class TopOfRange:
         self._has_beam[bins, beams] = True
 
     def code_band(self) -> tuple[float, float, float] | None:
-        """Return the band that looks like codes for no reading; None without.
-
-        Returns
-        -------
-        low, high : float
-            Its ends, metres.
-        share : float
-            Share of all readings that lie in it, in (0, 1].
-        """
+        """Return the band that looks like codes for no reading; None without."""
         total = int(self._counts.sum())
         if not total:
             return None

@@ -60,20 +60,7 @@ class Verdict:
 
 
 def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
-    """Return whether the trajectory of a run can be trusted, and why not.
-
-    Parameters
-    ----------
-    run : OdometryRun
-        The run, whole or partial.
-    issues : sequence of Issue
-        What :func:`curvescan.diagnostics.issues.find_issues` found in the log that was run.
-
-    Returns
-    -------
-    Verdict
-        With every reason, the gravest first.
-    """
+    """Return whether the trajectory of a run can be trusted, and why not."""
     reasons = [
         *_on_lost_tracks(run),
         *_on_matches(run),
@@ -85,15 +72,7 @@ def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
 
 
 def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
-    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy.
-
-    Parameters
-    ----------
-    command : sequence of str
-        The command line that ran, the program's name first.
-    issues : sequence of Issue
-        Of the log, with the options of that command line applied.
-    """
+    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy."""
     options = [issue for issue in issues if issue.option]
     if not options:
         return ()
@@ -109,9 +88,7 @@ def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[s
 def _on_matches(run: OdometryRun) -> list[str]:
     n_steps = len(run.outcomes) - 1
     if n_steps < 1:
-        return [
-            f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"
-        ]
+        return [f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"]
     n_failed = int(np.count_nonzero(run.is_failed))
     if n_failed <= max(MAX_UNMATCHED, MAX_UNMATCHED_SHARE * n_steps):
         return []
@@ -149,10 +126,7 @@ def _on_uncertainty(run: OdometryRun) -> list[str]:
         f"; in {n_open:,} scans, up to {_longest(run.is_degenerate):,} in a row, motion along one direction is "
         "unobservable" + ("" if run.has_prior else ", which wheel odometry could decide")
     )
-    return [
-        f"the position is uncertain by up to {sigma:.1f} m (standard deviation)"
-        + cause * (n_open > 0)
-    ]
+    return [f"the position is uncertain by up to {sigma:.1f} m (standard deviation)" + cause * (n_open > 0)]
 
 
 def _on_prior(run: OdometryRun) -> list[str]:

@@ -46,17 +46,7 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
     candidate, and the nearest are taken first. Where more than half of the stamps of a list repeat, stamps say
     nothing: the lists are then paired in their order, if they are equally long.
 
-    Parameters
-    ----------
-    first, second : (n,), (m,) float64
-        Seconds, in any order.
-    tolerance : float
-        Largest difference of two stamps that belong together, seconds.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the stamps cannot associate them and the lists differ in length.
+    first, second (n,). Raises InvalidArgumentError.
     """
     if _says_nothing(first) or _says_nothing(second):
         if len(first) != len(second):
@@ -77,19 +67,8 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
 def find_stamps(stamps: Floats, wanted: Floats, *, tolerance: float = 1e-4) -> Ints:
     """Return where each wanted stamp stands: an equal one first, else the nearest within a tolerance.
 
-    Parameters
-    ----------
-    stamps : (n,) float64
-        Seconds, in any order.
-    wanted : (m,) float64
-        Seconds; one may be wanted several times.
-    tolerance : float
-        Seconds; by default what is lost of a stamp printed with four decimals.
-
-    Returns
-    -------
-    (m,) int64
-        Indices into `stamps`; -1 where there is no such stamp, or several equal ones: no telling which is meant.
+    stamps (n,); wanted (m,); result (m,): Indices into `stamps`; -1 where there is no such stamp, or several equal
+    ones: no telling which is meant.
     """
     if len(stamps) == 0:
         return np.full(len(wanted), -1)
@@ -113,14 +92,10 @@ def _equal_pairs(first: Floats, second: Floats) -> list[tuple[int, int]]:
     places: dict[float, deque[int]] = defaultdict(deque)
     for j, stamp in enumerate(second.tolist()):
         places[stamp].append(j)
-    return [
-        (i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)
-    ]
+    return [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
 
 
-def _near_pairs(
-    first: Floats, second: Floats, taken: list[tuple[int, int]], tolerance: float
-) -> list[tuple[int, int]]:
+def _near_pairs(first: Floats, second: Floats, taken: list[tuple[int, int]], tolerance: float) -> list[tuple[int, int]]:
     """Return pairs of what is not taken yet, nearest first."""
     free = np.setdiff1d(np.arange(len(first)), [i for i, _ in taken])
     others = np.setdiff1d(np.arange(len(second)), [j for _, j in taken])

@@ -95,19 +95,12 @@ def _cartographer(name: str) -> tuple[PublishedError, ...]:
 BENCHMARKS: dict[str, BenchmarkLog] = {
     "aces": _benchmark("ACES", ("aces",), ((0.173, 0.614), (0.060, 0.049), (0.044, 0.044))),
     "intel": _benchmark(
-        "Intel",
-        ("intel",),
-        ((0.220, 0.296), (0.070, 0.083), (0.031, 0.026)),
-        ((1.7, 4.8), (3.0, 5.3), (1.3, 4.7)),
+        "Intel", ("intel",), ((0.220, 0.296), (0.070, 0.083), (0.031, 0.026)), ((1.7, 4.8), (3.0, 5.3), (1.3, 4.7))
     ),
     "mit-killian-court": _benchmark(
-        "MIT Killian Court",
-        ("killian",),
-        ((1.651, 4.138), (0.122, 0.386), (0.050, 0.056)),
+        "MIT Killian Court", ("killian",), ((1.651, 4.138), (0.122, 0.386), (0.050, 0.056))
     ),
-    "mit-csail": _benchmark(
-        "MIT CSAIL", ("csail",), ((0.106, 0.325), (0.049, 0.049), (0.004, 0.009))
-    ),
+    "mit-csail": _benchmark("MIT CSAIL", ("csail",), ((0.106, 0.325), (0.049, 0.049), (0.004, 0.009))),
     "freiburg-079": _benchmark(
         "Freiburg 079",
         ("fr079", "fr-079", "freiburg-079", "freiburg079"),
@@ -123,16 +116,11 @@ BENCHMARKS: dict[str, BenchmarkLog] = {
 def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
     """Return the benchmark of that name, or that the name of a file contains; None without one.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When there is none of that name.
+    Raises InvalidArgumentError.
     """
     if name is not None:
         if name not in BENCHMARKS:
-            raise InvalidArgumentError(
-                f"there is no benchmark {name!r}; known are {', '.join(BENCHMARKS)}"
-            )
+            raise InvalidArgumentError(f"there is no benchmark {name!r}; known are {', '.join(BENCHMARKS)}")
         return BENCHMARKS[name]
     words = file_name.lower().replace("_", "-")
     return next((b for b in BENCHMARKS.values() if any(key in words for key in b.keys)), None)

@@ -118,25 +118,12 @@ def evaluate_log(
 ) -> LogEvaluation:
     """Return how a method does on consecutive scans of a log, with its default parameters.
 
-    Parameters
-    ----------
-    log : Log
-        At least two scans.
-    method : str
-        Name of a matcher.
-    relations : Relations or None
-        Of this log's robot.
-    laser_pose : (3,) array_like
-        Pose of the sensor on the robot, for the relations.
-    on_step : callable or None
-        Called after each match.
+    laser_pose (3,).
     """
     motion: list[Floats] = []
     seconds: list[float] = []
     failures: Counter[Outcome] = Counter()
-    prepared = (
-        (time.perf_counter(), prepare(scan, method=method), time.perf_counter()) for scan in log
-    )
+    prepared = ((time.perf_counter(), prepare(scan, method=method), time.perf_counter()) for scan in log)
     for (_, reference, _), (begun, current, ready) in pairwise(prepared):
         started = time.perf_counter()
         result = match(reference, current, method=method)
@@ -172,10 +159,7 @@ def evaluate_log(
 def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> list[Relations | None]:
     """Return for each log the relations between its scans, associated by stamps; None without.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When relations belong to none of the logs, or two files of them to one.
+    Raises InvalidArgumentError.
     """
     stamps = [np.array([scan.stamp for scan in log]) for log in logs] if relations else []
     owned: list[Relations | None] = [None] * len(logs)
@@ -188,8 +172,6 @@ def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> lis
             )
         owner = int(np.argmax(found))
         if owned[owner] is not None:
-            raise InvalidArgumentError(
-                f"two files of relations belong to {logs[owner].name}: give one a log"
-            )
+            raise InvalidArgumentError(f"two files of relations belong to {logs[owner].name}: give one a log")
         owned[owner] = some
     return owned

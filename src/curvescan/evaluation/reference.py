@@ -11,14 +11,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import Association, associate
 from curvescan.evaluation.relations import span_of
-from curvescan.evaluation.trajectory_errors import (
-    RelativeErrors,
-    TrajectoryErrors,
-    align,
-    ate,
-    rpe,
-    trajectory_errors,
-)
+from curvescan.evaluation.trajectory_errors import RelativeErrors, TrajectoryErrors, align, ate, rpe, trajectory_errors
 from curvescan.io.poses import PoseFile
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
@@ -65,30 +58,11 @@ class ReferenceErrors:
 
 
 def reference_errors(
-    trajectory: Trajectory,
-    reference: PoseFile,
-    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
-    *,
-    tolerance: float = 0.01,
+    trajectory: Trajectory, reference: PoseFile, laser_pose: ArrayLike = (0.0, 0.0, 0.0), *, tolerance: float = 0.01
 ) -> ReferenceErrors:
     """Return the errors of a sensor's trajectory against reference poses.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Poses of the sensor.
-    reference : PoseFile
-        Poses of the sensor, or of its robot.
-    laser_pose : (3,) array_like
-        Pose of the sensor on the robot, which carries reference poses to the sensor; of no effect where the reference is
-        known to be of the sensor.
-    tolerance : float
-        Largest difference of two stamps that belong together, seconds.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When fewer than two poses have a reference.
+    laser_pose (3,). Raises InvalidArgumentError.
     """
     own, other = _known(trajectory), _known(reference.trajectory)
     pairs = associate(own.stamps, other.stamps, tolerance=tolerance)

@@ -74,36 +74,16 @@ class RelationErrors:
 
     def spreads(self, which: Which) -> tuple[Spread, Spread]:
         """Return the figures of the translation (metres) and of the rotation (radians)."""
-        chosen = {"near": self.is_near, "far": ~self.is_near, "all": np.full(len(self), True)}[
-            which
-        ]
+        chosen = {"near": self.is_near, "far": ~self.is_near, "all": np.full(len(self), True)}[which]
         return Spread.of(self.translation[chosen]), Spread.of(self.rotation[chosen])
 
 
 def relation_errors(
-    trajectory: Trajectory,
-    relations: Relations,
-    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
-    *,
-    near: float = NEAR,
+    trajectory: Trajectory, relations: Relations, laser_pose: ArrayLike = (0.0, 0.0, 0.0), *, near: float = NEAR
 ) -> RelationErrors:
     """Return the errors of a sensor's trajectory against relations of its robot.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Poses of the sensor.
-    relations : Relations
-        Between poses of the robot; a scan is found by its stamp (see :func:`find_stamps`).
-    laser_pose : (3,) array_like
-        Pose of the sensor on the robot.
-    near : float
-        Relations of scans less than this apart are near, seconds.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When no relation has both its scans in the trajectory.
+    laser_pose (3,). Raises InvalidArgumentError.
     """
     robot = se2.compose(trajectory.poses, se2.inverse(laser_pose))
     is_known = ~np.isnan(robot[:, 2])

@@ -125,15 +125,8 @@ class TrajectoryErrors:
 def trajectory_errors(poses: Pose, true_poses: Pose) -> TrajectoryErrors:
     """Return the errors of poses against the true ones, scan by scan.
 
-    Parameters
-    ----------
-    poses, true_poses : (n, 3) float64
-        One row a scan, each trajectory in a frame of its own; n >= 2, no NaN.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the shapes differ or there are fewer than two poses.
+    poses, true_poses (n, 3): One row a scan, each trajectory in a frame of its own; n >= 2, no NaN. Raises
+    InvalidArgumentError.
     """
     _check(poses, true_poses, 2)
     true_motions = se2.between(true_poses[:-1], true_poses[1:])
@@ -153,19 +146,7 @@ def trajectory_errors(poses: Pose, true_poses: Pose) -> TrajectoryErrors:
 def align(poses: Pose, reference: Pose, how: Alignment = "best") -> Pose:
     """Return poses moved as one body into the frame of a reference.
 
-    Parameters
-    ----------
-    poses, reference : (n, 3) float64
-        One row a pose, n >= 1, no NaN.
-    how : {"best", "first"}
-        "best": the rotation and translation, no scale, with the least squared distances of the positions (S. Umeyama,
-        "Least-squares estimation of transformation parameters between two point patterns", 1991, in the plane). "first":
-        the first poses are made equal.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the shapes differ or there is no pose.
+    poses, reference (n, 3): One row a pose, n >= 1, no NaN. Raises InvalidArgumentError.
     """
     _check(poses, reference, 1)
     if how == "first":
@@ -182,17 +163,7 @@ def align(poses: Pose, reference: Pose, how: Alignment = "best") -> Pose:
 def ate(poses: Pose, reference: Pose, alignment: Alignment = "best") -> Floats:
     """Return the absolute trajectory error of each pose: its distance from the reference after alignment.
 
-    Parameters
-    ----------
-    poses, reference : (n, 3) float64
-        One row a pose, n >= 1, no NaN.
-    alignment : {"best", "first"}
-        See :func:`align`.
-
-    Returns
-    -------
-    (n,) float64
-        Metres; evo calls this APE of the translation part.
+    poses, reference (n, 3): One row a pose, n >= 1, no NaN; result (n,).
     """
     moved = align(poses, reference, alignment)
     distance: Floats = np.hypot(*(moved[:, :2] - reference[:, :2]).T)
@@ -200,28 +171,11 @@ def ate(poses: Pose, reference: Pose, alignment: Alignment = "best") -> Floats:
 
 
 def rpe(
-    poses: Pose,
-    reference: Pose,
-    *,
-    delta: float = 1.0,
-    unit: Literal["frames", "metres"] = "frames",
+    poses: Pose, reference: Pose, *, delta: float = 1.0, unit: Literal["frames", "metres"] = "frames"
 ) -> RelativeErrors:
     """Return the relative pose errors over motions that follow one another.
 
-    Parameters
-    ----------
-    poses, reference : (n, 3) float64
-        One row a pose, n >= 1, no NaN.
-    delta : float
-        Length of the motions: poses, or metres of the reference's path. A motion by path ends at the first pose that far
-        from its start, so it is at least that long.
-    unit : {"frames", "metres"}
-        Unit of `delta`.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the shapes differ or `delta` is not positive (for frames: not a whole number).
+    poses, reference (n, 3): One row a pose, n >= 1, no NaN. Raises InvalidArgumentError.
     """
     _check(poses, reference, 1)
     require(delta > 0.0, "delta must be positive", delta)
@@ -231,14 +185,9 @@ def rpe(
     else:
         marks = _marks_along(reference, delta)
     start, stop = marks[:-1], marks[1:]
-    off = se2.between(
-        se2.between(reference[start], reference[stop]), se2.between(poses[start], poses[stop])
-    )
+    off = se2.between(se2.between(reference[start], reference[stop]), se2.between(poses[start], poses[stop]))
     return RelativeErrors(
-        start=start,
-        stop=stop,
-        translation=np.hypot(off[:, 0], off[:, 1]),
-        rotation=np.abs(off[:, 2]),
+        start=start, stop=stop, translation=np.hypot(off[:, 0], off[:, 1]), rotation=np.abs(off[:, 2])
     )
 
 

@@ -67,10 +67,7 @@ def read_config(path: str | os.PathLike[str], defaults: Mapping[str, object]) ->
         reason = printable(str(error), 200)
         raise InvalidArgumentError(f"{path} is not a TOML file: {reason}") from error
     check_names(tables, defaults, str(path))
-    return {
-        name: changed(default, tables.get(name, {}), f"{path}: [{name}]")
-        for name, default in defaults.items()
-    }
+    return {name: changed(default, tables.get(name, {}), f"{path}: [{name}]") for name, default in defaults.items()}
 
 
 def _as_table(config: object) -> dict[str, object]:

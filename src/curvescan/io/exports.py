@@ -64,14 +64,10 @@ class ExportFormat:
 
 EXPORTS: dict[str, ExportFormat] = {
     "kitti": ExportFormat(
-        filename="trajectory.kitti",
-        writer="curvescan.io.trajectories.kitti:write_kitti",
-        takes=("trajectory",),
+        filename="trajectory.kitti", writer="curvescan.io.trajectories.kitti:write_kitti", takes=("trajectory",)
     ),
     "g2o": ExportFormat(
-        filename="graph.g2o",
-        writer="curvescan.io.trajectories.g2o:write_g2o",
-        takes=("trajectory", "edges"),
+        filename="graph.g2o", writer="curvescan.io.trajectories.g2o:write_g2o", takes=("trajectory", "edges")
     ),
     "mcap": ExportFormat(
         filename="run.mcap",
@@ -95,30 +91,14 @@ def check_exports(names: Iterable[str]) -> None:
     for name in names:
         if name not in EXPORTS:
             raise InvalidArgumentError(
-                f"exports must be of {', '.join(EXPORTS)}, got {name!r}: {nearest(name, EXPORTS)}".rstrip(
-                    ": "
-                )
+                f"exports must be of {', '.join(EXPORTS)}, got {name!r}: {nearest(name, EXPORTS)}".rstrip(": ")
             )
 
 
 def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
     """Write exports of a run into an existing folder, and return the names of the files.
 
-    Parameters
-    ----------
-    folder : Path
-        Where to.
-    names : iterable of str
-        Names of EXPORTS.
-    data : RunData
-        The run.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When a name is unknown.
-    OutputError
-        When a file cannot be written.
+    Raises InvalidArgumentError, OutputError.
     """
     names = tuple(names)
     check_exports(names)

@@ -29,21 +29,9 @@ class LogReader(Protocol):
     def __call__(self, path: Path, *, range_max: float | None, topic: str | None) -> Log:
         """Return the log, having made sure that it holds a scan.
 
-        Parameters
-        ----------
-        path : Path
-            The file, or the folder of a ROS 2 bag.
-        range_max : float or None
-            Upper limit of a valid reading, metres, in place of that of the log; None to use the log's.
-        topic : str or None
-            Which of several lasers to read, where a format names them; None for the only one.
-
-        Raises
-        ------
-        LogFormatError
-            When no scan can be read.
-        InvalidArgumentError
-            When `topic` is needed and missing, is not in the log, or the format has no topics.
+        range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic:
+        Which of several lasers to read, where a format names them; None for the only one. Raises LogFormatError,
+        InvalidArgumentError.
         """
         ...
 
@@ -106,15 +94,10 @@ def is_coreslam(head: bytes) -> bool:
 _NUMBER = re.compile(rb"[-+]?[0-9.]+(e[-+]?[0-9]+)?")
 
 FORMATS: tuple[LogFormat, ...] = (
-    *(
-        LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.ros.reader:RosbagLog")
-        for kind in BagKind
-    ),
+    *(LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.ros.reader:RosbagLog") for kind in BagKind),
     LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.arrays.npz_reader:open_npz"),
     LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_reader:open_csv"),
-    LogFormat(
-        name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.arrays.coreslam:open_coreslam"
-    ),
+    LogFormat(name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.arrays.coreslam:open_coreslam"),
     LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen.reader:CarmenLog"),
 )
 
@@ -134,22 +117,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
 def find_format(head: bytes, path: Path) -> LogFormat:
     """Return the row of the table that a file belongs to.
 
-    Parameters
-    ----------
-    head : bytes
-        The file's first HEAD_BYTES after unpacking.
-    path : Path
-        For messages only: the name of a file never decides.
-
-    Returns
-    -------
-    LogFormat
-        The first row whose sniff accepts `head`.
-
-    Raises
-    ------
-    LogFormatError
-        When there is none; the message says what the file is instead, as far as its bytes show.
+    Raises LogFormatError.
     """
     if not head.strip():
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")
@@ -164,6 +132,4 @@ def find_format(head: bytes, path: Path) -> LogFormat:
         raise LogFormatError(f"{path} holds binary data of an unknown format; read are: {known}")
     first = next(line for line in head.splitlines() if line.strip()).strip()
     shown = first[:40].decode("utf-8", errors="replace")
-    raise LogFormatError(
-        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}"
-    )
+    raise LogFormatError(f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}")

@@ -19,14 +19,6 @@ class HeldLog(LogView):
     """A log whose first complete iteration keeps its scans, so that further ones read nothing.
 
     The scans are the same, and what an iteration computes of them is not kept: memory is that of the readings.
-
-    Parameters
-    ----------
-    log : Log
-        The log.
-    max_bytes : int
-        Most memory for the scans. Once a log exceeds it nothing is held, and it is read anew by each iteration, one
-        scan in memory at a time.
     """
 
     def __init__(self, log: Log, max_bytes: int = MAX_HELD_BYTES) -> None:

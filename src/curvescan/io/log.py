@@ -99,10 +99,7 @@ class ScanAccess:
     def __getitem__(self, i: int | slice) -> LaserScan | Log:
         """Return scan i, or a view of a slice of the log; negative numbers count from the end.
 
-        Raises
-        ------
-        IndexError
-            When there is no scan of this number.
+        Raises IndexError.
         """
         log = cast(Log, self)
         if isinstance(i, slice):
@@ -125,13 +122,7 @@ class ScanAccess:
 
 
 class LogView(ScanAccess):
-    """A log seen through another: it says what the log below says, but for what a subclass says anew.
-
-    Parameters
-    ----------
-    log : Log
-        The log below.
-    """
+    """A log seen through another: it says what the log below says, but for what a subclass says anew."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -235,10 +226,7 @@ class LogSlice(LogView):
     def _rows(self, trajectory: Trajectory | None) -> Trajectory | None:
         if trajectory is None:
             return None
-        return Trajectory(
-            stamps=trajectory.stamps[list(self._numbers)],
-            poses=trajectory.poses[list(self._numbers)],
-        )
+        return Trajectory(stamps=trajectory.stamps[list(self._numbers)], poses=trajectory.poses[list(self._numbers)])
 
 
 _SCANS_A_LOOKUP = 10
@@ -263,8 +251,7 @@ def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
     for number in numbers:
         if not 0 <= number < len(log):
             raise InvalidArgumentError(
-                f"there is no scan {number}: {log.name} has {len(log):,} scans, "
-                f"numbered 0 to {len(log) - 1}"
+                f"there is no scan {number}: {log.name} has {len(log):,} scans, numbered 0 to {len(log) - 1}"
             )
     return [log[number] for number in numbers]
 

@@ -66,7 +66,5 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
 def _poses_of_log(path: Path) -> PoseFile:
     log = read_log(path)
     if log.odometry is None:
-        raise LogFormatError(
-            f"{path} is a log without poses: run `curvescan odometry` on it and give what that writes"
-        )
+        raise LogFormatError(f"{path} is a log without poses: run `curvescan odometry` on it and give what that writes")
     return PoseFile(trajectory=log.odometry, is_of_sensor=True)

@@ -77,9 +77,7 @@ def read_log(
         backwards=backwards,
     )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
-        raise InvalidArgumentError(
-            f"range_max must be a positive number of metres, got {range_max}"
-        )
+        raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
     file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file
     row = find_format(read_head(first, HEAD_BYTES), first)

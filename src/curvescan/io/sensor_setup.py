@@ -82,11 +82,7 @@ def apply_setup(log: Log, setup: SensorSetup) -> Log:
         hangs = isinstance(log, MountedLog) and log.hangs_upside_down()
     is_mirrored = hangs != setup.clockwise
     if not (
-        is_mirrored
-        or any(setup.ignore_beams)
-        or setup.laser_pose is not None
-        or setup.drop_stale
-        or setup.backwards
+        is_mirrored or any(setup.ignore_beams) or setup.laser_pose is not None or setup.drop_stale or setup.backwards
     ):
         return log
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
@@ -127,11 +123,7 @@ class _LogSetUp(LogView):
         if self._is_mirrored:
             notes.append(
                 "the scans are mirrored: the laser "
-                + (
-                    "turns against what the log says"
-                    if self._setup.clockwise
-                    else "hangs upside down"
-                )
+                + ("turns against what the log says" if self._setup.clockwise else "hangs upside down")
             )
         if self._setup.drop_stale:
             notes.append("readings that repeat those of the sweep before are dropped")
@@ -139,14 +131,11 @@ class _LogSetUp(LogView):
             notes.append("the beams of each scan are turned round: they were swept in that order")
         if any(self._setup.ignore_beams):
             first, last = self._setup.ignore_beams
-            notes.append(
-                f"the first {first:,} and the last {last:,} beams of each scan are ignored"
-            )
+            notes.append(f"the first {first:,} and the last {last:,} beams of each scan are ignored")
         if self._setup.laser_pose is not None:
             x, y, theta = self._setup.laser_pose
             notes.append(
-                f"the laser's mount is taken as given: x {x:.3f} m, y {y:.3f} m, "
-                f"yaw {math.degrees(theta):.1f} deg"
+                f"the laser's mount is taken as given: x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(theta):.1f} deg"
             )
         return (*self._log.notes, *notes)
 

@@ -25,24 +25,7 @@ class LogWriter(Protocol):
     def __call__(self, path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
         """Write all scans and the odometry of a log, one scan in memory at a time.
 
-        Parameters
-        ----------
-        path : Path
-            Where to; it does not exist, and its folder does.
-        log : Log
-            What to write; read once or more.
-        on_scan : callable
-            To be called after each scan.
-
-        Returns
-        -------
-        tuple of str
-            What was lost, a sentence each; empty where nothing.
-
-        Raises
-        ------
-        OutputError
-            When a scan cannot be said in the format.
+        Raises OutputError.
         """
         ...
 
@@ -76,23 +59,13 @@ class OutputFormat:
 
 WRITERS: dict[str, OutputFormat] = {
     "carmen": OutputFormat(
-        suffixes=(".clf", ".log", ".carmen"),
-        writer="curvescan.io.carmen.writer:write_carmen",
-        is_text=True,
+        suffixes=(".clf", ".log", ".carmen"), writer="curvescan.io.carmen.writer:write_carmen", is_text=True
     ),
-    "csv": OutputFormat(
-        suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True
-    ),
+    "csv": OutputFormat(suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True),
     "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.arrays.npz_writer:write_npz"),
-    "ros1": OutputFormat(
-        suffixes=(".bag",), writer="curvescan.io.ros.writing.log_writer:write_ros1"
-    ),
-    "ros2": OutputFormat(
-        suffixes=("",), writer="curvescan.io.ros.writing.log_writer:write_sqlite3", is_folder=True
-    ),
-    "mcap": OutputFormat(
-        suffixes=(".mcap",), writer="curvescan.io.ros.writing.log_writer:write_mcap"
-    ),
+    "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.ros.writing.log_writer:write_ros1"),
+    "ros2": OutputFormat(suffixes=("",), writer="curvescan.io.ros.writing.log_writer:write_sqlite3", is_folder=True),
+    "mcap": OutputFormat(suffixes=(".mcap",), writer="curvescan.io.ros.writing.log_writer:write_mcap"),
 }
 """Name of each format that is written."""
 
@@ -140,9 +113,7 @@ def write_log(
     if source is not None:
         _check_is_other(target, Path(source))
     if row.is_folder and target.exists() and not (target.is_dir() and not any(target.iterdir())):
-        raise OutputError(
-            f"{target} exists, and a ROS 2 bag is a folder of its own: remove it or choose another name"
-        )
+        raise OutputError(f"{target} exists, and a ROS 2 bag is a folder of its own: remove it or choose another name")
     write = row.load()
     with output_folder(target) if row.is_folder else output_file(target) as new:
         try:
@@ -169,9 +140,7 @@ def _choose(path: Path, name: str | None) -> OutputFormat:
             f"ROS 2 bag, or a format ({', '.join(WRITERS)})"
         )
     if is_packed and not row.is_text:
-        raise InvalidArgumentError(
-            f"only text is written gzip-compressed, got {path.name}: leave the ending .gz out"
-        )
+        raise InvalidArgumentError(f"only text is written gzip-compressed, got {path.name}: leave the ending .gz out")
     return row
 
 

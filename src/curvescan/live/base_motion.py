@@ -44,10 +44,7 @@ class BaseState:
 class BaseMotion:
     """Turns the steps of an odometry of the laser into states of the base.
 
-    Parameters
-    ----------
-    mount : (3,) float64
-        Pose of the laser in the base frame: metres, metres, radians.
+    mount (3,).
     """
 
     def __init__(self, mount: Pose) -> None:
@@ -83,12 +80,7 @@ class BaseMotion:
         if np.isfinite(step.pose).all():  # NaN until the laser has been found in the map
             base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
             self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))
-        return BaseState(
-            odom_base=odom_base,
-            twist=twist,
-            twist_covariance=covariance,
-            map_odom=self._map_odom,
-        )
+        return BaseState(odom_base=odom_base, twist=twist, twist_covariance=covariance, map_odom=self._map_odom)
 
 
 def _by_odometry(step: Any) -> UncertainPose:

@@ -77,9 +77,7 @@ class FoxgloveSink(MapSink):
             topic: foxglove.Channel(
                 topic,
                 schema=foxglove.Schema(
-                    name=msgtype,
-                    encoding="ros2msg",
-                    data=self._builder.definition(msgtype).encode(),
+                    name=msgtype, encoding="ros2msg", data=self._builder.definition(msgtype).encode()
                 ),
                 message_encoding="cdr",
                 context=context,
@@ -91,22 +89,14 @@ class FoxgloveSink(MapSink):
         listener: Any = _Listener(self._want_map)
         try:
             self._server: Any = foxglove.start_server(
-                name=f"curvescan: {name}",
-                host=host,
-                port=port,
-                server_listener=listener,
-                context=context,
+                name=f"curvescan: {name}", host=host, port=port, server_listener=listener, context=context
             )
         except (RuntimeError, OSError, OverflowError) as error:
             raise OutputError(
                 f"cannot serve Foxglove at {host}:{port}: {error}; choose another --foxglove-port or --host"
             ) from error
         super().__init__(
-            "foxglove",
-            occupancy=occupancy,
-            is_revisable=mode == "SLAM",
-            is_lossless=is_lossless,
-            saved_map=saved_map,
+            "foxglove", occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless, saved_map=saved_map
         )
 
     @property

@@ -43,19 +43,9 @@ _DARK = 20.0
 
 
 class LiveMap:
-    """A map and a path that grow with each tracked scan.
+    """A map and a path that grow with each tracked scan."""
 
-    Parameters
-    ----------
-    config : OccupancyConfig or None
-        How to make the occupancy map.
-    is_revisable : bool
-        Whether poses of the past may change (SLAM): scans are then kept, one for every 0.15 m and 20 degrees.
-    """
-
-    def __init__(
-        self, config: OccupancyConfig | None = None, *, is_revisable: bool = False
-    ) -> None:
+    def __init__(self, config: OccupancyConfig | None = None, *, is_revisable: bool = False) -> None:
         self._config, self._is_revisable = config, is_revisable
         self._builder = OccupancyBuilder(config)
         self._deskewer = Deskewer()
@@ -209,9 +199,7 @@ def picture_of(grid: OccupancyGrid, version: int) -> MapPicture | None:
 def _png(pixels: NDArray[np.uint8]) -> bytes:
     """Return (n_rows, n_columns, 2) grey and alpha as a PNG (ISO/IEC 15948: colour type 4, no filter)."""
     n_rows, n_columns, _ = pixels.shape
-    rows = np.concatenate(
-        [np.zeros((n_rows, 1), dtype=np.uint8), pixels.reshape(n_rows, -1)], axis=1
-    )
+    rows = np.concatenate([np.zeros((n_rows, 1), dtype=np.uint8), pixels.reshape(n_rows, -1)], axis=1)
     header = struct.pack(">IIBBBBB", n_columns, n_rows, 8, 4, 0, 0, 0)
     chunks: Sequence[tuple[bytes, bytes]] = (
         (b"IHDR", header),
@@ -219,19 +207,14 @@ def _png(pixels: NDArray[np.uint8]) -> bytes:
         (b"IEND", b""),
     )
     return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in chunks
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
     )
 
 
 def _cell(pose: Pose) -> tuple[int, int, int]:
     """Return the square and the sector that a pose lies in."""
     x, y, theta = pose.tolist()
-    return (
-        math.floor(x / _KEPT_M),
-        math.floor(y / _KEPT_M),
-        math.floor(theta / _KEPT_RAD),
-    )
+    return (math.floor(x / _KEPT_M), math.floor(y / _KEPT_M), math.floor(theta / _KEPT_RAD))
 
 
 def _is_far(pose: Pose, other: Pose, metres: float, radians: float) -> bool:

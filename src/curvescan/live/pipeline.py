@@ -152,9 +152,7 @@ class _Statistics:
         self._outcomes[tracked.outcome] += 1
         self._n_closures += len(tracked.closures)
 
-    def report(
-        self, n_dropped: int, is_interrupted: bool, error: CurvescanError | None
-    ) -> LiveReport:
+    def report(self, n_dropped: int, is_interrupted: bool, error: CurvescanError | None) -> LiveReport:
         return LiveReport(
             n_scans=len(self._seconds),
             n_dropped=n_dropped,

@@ -49,29 +49,17 @@ class ResultsSink(MapSink):
     """
 
     def __init__(
-        self,
-        *,
-        occupancy: OccupancyConfig | None = None,
-        mode: str = "odometry",
-        is_lossless: bool = False,
+        self, *, occupancy: OccupancyConfig | None = None, mode: str = "odometry", is_lossless: bool = False
     ) -> None:
         self._occupancy, self._mode = occupancy, mode
-        self._stamps, self._poses, self._odom, self._covariances, self._seconds = (
-            array("d") for _ in range(5)
-        )
+        self._stamps, self._poses, self._odom, self._covariances, self._seconds = (array("d") for _ in range(5))
         self._n_matched, self._is_degenerate = array("q"), array("b")
         self._outcomes: list[Any] = []
         self._failures: Counter[Outcome] = Counter()
         self._n_rejected = 0
         # scans are kept without SLAM too: the maps are made of them at the end
         is_kept = mode != "localization"
-        super().__init__(
-            "results",
-            occupancy=occupancy,
-            is_revisable=is_kept,
-            capacity=2000,
-            is_lossless=is_lossless,
-        )
+        super().__init__("results", occupancy=occupancy, is_revisable=is_kept, capacity=2000, is_lossless=is_lossless)
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; its pose at once, so that none is missing in the trajectory."""
@@ -140,9 +128,7 @@ class ResultsSink(MapSink):
                 slam=engine,
                 revised=self._run(engine.method, revised, report, len(log or ())),
                 online=self.trajectory(),
-                odometry=Trajectory(
-                    stamps=np.array(self._stamps), poses=np.array(self._odom).reshape(-1, 3)
-                ),
+                odometry=Trajectory(stamps=np.array(self._stamps), poses=np.array(self._odom).reshape(-1, 3)),
                 seconds_to_finish=self._seconds_to_finish,
             )
             save_slam_run(
@@ -177,9 +163,7 @@ class ResultsSink(MapSink):
         self._seconds_to_finish = time.perf_counter() - started
         return trajectory
 
-    def _run(
-        self, method: str, trajectory: Trajectory, report: LiveReport, n_whole: int
-    ) -> OdometryRun:
+    def _run(self, method: str, trajectory: Trajectory, report: LiveReport, n_whole: int) -> OdometryRun:
         return OdometryRun(
             method=method,
             trajectory=trajectory,
@@ -256,10 +240,7 @@ def record_of(report: LiveReport) -> dict[str, object]:
         "error": None if report.error is None else str(report.error),
         "outcomes": {_name(kind): count for kind, count in report.outcomes.items()},
     }
-    for key, values in (
-        ("milliseconds_per_scan", report.seconds),
-        ("milliseconds_scan_to_pose", report.latencies),
-    ):
+    for key, values in (("milliseconds_per_scan", report.seconds), ("milliseconds_scan_to_pose", report.latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0]).tolist()
         record[key] = {"median": round(median, 4), "p99": round(p99, 4), "max": round(worst, 4)}
     return record

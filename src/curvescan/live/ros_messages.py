@@ -9,36 +9,18 @@ import numpy as np
 
 from curvescan.io.ros.messages import LASER_SCAN, OCCUPANCY_GRID, ODOMETRY, TRANSFORMS
 from curvescan.io.ros.writing.bag_writer import ODOM_TOPIC, SCAN_TOPIC, TF_TOPIC
-from curvescan.io.ros.writing.message_building import (
-    LASER_FRAME,
-    MAP_FRAME,
-    ODOM_FRAME,
-    MessageBuilder,
-)
+from curvescan.io.ros.writing.message_building import LASER_FRAME, MAP_FRAME, ODOM_FRAME, MessageBuilder
 from curvescan.live.base_motion import BaseMotion
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.occupancy import OccupancyGrid
 
 MAP_TOPIC = "/map"
-TOPICS = {
-    SCAN_TOPIC: LASER_SCAN,
-    ODOM_TOPIC: ODOMETRY,
-    TF_TOPIC: TRANSFORMS[0],
-    MAP_TOPIC: OCCUPANCY_GRID,
-}
+TOPICS = {SCAN_TOPIC: LASER_SCAN, ODOM_TOPIC: ODOMETRY, TF_TOPIC: TRANSFORMS[0], MAP_TOPIC: OCCUPANCY_GRID}
 """Topics and the types of their messages."""
 
 
 class LiveMessages:
-    """Makes the messages of a live run: scan; odom, continuous, with its velocity; tf, with SLAM map -> odom too; map.
-
-    Parameters
-    ----------
-    builder : MessageBuilder
-        Makes single messages.
-    is_mapped : bool
-        Whether poses are those in a map, by SLAM or localization; else the map lies in the odometry's frame.
-    """
+    """Makes the messages of a live run: scan; odom, continuous, with its velocity; tf, with SLAM map -> odom too; map."""
 
     def __init__(self, builder: MessageBuilder, *, is_mapped: bool) -> None:
         self._builder, self._is_mapped = builder, is_mapped
@@ -47,10 +29,7 @@ class LiveMessages:
     def of_scan(self, tracked: TrackedScan) -> Iterator[tuple[str, Any]]:
         """Yield the topic and the message of all that is said of a scan.
 
-        Raises
-        ------
-        OutputError
-            When a message cannot hold the scan.
+        Raises OutputError.
         """
         builder = self._builder
         state = self._motion.add(tracked.step, tracked.scan.stamp)
@@ -60,11 +39,7 @@ class LiveMessages:
             edges.append((MAP_FRAME, ODOM_FRAME, state.map_odom))
         yield SCAN_TOPIC, builder.laser_scan(tracked.scan)[0]
         odometry = builder.odometry(
-            stamp,
-            state.odom_base.pose,
-            state.odom_base.cov,
-            twist=state.twist,
-            twist_covariance=state.twist_covariance,
+            stamp, state.odom_base.pose, state.odom_base.cov, twist=state.twist, twist_covariance=state.twist_covariance
         )
         yield ODOM_TOPIC, odometry
         yield TF_TOPIC, builder.transforms(stamp, edges)

@@ -48,19 +48,7 @@ _HEADERS = {
 class PageServer:
     """Serves a viewer's page; a context.
 
-    Parameters
-    ----------
-    viewer : Viewer
-        What it shows.
-    host : str
-        Address to bind to; 127.0.0.1 is reached from this machine alone, 0.0.0.0 from every other.
-    port : int
-        0: one that is free.
-
-    Raises
-    ------
-    OutputError
-        When the address is in use or not this machine's.
+    Raises OutputError.
     """
 
     def __init__(self, viewer: Viewer, *, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -71,9 +59,7 @@ class PageServer:
                 f"cannot serve the page at {host}:{port}: {error}; choose another --http-port or --host"
             ) from error
         self._viewer = viewer
-        self._thread = threading.Thread(
-            target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True
-        )
+        self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     @property
     def address(self) -> tuple[str, int]:
@@ -93,10 +79,7 @@ class PageServer:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._viewer.stop()
         self._server.shutdown()
@@ -123,10 +106,7 @@ class _Server(ThreadingHTTPServer):
     def server_bind(self) -> None:
         """Bind without asking a name server for our name, which may take seconds."""
         socketserver.TCPServer.server_bind(self)
-        self.server_name, self.server_port = (
-            str(self.server_address[0]),
-            int(self.server_address[1]),
-        )
+        self.server_name, self.server_port = (str(self.server_address[0]), int(self.server_address[1]))
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread of its own, if there is room."""

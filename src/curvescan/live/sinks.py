@@ -38,17 +38,7 @@ class LiveSink(Protocol):
 
 
 class WorkerSink:
-    """A sink with a thread and a bounded queue of its own; subclasses write :meth:`_take`.
-
-    Parameters
-    ----------
-    name : str
-        Name of the thread.
-    capacity : int
-        Scans held at most.
-    is_lossless : bool
-        Whether `put` waits for room when the source can wait (a log); else the oldest scan is dropped and counted.
-    """
+    """A sink with a thread and a bounded queue of its own; subclasses write :meth:`_take`."""
 
     def __init__(self, name: str, *, capacity: int = 1000, is_lossless: bool = False) -> None:
         self._queue: BoundedQueue[TrackedScan] = BoundedQueue(capacity, is_lossless=is_lossless)
@@ -88,23 +78,7 @@ class WorkerSink:
 
 
 class MapSink(WorkerSink):
-    """A sink that draws a map.
-
-    Parameters
-    ----------
-    name : str
-        Name of the thread.
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    is_revisable : bool
-        Whether poses of the past may change (SLAM).
-    capacity : int
-        Scans held at most.
-    is_lossless : bool
-        As for :class:`WorkerSink`.
-    saved_map : SlamMap or None
-        The map that is localized in: what this one begins with.
-    """
+    """A sink that draws a map."""
 
     def __init__(
         self,

@@ -51,10 +51,7 @@ class ScanSource(Protocol):
         ...
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Close the source; may be called from another thread than the one that reads."""
         ...
@@ -76,10 +73,7 @@ class _Paced:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._closed.set()
 
@@ -196,8 +190,6 @@ class SimulatedSource(_Paced):
         while self._n_scans is None or k < self._n_scans:
             i = k % len(lap)
             noise = child(self._seed, NOISE, k)
-            ranges, _, _ = observe(
-                self.world, lap[i : i + 1], self.sensor, people[i : i + 1], noise
-            )
+            ranges, _, _ = observe(self.world, lap[i : i + 1], self.sensor, people[i : i + 1], noise)
             yield as_scan(ranges[0], self.sensor, k * period)
             k += 1

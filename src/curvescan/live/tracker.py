@@ -109,12 +109,7 @@ class Tracker:
         self._is_revised, self._next_revision = False, 0.0
 
     def add(
-        self,
-        scan: LaserScan,
-        *,
-        received: float | None = None,
-        n_dropped: int = 0,
-        odometry_pose: Pose | None = None,
+        self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0, odometry_pose: Pose | None = None
     ) -> TrackedScan:
         """Return where the sensor was at this scan.
 

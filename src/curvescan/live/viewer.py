@@ -91,11 +91,7 @@ class Viewer(MapSink):
         self._changed = threading.Condition()
         self._is_over = False
         super().__init__(
-            "viewer",
-            occupancy=occupancy,
-            is_revisable=mode == "SLAM",
-            is_lossless=is_lossless,
-            saved_map=saved_map,
+            "viewer", occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless, saved_map=saved_map
         )
         if saved_map is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
@@ -134,9 +130,7 @@ class Viewer(MapSink):
         yield "about", self._about
         while True:
             with self._changed:
-                is_new = self._changed.wait_for(
-                    lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT
-                )
+                is_new = self._changed.wait_for(lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT)
                 if self._is_over and self._n_events == seen.n_events:
                     return
                 batch = list(self._unseen(seen)) if is_new else []
@@ -156,23 +150,12 @@ class Viewer(MapSink):
             seen.path_version, seen.n_path = self._map.path_version, 0
         if seen.n_path < self._map.n_path or seen.n_path == 0:
             points = self._map.path(seen.n_path)
-            yield (
-                "path",
-                {"start": seen.n_path, "points": np.round(points, 3).ravel().tolist()},
-            )
+            yield ("path", {"start": seen.n_path, "points": np.round(points, 3).ravel().tolist()})
             seen.n_path += len(points)
         if self._picture is not None and self._picture.version != seen.picture:
             seen.picture = self._picture.version
             p = self._picture
-            yield (
-                "map",
-                {
-                    "version": p.version,
-                    "origin": p.origin,
-                    "resolution": p.resolution,
-                    "shape": p.shape,
-                },
-            )
+            yield ("map", {"version": p.version, "origin": p.origin, "resolution": p.resolution, "shape": p.shape})
         closures = (self._map.path_version, self._n_closures)
         if closures != seen.closures:
             seen.closures = closures
@@ -201,10 +184,7 @@ class Viewer(MapSink):
             if self._final is not None and self._scan_event is not None:
                 # the map has moved to its final place, and the sensor with it
                 pose = self._final[min(self._scan_event["index"], len(self._final) - 1)]
-                self._scan_event = {
-                    **self._scan_event,
-                    "pose": [round(v, 5) for v in pose.tolist()],
-                }
+                self._scan_event = {**self._scan_event, "pose": [round(v, 5) for v in pose.tolist()]}
                 self._n_events += 1
                 self._changed.notify_all()
         self._draw()

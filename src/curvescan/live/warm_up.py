@@ -32,15 +32,8 @@ _SENSOR = Sensor(
 def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> float:
     """Compile every kernel of the way from a scan to a map, and return how long it took, seconds.
 
-    To be called before a source is opened: the first scan of a kind that the matcher has not met would otherwise wait for a
-    compiler, and those behind it be dropped.
-
-    Parameters
-    ----------
-    new_engine : callable
-        Returns a fresh engine of the kind that is going to run; it is thrown away.
-    method : str
-        Name of its matcher.
+    To be called before a source is opened: the first scan of a kind that the matcher has not met would otherwise wait
+    for a compiler, and those behind it be dropped.
     """
     started = time.perf_counter()
     with watch.held():

@@ -30,11 +30,7 @@ class OccupancyConfig:
     """Whether a beam of which nothing came back (+inf, REP-117) clears its way to range_max."""
 
     def __post_init__(self) -> None:
-        require(
-            0.0 < self.resolution < math.inf,
-            "resolution must be a positive number of metres",
-            self.resolution,
-        )
+        require(0.0 < self.resolution < math.inf, "resolution must be a positive number of metres", self.resolution)
         require(0.5 < self.hit < 1.0, "hit must lie between 0.5 and 1", self.hit)
         require(0.0 < self.miss < 0.5, "miss must lie between 0 and 0.5", self.miss)
         require(0.0 < self.lowest < 0.5, "lowest must lie between 0 and 0.5", self.lowest)

@@ -42,17 +42,7 @@ _SEGMENTS = SegmentationConfig(range_sigma=0.01, min_readings=3)
 def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
     """Return which readings of a scan lie on something that moved since the earlier scans.
 
-    Parameters
-    ----------
-    current : LaserScan
-        The scan in question.
-    earlier : sequence of (LaserScan, (3,) float64)
-        Earlier scans, each with the pose of `current` seen from it.
-
-    Returns
-    -------
-    (n_beams,) bool
-        False for beams without a reading, and for readings out of sight of all earlier scans.
+    result (n_beams,).
     """
     is_new = np.zeros(len(current), dtype=np.bool_)
     for scan, pose in earlier:
@@ -73,14 +63,7 @@ def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose
 def dynamic_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
     """Yield the dynamic readings of each scan of a run, by comparison with the scans before it.
 
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        The run; only the last few scans are held.
-    poses : (n, 3) float64
-        Pose of the sensor at each scan, in one frame.
-    is_joined : (n,) bool
-        Whether each pose is a motion away from the one before; scans beyond one that is not are not compared.
+    poses (n, 3); is_joined (n,).
     """
     relative_to = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
     history: deque[LaserScan] = deque(maxlen=max(LAGS))
@@ -110,13 +93,7 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
 
 @kernel
 def _is_passed(
-    points: Points,
-    valid: Bools,
-    pose: Pose,
-    reach: Floats,
-    angle_min: float,
-    step: float,
-    margin: float,
+    points: Points, valid: Bools, pose: Pose, reach: Floats, angle_min: float, step: float, margin: float
 ) -> Bools:
     """Return (n,) whether both beams of an evenly spaced scan on either side of each reading passed it by more than a margin.
 

@@ -63,13 +63,9 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     n_rows, n_columns = pixels.shape
     x, y = grid.origin.tolist()
     try:
-        (Path(folder) / f"{name}.pgm").write_bytes(
-            b"P5\n%d %d\n255\n" % (n_columns, n_rows) + pixels.tobytes()
-        )
+        (Path(folder) / f"{name}.pgm").write_bytes(b"P5\n%d %d\n255\n" % (n_columns, n_rows) + pixels.tobytes())
         (Path(folder) / f"{name}.yaml").write_text(
-            _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y),
-            encoding="utf-8",
-            newline="\n",
+            _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot write {Path(folder) / name}: {error}") from error

@@ -130,9 +130,7 @@ class OccupancyBuilder:
             When `ignored` has not one value a beam.
         """
         if ignored is not None and ignored.shape != scan.ranges.shape:
-            raise InvalidArgumentError(
-                f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}"
-            )
+            raise InvalidArgumentError(f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}")
         x, y, theta = (float(v) for v in np.asarray(pose, dtype=np.float64))
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
@@ -169,9 +167,7 @@ class OccupancyBuilder:
             rows = columns = np.array([0, -1])
         seen = self._log_odds[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
         corner = self._corner + np.array([columns[0], rows[0]])
-        return OccupancyGrid(
-            log_odds=seen, origin=corner * self.config.resolution, config=self.config
-        )
+        return OccupancyGrid(log_odds=seen, origin=corner * self.config.resolution, config=self.config)
 
     def _is_clear(self, scan: LaserScan) -> Bools:
         if not self.config.clear_no_return or not math.isfinite(scan.range_max):
@@ -183,9 +179,7 @@ class OccupancyBuilder:
         n_rows, n_columns = self._log_odds.shape
         (left, bottom), (i, j) = low.tolist(), self._corner.tolist()
         right, top = high.tolist()
-        return bool(
-            left >= i + 1 and bottom >= j + 1 and right < i + n_columns - 1 and top < j + n_rows - 1
-        )
+        return bool(left >= i + 1 and bottom >= j + 1 and right < i + n_columns - 1 and top < j + n_rows - 1)
 
     def _cover(self, places: Points) -> None:
         """Make the grid hold places, given in cells from the frame's origin."""

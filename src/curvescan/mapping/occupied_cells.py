@@ -20,19 +20,7 @@ _HALF = 2**31
 def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
     """Return the centres of all cells of a square grid in which a reading ended.
 
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once, one at a time; scans beyond the poses are left out.
-    poses : (n, 3) float64
-        Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out.
-    cell : float
-        Side of a cell, metres, > 0.
-
-    Returns
-    -------
-    (k, 2) float64
-        Metres, frame of the map, without repeats, sorted by x and y.
+    poses (n, 3): Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out; result (k, 2).
     """
     cells = OccupiedCells(cell)
     for scan, pose in zip(scans, poses, strict=False):

@@ -47,26 +47,15 @@ def build_maps(
 ) -> RunMaps:
     """Return the maps of a run.
 
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once, one at a time; scans beyond the poses are left out.
-    poses : (n, 3) float64
-        Pose of the sensor at each scan, frame of the map; none may be NaN.
-    is_joined : (n,) bool
-        Whether each pose is a motion away from the one before; dynamic readings are not searched across one that is not.
-    cell : float or None
-        Side of the cells of `standing` and `moved`, metres, > 0; None for neither of them.
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map; None for none. A map that would be too large is left out, and the rest stays.
+    poses (n, 3): Pose of the sensor at each scan, frame of the map; none may be NaN; is_joined (n,); cell: Side of
+    the cells of `standing` and `moved`, metres, > 0; None for neither of them; occupancy: How to make the occupancy
+    map; None for none. A map that would be too large is left out, and the rest stays.
     """
     standing, moving = OccupiedCells(cell or 1.0), OccupiedCells(cell or 1.0)
     builder = OccupancyBuilder(occupancy) if occupancy else None
     why_no_grid = ""
     kept, watched = tee(scans)
-    for scan, pose, moved in zip(
-        kept, poses, dynamic_along(watched, poses, is_joined), strict=False
-    ):
+    for scan, pose, moved in zip(kept, poses, dynamic_along(watched, poses, is_joined), strict=False):
         if cell is not None:
             points = se2.transform(pose, scan.points)
             standing.add(points[scan.valid & ~moved])
@@ -79,6 +68,4 @@ def build_maps(
     grid = builder.grid() if builder else None
     if grid is not None and not grid.log_odds.size:
         grid, why_no_grid = None, "no scan has a reading to map"
-    return RunMaps(
-        standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid
-    )
+    return RunMaps(standing=standing.centres(), moved=moving.centres(), grid=grid, why_no_grid=why_no_grid)

@@ -10,14 +10,7 @@ from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
-from curvescan.matchers.registry import (
-    DEFAULT_METHOD,
-    MATCHERS,
-    Matcher,
-    MatcherConfig,
-    Method,
-    find_matcher,
-)
+from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, MatcherConfig, Method, find_matcher
 from curvescan.matchers.result import Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -62,10 +55,7 @@ class PreparedScan:
 
 
 def prepare(
-    scan: LaserScan,
-    *,
-    method: Method | str = DEFAULT_METHOD,
-    config: MatcherConfig | None = None,
+    scan: LaserScan, *, method: Method | str = DEFAULT_METHOD, config: MatcherConfig | None = None
 ) -> PreparedScan:
     """Return a scan with its features computed, ready to be matched as reference and as current scan.
 
@@ -137,9 +127,7 @@ def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> Pr
             return scan
         scan = scan.scan
     if not isinstance(scan, LaserScan):
-        raise InvalidArgumentError(
-            f"{name} must be a LaserScan or a PreparedScan, got {type(scan).__name__}"
-        )
+        raise InvalidArgumentError(f"{name} must be a LaserScan or a PreparedScan, got {type(scan).__name__}")
     return PreparedScan(scan=scan, matcher=matcher, features=matcher.prepare(scan))
 
 
@@ -152,9 +140,7 @@ def _as_guess(guess: ArrayLike) -> Pose:
     except (TypeError, ValueError) as error:
         raise InvalidArgumentError(f"guess must be three numbers [x, y, theta]: {error}") from error
     if pose.shape != (3,) or not np.isfinite(pose).all():
-        raise InvalidArgumentError(
-            f"guess must be three finite numbers [x, y, theta], got {guess!r}"
-        )
+        raise InvalidArgumentError(f"guess must be three finite numbers [x, y, theta], got {guess!r}")
     if np.abs(pose).max() > _MAX_GUESS:
         raise InvalidArgumentError(
             f"guess must lie within {_MAX_GUESS:g} m, its angle within as many radians: leave it out where there is "

@@ -17,13 +17,7 @@ from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 if TYPE_CHECKING:
-    from curvescan.matchers.baselines.config import (
-        CoxConfig,
-        HistogramConfig,
-        IcpConfig,
-        IdcConfig,
-        PlIcpConfig,
-    )
+    from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
     from curvescan.matchers.cfsma.config import CfSmaConfig
     from curvescan.matchers.curvescan.config import CurvescanConfig
 
@@ -47,30 +41,15 @@ MATCHERS: dict[str, tuple[str, str]] = {
         "curvescan.matchers.curvescan.matcher:CurvescanMatcher",
         "curvescan.matchers.curvescan.config:CurvescanConfig",
     ),
-    "cfsma": (
-        "curvescan.matchers.cfsma.matcher:CfSmaMatcher",
-        "curvescan.matchers.cfsma.config:CfSmaConfig",
-    ),
-    "idc": (
-        "curvescan.matchers.baselines.idc:IdcMatcher",
-        "curvescan.matchers.baselines.config:IdcConfig",
-    ),
-    "cox": (
-        "curvescan.matchers.baselines.cox:CoxMatcher",
-        "curvescan.matchers.baselines.config:CoxConfig",
-    ),
+    "cfsma": ("curvescan.matchers.cfsma.matcher:CfSmaMatcher", "curvescan.matchers.cfsma.config:CfSmaConfig"),
+    "idc": ("curvescan.matchers.baselines.idc:IdcMatcher", "curvescan.matchers.baselines.config:IdcConfig"),
+    "cox": ("curvescan.matchers.baselines.cox:CoxMatcher", "curvescan.matchers.baselines.config:CoxConfig"),
     "histogram": (
         "curvescan.matchers.baselines.histogram:HistogramMatcher",
         "curvescan.matchers.baselines.config:HistogramConfig",
     ),
-    "icp": (
-        "curvescan.matchers.baselines.icp:IcpMatcher",
-        "curvescan.matchers.baselines.config:IcpConfig",
-    ),
-    "plicp": (
-        "curvescan.matchers.baselines.plicp:PlIcpMatcher",
-        "curvescan.matchers.baselines.config:PlIcpConfig",
-    ),
+    "icp": ("curvescan.matchers.baselines.icp:IcpMatcher", "curvescan.matchers.baselines.config:IcpConfig"),
+    "plicp": ("curvescan.matchers.baselines.plicp:PlIcpMatcher", "curvescan.matchers.baselines.config:PlIcpConfig"),
 }
 """Method name -> (matcher, its config), each as ``module:class``."""
 
@@ -98,9 +77,7 @@ class Matcher(Protocol):
         ...
 
 
-def find_matcher(
-    method: Method | str, config: MatcherConfig | None = None, *, name: str = "config"
-) -> Matcher:
+def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Matcher:
     """Return the matcher of a name with a configuration, or with its defaults.
 
     Parameters
@@ -123,14 +100,10 @@ def find_matcher(
     return _build(method, config_of(method, config, name=name))
 
 
-def config_of(
-    method: Method | str, config: MatcherConfig | None = None, *, name: str = "config"
-) -> Any:
+def config_of(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Any:
     """Return the whole configuration that :func:`find_matcher` uses; the arguments are the same."""
     _check_method(method)
-    return as_config(
-        config, default_config(method), name=name, hint=f"method {method!r} takes no other"
-    )
+    return as_config(config, default_config(method), name=name, hint=f"method {method!r} takes no other")
 
 
 def _check_method(method: object) -> None:

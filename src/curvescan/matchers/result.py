@@ -18,9 +18,7 @@ class Outcome(Enum):
     MATCHED = "The scans match."
     NO_SEGMENTS = "A scan has no segment: too few valid readings, or only isolated groups of them."
     NO_COMMON_FUNCTION = "No curvature functions of the two scans correlate enough."
-    NO_LANDMARKS = (
-        "What the scans have in common shows no corner in both: it is straight or smooth."
-    )
+    NO_LANDMARKS = "What the scans have in common shows no corner in both: it is straight or smooth."
     DISSIMILAR_LANDMARKS = "No corners of the scans' common segments look alike."
     AMBIGUOUS_LANDMARKS = "Corners look alike, but more than one pairing of them is as good."
     NO_LINES = "The reference has no straight line that is long enough."

@@ -74,18 +74,10 @@ class KeyframesConfig:
         require(self.max_keyframes >= 1, "max_keyframes must be at least 1", self.max_keyframes)
         for name in ("max_searches", "max_gap", "max_tries"):
             require(getattr(self, name) >= 0, f"{name} must be >= 0", getattr(self, name))
-        require(
-            0.0 < self.variance_retained <= 1.0, "kept must lie in (0, 1]", self.variance_retained
-        )
+        require(0.0 < self.variance_retained <= 1.0, "kept must lie in (0, 1]", self.variance_retained)
         require(self.drift >= 1.0, "drift must be at least 1", self.drift)
         require(self.min_disputes >= 1, "min_disputes must be at least 1", self.min_disputes)
-        for name in (
-            "closure_gate_chi2",
-            "agreeing_gate_chi2",
-            "disputed_gate_chi2",
-            "certain_m",
-            "certain_rad",
-        ):
+        for name in ("closure_gate_chi2", "agreeing_gate_chi2", "disputed_gate_chi2", "certain_m", "certain_rad"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
 
@@ -165,12 +157,7 @@ class OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
         return cls(
             keyframes=KeyframesConfig(
-                distance=0.0,
-                turn=0.0,
-                max_keyframes=1,
-                max_gap=0,
-                max_tries=0,
-                variance_retained=1.0,
+                distance=0.0, turn=0.0, max_keyframes=1, max_gap=0, max_tries=0, variance_retained=1.0
             ),
             motion=MotionConfig(is_fused=False),
         )

@@ -8,14 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
-from curvescan.deskew import (
-    WORTH_AGAIN,
-    deskew,
-    n_periods,
-    predicted_velocity,
-    sweep_shift,
-    usual_period,
-)
+from curvescan.deskew import WORTH_AGAIN, deskew, n_periods, predicted_velocity, sweep_shift, usual_period
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -77,15 +70,7 @@ class Deskewer:
 
 
 def deskewed_along(scans: Iterable[LaserScan], trajectory: Trajectory) -> Iterator[LaserScan]:
-    """Yield scans deskewed with the motion of a trajectory, for maps.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        Read once; those beyond the trajectory are left out.
-    trajectory : Trajectory
-        Of the same scans.
-    """
+    """Yield scans deskewed with the motion of a trajectory, for maps."""
     deskewer, before = Deskewer(), None
     for scan, pose in zip(scans, trajectory.poses, strict=False):
         deskewer = deskewer.ticked(scan)

@@ -41,15 +41,11 @@ class Dispute(NamedTuple):
 
 def is_settled(dispute: Dispute, earlier: tuple[Dispute, ...], config: KeyframesConfig) -> bool:
     """Return whether so many earlier disputes ask for the same correction that it is taken."""
-    n_agreeing = sum(
-        _agree(dispute, other) for other in earlier if _is_elsewhere(dispute, other, config)
-    )
+    n_agreeing = sum(_agree(dispute, other) for other in earlier if _is_elsewhere(dispute, other, config))
     return n_agreeing + 1 >= config.min_disputes
 
 
-def remembered(
-    dispute: Dispute, earlier: tuple[Dispute, ...], config: KeyframesConfig
-) -> tuple[Dispute, ...]:
+def remembered(dispute: Dispute, earlier: tuple[Dispute, ...], config: KeyframesConfig) -> tuple[Dispute, ...]:
     """Return the disputes with another one, unless it is about the place of the last."""
     if earlier and not _is_elsewhere(dispute, earlier[-1], config):
         return earlier
@@ -64,6 +60,4 @@ def _agree(one: Dispute, other: Dispute) -> bool:
 
 def _is_elsewhere(one: Dispute, other: Dispute, config: KeyframesConfig) -> bool:
     x, y, theta = se2.between(other.by_chain, one.by_chain).tolist()
-    return (
-        math.hypot(x, y) >= _ELSEWHERE * config.distance or abs(theta) >= _ELSEWHERE * config.turn
-    )
+    return math.hypot(x, y) >= _ELSEWHERE * config.distance or abs(theta) >= _ELSEWHERE * config.turn

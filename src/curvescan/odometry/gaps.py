@@ -60,16 +60,12 @@ def close_gap(o: Observation, placement: Placement) -> Placement | None:
         if gap.is_questioned:  # it is known as little as the link
             cov = expected.cov + config.motion.recovery_covariance
             expected = UncertainPose(expected.pose, cov)
-        result = o.matching.matcher.match(
-            keyframe.scan.features, placement.current.features, expected.pose
-        )
+        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected.pose)
         gated = gate(result, expected, config.motion)
         if not _joins(gated, config.keyframes.least_score, tracked if gap.is_questioned else None):
             continue
         localization = Localization(
-            keyframe=keyframe,
-            pose_keyframe_scan=gated.pose_keyframe_scan,
-            is_measured=gated.is_fully_observed,
+            keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
         )
         is_tracked = placement.match is not None
         joined = replace(
@@ -132,18 +128,14 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     if gap is None:
         return None
     questioned = replace(
-        placement,
-        gap=replace(gap, is_questioned=True),
-        new_keyframes=(*placement.new_keyframes, *made),
+        placement, gap=replace(gap, is_questioned=True), new_keyframes=(*placement.new_keyframes, *made)
     )
     return with_keyframe(o, widen_gap(o, questioned))
 
 
 def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = False) -> Placement:
     """Return the placement with the scan as a new keyframe."""
-    keyframe = o.keyframes.make(
-        placement.current, o.index, placement.localization, is_predicted=is_predicted
-    )
+    keyframe = o.keyframes.make(placement.current, o.index, placement.localization, is_predicted=is_predicted)
     return replace(
         placement,
         localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),

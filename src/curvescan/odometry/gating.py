@@ -88,22 +88,8 @@ def gate(
 ) -> GatedMatch:
     """Return a match compared with what was expected.
 
-    The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they contradict
-    each other, what was expected counts as little as after a failure.
-
-    Parameters
-    ----------
-    result : MatchResult
-        The match.
-    expected : UncertainPose
-        What was expected of it.
-    config : MotionConfig
-        The odometry's.
-    repeated : UncertainPose or None
-        What the last motion alone leads to expect, where `expected` is another odometry's. That odometry is of use where
-        the match leaves a direction open; a match that leaves none is fused with the last motion, as without it.
-    measured : UncertainPose or None
-        What the scans say without a guess, where they say something of a degenerate direction. It counts where expected.
+    The two are fused: along a corridor, which the match leaves open, the expected motion decides. Where they
+    contradict each other, what was expected counts as little as after a failure.
     """
     if not result.ok:
         return GatedMatch(result, expected, False)
@@ -120,7 +106,5 @@ def gate(
         if last_distance <= config.motion_gate_chi2:
             return GatedMatch(result, by_last, True, not is_plausible, found, True)
     if not is_plausible:
-        fused, _ = fuse(
-            UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found
-        )
+        fused, _ = fuse(UncertainPose(expected.pose, expected.cov + config.recovery_covariance), found)
     return GatedMatch(result, fused, is_plausible, measured=found)

@@ -72,9 +72,7 @@ class Localization:
 
     def moved(self, motion: UncertainPose) -> Localization:
         """Return where a motion leads from here."""
-        return Localization(
-            keyframe=self.keyframe, pose_keyframe_scan=compose(self.pose_keyframe_scan, motion)
-        )
+        return Localization(keyframe=self.keyframe, pose_keyframe_scan=compose(self.pose_keyframe_scan, motion))
 
     def relative_to(self, keyframe: Keyframe) -> UncertainPose:
         """Return the same place seen from another keyframe, through the tree of keyframes."""
@@ -91,16 +89,7 @@ class Localization:
 
 
 class KeyframeGraph:
-    """The keyframes in memory, at most `max_keyframes`: beyond it the one not used for longest is forgotten.
-
-    Parameters
-    ----------
-    max_keyframes : int
-        At least 1.
-    variance_retained : float
-        Share of the variance of a match that stays when the scan becomes a keyframe, in (0, 1]. Its noise moved it one
-        way in that match and moves what is matched with it the other way: along the chain much of it cancels.
-    """
+    """The keyframes in memory, at most `max_keyframes`: beyond it the one not used for longest is forgotten."""
 
     def __init__(self, max_keyframes: int, variance_retained: float) -> None:
         self._max_keyframes = max_keyframes
@@ -116,12 +105,7 @@ class KeyframeGraph:
         return iter(self._keyframes)
 
     def add(
-        self,
-        scan: PreparedScan,
-        index: int,
-        localization: Localization | None,
-        *,
-        is_predicted: bool = False,
+        self, scan: PreparedScan, index: int, localization: Localization | None, *, is_predicted: bool = False
     ) -> Keyframe:
         """Return a new keyframe, held from now on; the arguments are those of :meth:`make`."""
         keyframe = self.make(scan, index, localization, is_predicted=is_predicted)
@@ -129,25 +113,11 @@ class KeyframeGraph:
         return keyframe
 
     def make(
-        self,
-        scan: PreparedScan,
-        index: int,
-        localization: Localization | None,
-        *,
-        is_predicted: bool = False,
+        self, scan: PreparedScan, index: int, localization: Localization | None, *, is_predicted: bool = False
     ) -> Keyframe:
         """Return a keyframe placed by an earlier one, or at the origin, without taking it in.
 
-        Parameters
-        ----------
-        scan : PreparedScan
-            The scan.
-        index : int
-            Its number in the stream.
-        localization : Localization or None
-            Where it is; None for the origin.
-        is_predicted : bool
-            Whether no match placed it.
+        localization: Where it is; None for the origin.
         """
         parent = None if localization is None else localization.keyframe
         return Keyframe(
@@ -172,12 +142,7 @@ class KeyframeGraph:
     def nearest(self, pose: Pose, reach: float, turn: float) -> list[Keyframe]:
         """Return the keyframes around a pose, nearest first.
 
-        Parameters
-        ----------
-        pose : (3,) float64
-            In the frame of the first scan.
-        reach, turn : float
-            Greatest distance and greatest difference of direction, metres and radians, > 0.
+        pose (3,).
         """
         apart = self._poses - pose
         distance = np.hypot(apart[:, 0], apart[:, 1]) / reach
@@ -192,9 +157,7 @@ class KeyframeGraph:
         for other in self._keyframes:
             if other.parent is keyframe:
                 other.parent = keyframe.parent
-        self._poses = np.array([other.pose_map_keyframe.pose for other in self._keyframes]).reshape(
-            -1, 3
-        )
+        self._poses = np.array([other.pose_map_keyframe.pose for other in self._keyframes]).reshape(-1, 3)
 
     def disconnect(self, first: int, cov: Cov) -> None:
         """Add a covariance to the places of the keyframes made from a scan on: only among each other are they known."""
@@ -208,8 +171,7 @@ class KeyframeGraph:
         return compose(
             localization.keyframe.pose_map_keyframe,
             UncertainPose(
-                localization.pose_keyframe_scan.pose,
-                variance_retained * localization.pose_keyframe_scan.cov,
+                localization.pose_keyframe_scan.pose, variance_retained * localization.pose_keyframe_scan.cov
             ),
         )
 

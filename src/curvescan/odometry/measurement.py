@@ -72,15 +72,7 @@ def has_unguided_pose(result: MatchResult) -> bool:
 
 
 def unguided_measurement(result: MatchResult, config: CurvescanConfig) -> UncertainPose | None:
-    """Return what a match says along its degenerate direction too, None where it does not.
-
-    Parameters
-    ----------
-    result : MatchResult
-        Degenerate; made without a guess, or one that :func:`has_unguided_pose`.
-    config : CurvescanConfig
-        The matcher's.
-    """
+    """Return what a match says along its degenerate direction too, None where it does not."""
     assessed = _assessed(result)
     if not result.ok or assessed is None or assessed.assessment is None:
         return None
@@ -103,9 +95,7 @@ def unguided_measurement(result: MatchResult, config: CurvescanConfig) -> Uncert
     return _unguided(assessed, _TIED if assessed.ties else _FLAT)
 
 
-def decided_by_expectation(
-    result: MatchResult, expected: UncertainPose, config: MotionConfig
-) -> MatchResult:
+def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
     """Return a match that failed as one that did not, where its best pose explains the scans well and lies where expected.
 
     Without a guess such a pose would be one of several, or chance. Of scans of one place that follow each other it is right.

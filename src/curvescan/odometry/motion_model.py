@@ -134,23 +134,13 @@ class MotionModel:
     def at_start(cls, config: MotionConfig) -> MotionModel:
         """Return the model before the first scan."""
         return cls(
-            config=config,
-            last=identity(),
-            variance_translation=config.sigma_m**2,
-            variance_turn=config.sigma_rad**2,
+            config=config, last=identity(), variance_translation=config.sigma_m**2, variance_turn=config.sigma_rad**2
         )
 
     def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
         """Return the expected pose of the next sensor frame in the last one.
 
-        Parameters
-        ----------
-        stamp : float
-            Time of the next scan, seconds. Where it is long after the last one, less is known of the motion; that it
-            was longer is not concluded, for many logs are written in bursts.
-        odometry_pose : (3,) float64 or None
-            Pose of the sensor by its wheels or a gyro, in a frame of their own; NaN where they do not tell, as a gyro
-            gives no position.
+        odometry_pose (3,).
         """
         clock, stretch = self.clock.ticked(stamp, self.config.memory)
         pose, cov = self.last.pose.copy(), self.last.cov.copy()
@@ -171,35 +161,14 @@ class MotionModel:
 
     def advanced(self, prediction: Prediction) -> MotionModel:
         """Return the model after a scan that says nothing of the motion, the first."""
-        return replace(
-            self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock
-        )
+        return replace(self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
 
     def updated(
-        self,
-        prediction: Prediction,
-        motion: UncertainPose,
-        *,
-        is_plausible: bool,
-        is_fully_observed: bool,
+        self, prediction: Prediction, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool
     ) -> MotionModel:
-        """Return the model after a scan whose motion was measured.
-
-        Parameters
-        ----------
-        prediction : Prediction
-            What was expected of the scan.
-        motion : UncertainPose
-            Of the sensor, in its last frame.
-        is_plausible : bool
-            Whether it is about what was expected; one that is not is not expected again.
-        is_fully_observed : bool
-            Whether the match left no direction open, so that the change from the last motion has been seen.
-        """
+        """Return the model after a scan whose motion was measured."""
         variances = (
-            self._averaged_variances(motion.pose - self.last.pose)
-            if is_fully_observed
-            else self._inflated_variances()
+            self._averaged_variances(motion.pose - self.last.pose) if is_fully_observed else self._inflated_variances()
         )
         last = motion if is_plausible else identity()
         noise = self._learned_noise(prediction, motion.pose) if is_fully_observed else None
@@ -271,10 +240,7 @@ class MotionModel:
             old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
             for old, error in zip(self.odometry_noise, errors, strict=True)
         )
-        return (
-            min(max(translation, _LEAST_NOISE), _MOST_NOISE),
-            min(max(turn, _LEAST_NOISE), _MOST_NOISE),
-        )
+        return (min(max(translation, _LEAST_NOISE), _MOST_NOISE), min(max(turn, _LEAST_NOISE), _MOST_NOISE))
 
     def _changed(
         self,
@@ -307,10 +273,7 @@ class MotionModel:
     def _inflated_variances(self) -> tuple[float, float]:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
         wide = max(self.config.sigma_rad**2, self.variance_turn)
-        return (
-            self.variance_translation,
-            self.variance_turn + (wide - self.variance_turn) / self.config.memory,
-        )
+        return (self.variance_translation, self.variance_turn + (wide - self.variance_turn) / self.config.memory)
 
     def _averaged(self, variance: float, square: float, least: float) -> float:
         square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit

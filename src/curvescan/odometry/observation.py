@@ -52,11 +52,7 @@ class Matching:
         return prepare(scan, method=self.method, config=self.matcher_config)
 
     def match(
-        self,
-        reference: PreparedScan,
-        current: PreparedScan,
-        origin: UncertainPose,
-        prediction: Prediction,
+        self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction
     ) -> GatedMatch:
         """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
 
@@ -97,9 +93,7 @@ class Matching:
                 measured = self._unguided(reference, current, result)
         return gate(result, expected, motion, repeated, measured)
 
-    def _unguided(
-        self, reference: PreparedScan, current: PreparedScan, result: MatchResult
-    ) -> UncertainPose | None:
+    def _unguided(self, reference: PreparedScan, current: PreparedScan, result: MatchResult) -> UncertainPose | None:
         """Return what two scans say without a guess, whose match with one leaves a direction open."""
         if not has_unguided_pose(result):
             result = self.matcher.match(reference.features, current.features, None)
@@ -242,9 +236,7 @@ class Observation:
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
         is_deskewed = self.config.deskew
-        return self.matching.prepare(
-            self.deskewer.deskewed(self.scan, motion) if is_deskewed else self.scan
-        )
+        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if is_deskewed else self.scan)
 
     @property
     def expected(self) -> UncertainPose:
@@ -331,10 +323,4 @@ def try_references(observation: Observation, last: Localization) -> Attempt:
     second = matching.match(previous, current, identity(), prediction)
     if not second.is_better_than(attempt.gated, min_score):
         return attempt
-    return Attempt(
-        last=last,
-        gated=second,
-        outcome=StepOutcome.CHAINED,
-        reference=previous,
-        origin=identity(),
-    )
+    return Attempt(last=last, gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())

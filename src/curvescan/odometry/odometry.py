@@ -22,13 +22,7 @@ from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.keyframes import KeyframeGraph
 from curvescan.odometry.motion_model import MotionModel
-from curvescan.odometry.observation import (
-    Matching,
-    Observation,
-    Placement,
-    State,
-    try_references,
-)
+from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
 from curvescan.odometry.step import OdometryStep
 from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan
@@ -197,9 +191,7 @@ def _as_odometry_pose(odometry_pose: ArrayLike) -> Pose:
     try:
         pose = np.asarray(odometry_pose, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(
-            f"odometry_pose must be three numbers [x, y, theta]: {error}"
-        ) from error
+        raise InvalidArgumentError(f"odometry_pose must be three numbers [x, y, theta]: {error}") from error
     if pose.shape != (3,) or np.isinf(pose).any():
         raise InvalidArgumentError(
             "odometry_pose must be three numbers [x, y, theta], finite or NaN where it is unknown, "

@@ -68,26 +68,7 @@ def search_loop_closures(
     is_lost: bool = False,
     doubtful: Closure | None = None,
 ) -> Search:
-    """Return where a scan is by an earlier keyframe, or where two of them would have it against the chain.
-
-    Parameters
-    ----------
-    current : PreparedScan
-        The scan.
-    localization : Localization
-        Where it is by the keyframe in use.
-    keyframes : KeyframeGraph
-        All keyframes.
-    config : KeyframesConfig
-        The odometry's.
-    turn : float
-        Keyframes whose direction differs by more are not tried, radians.
-    is_lost : bool
-        Whether nothing else shows where the scan is. Two matches that agree may then score less, if they lie near where
-        it is thought to be: other places of the same kind are the same to both.
-    doubtful : Closure or None
-        A match with the keyframe in use that failed for want of support: it counts as one of two that agree.
-    """
+    """Return where a scan is by an earlier keyframe, or where two of them would have it against the chain."""
     if config.max_tries == 0:
         return Search()
     alone = config.confident_score, config.closure_gate_chi2
@@ -103,9 +84,7 @@ def search_loop_closures(
             continue
         expected = _inflated(localization.relative_to(keyframe), config)
         is_certain = _is_certain(expected, config)
-        if not (
-            _is_close(expected, config) if is_certain else _is_better_known(keyframe, localization)
-        ):
+        if not (_is_close(expected, config) if is_certain else _is_better_known(keyframe, localization)):
             continue
         n_tried += 1
         # where the chain is vague, it must not talk the matcher into anything
@@ -115,9 +94,7 @@ def search_loop_closures(
         if not result.ok or result.degenerate_direction is not None or result.score < min_score:
             continue
         found = UncertainPose(result.pose, result.covariance)
-        hit = Closure(
-            Localization(keyframe=keyframe, pose_keyframe_scan=found, is_measured=True), result
-        )
+        hit = Closure(Localization(keyframe=keyframe, pose_keyframe_scan=found, is_measured=True), result)
         distance = fuse(expected, found)[1]
         if distance > max_distance:
             if not is_certain and _is_disputable(result, distance, config):
@@ -146,10 +123,7 @@ def _agreeing(hit: Closure, others: list[Closure], config: KeyframesConfig) -> C
 def _inflated(pose_keyframe_scan: UncertainPose, config: KeyframesConfig) -> UncertainPose:
     """Return an estimate with all that its covariance may leave out."""
     floor = (config.drift_floor_m, config.drift_floor_m, config.drift_floor_rad)
-    return UncertainPose(
-        pose_keyframe_scan.pose,
-        config.drift**2 * pose_keyframe_scan.cov + np.diag(np.square(floor)),
-    )
+    return UncertainPose(pose_keyframe_scan.pose, config.drift**2 * pose_keyframe_scan.cov + np.diag(np.square(floor)))
 
 
 def _is_certain(expected: UncertainPose, config: KeyframesConfig) -> bool:
@@ -165,9 +139,7 @@ def _is_close(expected: UncertainPose, config: KeyframesConfig) -> bool:
 
 def _is_better_known(keyframe: Keyframe, localization: Localization) -> bool:
     """Return whether an earlier keyframe can put right where the scan is: one that drifted more can't."""
-    return bool(
-        np.trace(keyframe.pose_map_keyframe.cov) < 2.0 * np.trace(localization.pose_map_scan.cov)
-    )
+    return bool(np.trace(keyframe.pose_map_keyframe.cov) < 2.0 * np.trace(localization.pose_map_scan.cov))
 
 
 def _agree(one: Localization, other: Localization, config: KeyframesConfig) -> bool:

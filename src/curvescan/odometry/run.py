@@ -174,19 +174,10 @@ class PlacedScan(NamedTuple):
 class OdometryInTurn:
     """The odometry of scans, each when it is wanted; iterate over it once.
 
-    Parameters
-    ----------
-    odometry : Odometry
-        Which is changed.
-    scans : iterable of LaserScan
-        A log, or any iterable.
-    odometry_poses : (n, 3) float64 or None
-        See :func:`run_odometry`.
+    odometry_poses (n, 3).
     """
 
-    def __init__(
-        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
-    ) -> None:
+    def __init__(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:
         self.odometry = odometry
         self._scans, self._odometry_poses = scans, odometry_poses
 
@@ -238,9 +229,7 @@ def run_odometry(
                 on_step(step)
             if stop.is_asked:
                 break
-    return recorder.run(
-        odometry.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None
-    )
+    return recorder.run(odometry.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None)
 
 
 def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:

@@ -22,12 +22,7 @@ class StepOutcome(Enum):
     LOST = "Lost: nothing known before matches; the track starts anew, its place in the old one is unknown."
 
 
-MATCHES = (
-    StepOutcome.MATCHED,
-    StepOutcome.CHAINED,
-    StepOutcome.LOOP_CLOSED,
-    StepOutcome.RELOCALIZED,
-)
+MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
 """Outcomes that stand on a match."""
 
 

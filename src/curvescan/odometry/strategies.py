@@ -27,11 +27,7 @@ from curvescan.odometry.gating import GatedMatch
 from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.measurement import as_measurement, doubtful_pose
 from curvescan.odometry.observation import Attempt, Observation, Placement
-from curvescan.odometry.relocalization import (
-    Closure,
-    find_loop_closure,
-    search_loop_closures,
-)
+from curvescan.odometry.relocalization import Closure, find_loop_closure, search_loop_closures
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 
@@ -74,23 +70,16 @@ def track(observation: Observation, attempt: Attempt) -> Placement | None:
     sweep = _with_better_sweep(o, attempt, keyframe)
     gated, result = sweep.gated, sweep.gated.result
     expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
-    motion = fuse(
-        expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result))
-    )[0]
+    motion = fuse(expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result)))[0]
     localization = Localization(
-        keyframe=keyframe,
-        pose_keyframe_scan=gated.pose_keyframe_scan,
-        is_measured=gated.is_fully_observed,
+        keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
     )
     placement = Placement(
         outcome=attempt.outcome,
         localization=localization,
         current=sweep.current,
         motion=o.state.motion.updated(
-            o.prediction,
-            motion,
-            is_plausible=gated.is_plausible,
-            is_fully_observed=gated.is_fully_observed,
+            o.prediction, motion, is_plausible=gated.is_plausible, is_fully_observed=gated.is_fully_observed
         ),
         n_searches=max(o.state.n_searches - 1, 0),
         step_motion=_step_motion(o, attempt, gated),
@@ -126,9 +115,7 @@ def bridge(observation: Observation, attempt: Attempt) -> Placement | None:
         outcome=StepOutcome.RELOCALIZED,
         localization=attempt.last.moved(o.expected),
         current=o.current,
-        motion=o.state.motion.updated(
-            o.prediction, identity(), is_plausible=False, is_fully_observed=False
-        ),
+        motion=o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False),
         n_searches=o.state.n_searches,
         step_motion=o.expected,
         gap=gap,
@@ -145,13 +132,7 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
     known = find_loop_closure(
         o.current, around, o.keyframes, config.keyframes, turn=math.pi, doubtful=doubtful
     ) or find_loop_closure(
-        o.current,
-        ahead,
-        o.keyframes,
-        config.keyframes,
-        turn=math.pi,
-        is_lost=True,
-        doubtful=doubtful,
+        o.current, ahead, o.keyframes, config.keyframes, turn=math.pi, is_lost=True, doubtful=doubtful
     )
     if known is None:
         return None
@@ -160,9 +141,7 @@ def relocalize(observation: Observation, attempt: Attempt) -> Placement | None:
         outcome=StepOutcome.RELOCALIZED,
         localization=localization,
         current=o.current,
-        motion=o.state.motion.updated(
-            o.prediction, identity(), is_plausible=False, is_fully_observed=False
-        ),
+        motion=o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False),
         n_searches=o.state.n_searches,
         step_motion=o.prediction.inflated(config.motion),
         match=result,
@@ -176,9 +155,7 @@ def _doubtful(attempt: Attempt) -> Closure | None:
     pose = doubtful_pose(attempt.gated.result)
     if pose is None or attempt.outcome is not StepOutcome.MATCHED:
         return None
-    localization = Localization(
-        keyframe=attempt.last.keyframe, pose_keyframe_scan=pose, is_measured=True
-    )
+    localization = Localization(keyframe=attempt.last.keyframe, pose_keyframe_scan=pose, is_measured=True)
     return Closure(localization, attempt.gated.result)
 
 
@@ -245,9 +222,7 @@ def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> 
     return _Sweep(gated, o.current, first)
 
 
-def _is_leaving(
-    localization: Localization, score: float, config: KeyframesConfig, share: float = 1.0
-) -> bool:
+def _is_leaving(localization: Localization, score: float, config: KeyframesConfig, share: float = 1.0) -> bool:
     """Return whether a scan is so far from the keyframe, or shares so little with it, that another is due."""
     x, y, theta = localization.pose_keyframe_scan.pose.tolist()
     is_far = math.hypot(x, y) >= share * config.distance or abs(theta) >= share * config.turn
@@ -270,13 +245,10 @@ def _close_loop(o: Observation, placement: Placement, is_due: bool) -> Placement
     if not config.closes_loops:
         return with_keyframe(o, placement) if is_due else placement
     turn = math.pi if o.state.n_searches > 0 else _TURN_OF_CLOSURE * config.turn
-    found, disputed = search_loop_closures(
-        placement.current, placement.localization, o.keyframes, config, turn=turn
-    )
+    found, disputed = search_loop_closures(placement.current, placement.localization, o.keyframes, config, turn=turn)
     if found is None and disputed is not None:
         dispute = Dispute(
-            by_chain=placement.localization.pose_map_scan.pose,
-            by_closure=disputed.localization.pose_map_scan.pose,
+            by_chain=placement.localization.pose_map_scan.pose, by_closure=disputed.localization.pose_map_scan.pose
         )
         if is_settled(dispute, o.state.disputes, config):
             found = disputed

@@ -25,9 +25,7 @@ from curvescan.scan import LaserScan, valid_readings
 from curvescan.simulation import Sensor
 from curvescan.types import Bools, Floats, Ints, Points
 
-TOLERANCES: Floats = np.array(
-    [0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2]
-)
+TOLERANCES: Floats = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2])
 """U_k tried, metres."""
 
 SIGMAS: Floats = np.array([0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2])
@@ -121,9 +119,7 @@ def simulated_planes(
     """Return planes ahead of a simulated sensor, a group a distance (metres)."""
     groups = []
     for k, distance in enumerate(distances):
-        scans = wall_scans(
-            sensor, distance, sigma=sensor.sigma_range, n_scans=n_scans, seed=seed + k
-        )
+        scans = wall_scans(sensor, distance, sigma=sensor.sigma_range, n_scans=n_scans, seed=seed + k)
         planes = tuple(scan.points[scan.valid] for scan in scans)
         if len(planes[0]) < _LEAST_PLANE:
             raise InvalidArgumentError(
@@ -137,10 +133,7 @@ def simulated_planes(
 def planes_of_log(scans: Iterable[LaserScan], name: str) -> tuple[PlaneGroup, ...]:
     """Return the plane surfaces of a log as one group: segments that a straight line explains.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When there are none.
+    Raises InvalidArgumentError.
     """
     planes: list[Points] = []
     config = replace(CfSmaConfig().segmentation, range_sigma=0.01)
@@ -176,22 +169,8 @@ def sensor_of_log(log: Log) -> Sensor:
     )
 
 
-def calibrate(
-    groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 40, seed: int = 0
-) -> Calibration:
-    """Return the six parameters that planes, corners and pairs of scans decide; lambda is the paper's.
-
-    Parameters
-    ----------
-    groups : tuple of PlaneGroup
-        From :func:`simulated_planes` or :func:`planes_of_log`.
-    sensor : Sensor
-        Whose corners are simulated for U_p, with the noise that the planes show.
-    n_scans : int
-        Scans of each corner and wall.
-    seed : int
-        Of the simulated noise.
-    """
+def calibrate(groups: tuple[PlaneGroup, ...], sensor: Sensor, *, n_scans: int = 40, seed: int = 0) -> Calibration:
+    """Return the six parameters that planes, corners and pairs of scans decide; lambda is the paper's."""
     sigma = float(np.median([_sigma(plane) for group in groups for plane in group.planes]))
     base = CfSmaConfig()
     noisy = replace(sensor, sigma_range=sigma)
@@ -200,9 +179,7 @@ def calibrate(
     sigma_rho = float(SIGMAS[np.argmax(whole >= _WHOLE)] if (whole >= _WHOLE).any() else SIGMAS[-1])
     base = replace(base, segmentation=replace(base.segmentation, range_sigma=sigma_rho))
 
-    false_peaks = np.array(
-        [[_mean_peaks(g, _with(base, u_k=u_k)) for u_k in TOLERANCES] for g in groups]
-    )
+    false_peaks = np.array([[_mean_peaks(g, _with(base, u_k=u_k)) for u_k in TOLERANCES] for g in groups])
     is_free: Bools = np.any(false_peaks <= _FREE, axis=1)
     if not is_free.any():
         raise InvalidArgumentError(
@@ -221,17 +198,12 @@ def calibrate(
     corners = _corners(sensor, sigma, n_scans, seed)
     detection = np.array([_found(corners, _with(config, u_p=u_p)) for u_p in CURVATURES])
     false_alarms = np.array(
-        [
-            np.mean([_n_peaks(p, _with(config, u_p=u_p)) > 0 for p in free_planes])
-            for u_p in CURVATURES
-        ]
+        [np.mean([_n_peaks(p, _with(config, u_p=u_p)) > 0 for p in free_planes]) for u_p in CURVATURES]
     )
     is_quiet = false_alarms <= _QUIET
     config = _with(config, u_p=float(CURVATURES[np.argmax(is_quiet)] if is_quiet.any() else 1.0))
     pairs = calibrate_on_pairs(config, noisy, n_pairs=5 * n_scans, seed=seed + 2000)
-    landmarks = replace(
-        config.landmarks, n_neighbours=pairs.n_neighbours, min_similarity=pairs.min_similarity
-    )
+    landmarks = replace(config.landmarks, n_neighbours=pairs.n_neighbours, min_similarity=pairs.min_similarity)
     return Calibration(
         config=replace(config, landmarks=landmarks),
         noise=sigma,
@@ -246,9 +218,7 @@ def calibrate(
     )
 
 
-def _share_whole(
-    sensor: Sensor, config: CfSmaConfig, range_sigma: float, n_scans: int, seed: int
-) -> float:
+def _share_whole(sensor: Sensor, config: CfSmaConfig, range_sigma: float, n_scans: int, seed: int) -> float:
     """Return the share of scans in which a wall WALL beside the sensor is one segment out to REACH."""
     segmentation = replace(config.segmentation, range_sigma=range_sigma)
     limit = np.arcsin(WALL / max(min(sensor.range_max, REACH), 2.0 * WALL))
@@ -270,10 +240,7 @@ def _share_whole(
 
 
 def _with(
-    config: CfSmaConfig,
-    u_k: float | None = None,
-    u_c: float | None = None,
-    u_p: float | None = None,
+    config: CfSmaConfig, u_k: float | None = None, u_c: float | None = None, u_p: float | None = None
 ) -> CfSmaConfig:
     if u_k is not None:
         config = replace(config, curvature=replace(config.curvature, arc_tolerance=u_k))
@@ -327,9 +294,7 @@ def _corners(sensor: Sensor, sigma: float, n_scans: int, seed: int) -> list[_Cor
     return [
         _Corner(points=scan.points[scan.valid], at=np.array([distance, 0.0]), turn=float(turn))
         for k, (distance, turn) in enumerate(settings)
-        for scan in wall_scans(
-            sensor, distance, sigma=sigma, n_scans=n_scans, seed=seed + 1000 + k, angle=turn / 2.0
-        )
+        for scan in wall_scans(sensor, distance, sigma=sigma, n_scans=n_scans, seed=seed + 1000 + k, angle=turn / 2.0)
     ]
 
 

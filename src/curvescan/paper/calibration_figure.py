@@ -18,9 +18,7 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
     config = calibration.config
     with drawing(path, 13.0, 4.3) as figure:
         left, middle, right = figure.subplots(1, 3)
-        for k, (group, peaks) in enumerate(
-            zip(calibration.groups, calibration.false_peaks, strict=True)
-        ):
+        for k, (group, peaks) in enumerate(zip(calibration.groups, calibration.false_peaks, strict=True)):
             left.plot(TOLERANCES, peaks, ".-", color=segment_colour(k), label=group.name)
         left.set(xlabel="U_k [m]", ylabel="false peaks a plane", yscale="symlog", ylim=(0, None))
         left.set_yscale("symlog", linthresh=0.1)
@@ -36,16 +34,8 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
         middle.set(xlabel="correlation of two planes' functions", ylabel="pairs below [%]")
         middle.set_title(f"U_c = {config.functions.min_correlation:g}")
 
-        right.plot(
-            CURVATURES, 100.0 * calibration.detection, ".-", color=DARK, label="corners found"
-        )
-        right.plot(
-            CURVATURES,
-            100.0 * calibration.false_alarms,
-            ".-",
-            color=PATH,
-            label="planes with a peak",
-        )
+        right.plot(CURVATURES, 100.0 * calibration.detection, ".-", color=DARK, label="corners found")
+        right.plot(CURVATURES, 100.0 * calibration.false_alarms, ".-", color=PATH, label="planes with a peak")
         right.axvline(config.landmarks.min_curvature, color=PATH, ls="--", lw=1.0)
         right.set(xlabel="U_p [rad]", ylabel="share [%]")
         right.set_title(f"U_p = {config.landmarks.min_curvature:g} rad")
@@ -84,12 +74,7 @@ def calibration_table(calibration: Calibration) -> ResultTable:
                 f"{default.landmarks.min_curvature:g} rad",
                 "0.2 rad",
             ),
-            (
-                "n, neighbours",
-                f"{config.landmarks.n_neighbours}",
-                f"{default.landmarks.n_neighbours}",
-                "30",
-            ),
+            ("n, neighbours", f"{config.landmarks.n_neighbours}", f"{default.landmarks.n_neighbours}", "30"),
             (
                 "S_min, Pearson similarity",
                 f"{config.landmarks.min_similarity:g}",
@@ -117,10 +102,7 @@ def wall_table(calibration: Calibration) -> ResultTable:
     return ResultTable(
         title="A wall 0.9 m beside the sensor, out to 8 m",
         columns=("sigma_rho [m]", "scans in which it is one segment"),
-        rows=[
-            (f"{sigma:g}", f"{100 * share:.0f} %")
-            for sigma, share in zip(SIGMAS, calibration.whole, strict=True)
-        ],
+        rows=[(f"{sigma:g}", f"{100 * share:.0f} %") for sigma, share in zip(SIGMAS, calibration.whole, strict=True)],
     )
 
 
@@ -145,8 +127,6 @@ def similarity_table(calibration: Calibration) -> ResultTable:
         columns=("S_min", "wrong pairs rejected", "right pairs kept"),
         rows=[
             (f"{s_min:.2f}", f"{100 * rejected:.1f} %", f"{100 * kept:.1f} %")
-            for s_min, rejected, kept in zip(
-                SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True
-            )
+            for s_min, rejected, kept in zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True)
         ],
     )

@@ -57,30 +57,11 @@ class PairCalibration:
     right_kept: Floats
 
 
-def calibrate_on_pairs(
-    config: CfSmaConfig, sensor: Sensor, *, n_pairs: int = 200, seed: int = 0
-) -> PairCalibration:
-    """Return n and S_min for a sensor, the other parameters given.
-
-    Parameters
-    ----------
-    config : CfSmaConfig
-        The parameters found so far.
-    sensor : Sensor
-        Its beams and noise, in simulated offices.
-    n_pairs : int
-        Pairs of consecutive scans: up to 0.1 m and 5 degrees apart.
-    seed : int
-        Of the simulation.
-    """
+def calibrate_on_pairs(config: CfSmaConfig, sensor: Sensor, *, n_pairs: int = 200, seed: int = 0) -> PairCalibration:
+    """Return n and S_min for a sensor, the other parameters given."""
     pairs = list(
         simulate_pairs(
-            "office",
-            sensor=sensor,
-            n_pairs=n_pairs,
-            translation_max=0.1,
-            rotation_max=np.radians(5.0),
-            seed=seed,
+            "office", sensor=sensor, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed
         )
     )
     shares, seconds = np.array([_accuracy(_with_n(config, int(n)), pairs) for n in NEIGHBOURS]).T
@@ -89,16 +70,8 @@ def calibrate_on_pairs(
     n = int(NEIGHBOURS[np.argmax(shares >= best - tolerance)])
     similarity, is_right = _point_pairs(_with_n(config, n), pairs)
     is_below = similarity <= SIMILARITIES[:, np.newaxis]
-    wrong_rejected = (
-        np.mean(is_below[:, ~is_right], axis=1)
-        if (~is_right).any()
-        else np.zeros(len(SIMILARITIES))
-    )
-    right_kept = (
-        1.0 - np.mean(is_below[:, is_right], axis=1)
-        if is_right.any()
-        else np.ones(len(SIMILARITIES))
-    )
+    wrong_rejected = np.mean(is_below[:, ~is_right], axis=1) if (~is_right).any() else np.zeros(len(SIMILARITIES))
+    right_kept = 1.0 - np.mean(is_below[:, is_right], axis=1) if is_right.any() else np.ones(len(SIMILARITIES))
     s_min = float(SIMILARITIES[np.flatnonzero(right_kept >= 1.0 - _COST)[-1]])
     return PairCalibration(
         n_neighbours=n,

@@ -35,9 +35,7 @@ def draw_geometry(path: Path) -> None:
         walk = np.array([[0.1 * k, 0.0] for k in range(9)] + [[0.8, 0.1 * k] for k in range(1, 8)])
         right.plot(*walk.T, "o-", color=DARK, ms=4.0, lw=1.2, label="readings")
         right.plot(*walk[3:13].T, "o-", color=LIGHT, ms=5.0, lw=2.4, label="arc, from l to l + k")
-        right.plot(
-            *walk[[3, 12]].T, "--", color=PATH, lw=1.6, label="chord, its direction is theta_l"
-        )
+        right.plot(*walk[[3, 12]].T, "--", color=PATH, lw=1.6, label="chord, its direction is theta_l")
         right.set_title("eq. 3: k grows while arc - chord < U_k")
         right.legend()
         for axes in (left, right):

@@ -23,13 +23,7 @@ from curvescan.paper.random_transform import (
     TransformResult,
     run_random_transforms,
 )
-from curvescan.paper.scenarios import (
-    DRIVES,
-    Condition,
-    DriveExperiment,
-    ScenarioResult,
-    run_scenario,
-)
+from curvescan.paper.scenarios import DRIVES, Condition, DriveExperiment, ScenarioResult, run_scenario
 from curvescan.simulation import Simulation
 
 N_SEEDS: dict[Condition, int] = {"paper": 3, "hard": 1}
@@ -41,9 +35,7 @@ N_RUNS = (1000, 250)
 CONSISTENT = "cfsma, consistency"
 """Name of cfsma with its consistency test among the methods of a table."""
 
-PAPER_CONFIGS: dict[str, MatcherConfig] = {
-    "cox": CoxConfig(median_readings=3, has_projection_filter=True)
-}
+PAPER_CONFIGS: dict[str, MatcherConfig] = {"cox": CoxConfig(median_readings=3, has_projection_filter=True)}
 """Parameters of the methods where the paper uses them otherwise than our defaults: Cox after the filters of IDC."""
 
 Progress = Callable[[str, int], Callable[..., None]]
@@ -123,29 +115,7 @@ def run_experiments(
 ) -> Experiments:
     """Return the results of the paper's experiments on simulated scans, and of every method on real logs.
 
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of matchers.
-    logs : sequence of Log
-        Real logs.
-    relations : sequence of Relations
-        Of the robots of these logs; their stamps tell which log each belongs to.
-    laser_pose : (3,) array_like
-        Pose of the sensor on the robot, for the relations.
-    only_logs : bool
-        Leave out what is simulated.
-    is_quick : bool
-        Ten runs, one seed and a quarter of the scans, to see that all works.
-    seed : int
-        The same seed gives the same numbers to the last digit, times aside.
-    progress : callable
-        Tells how far it is; silent by default.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When relations belong to none of the logs, or there is nothing to run.
+    laser_pose (3,). Raises InvalidArgumentError.
     """
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
@@ -155,16 +125,11 @@ def run_experiments(
     if not only_logs:
         random_transforms = _random_transforms(is_quick=is_quick, seed=seed, progress=progress)
         drives = tuple(
-            _drive(experiment, methods, is_quick=is_quick, seed=seed, progress=progress)
-            for experiment in DRIVES
+            _drive(experiment, methods, is_quick=is_quick, seed=seed, progress=progress) for experiment in DRIVES
         )
     judged = [
         evaluate_log(
-            log,
-            method,
-            relations=some,
-            laser_pose=laser_pose,
-            on_step=progress(f"{log.name}, {method}", len(log) - 1),
+            log, method, relations=some, laser_pose=laser_pose, on_step=progress(f"{log.name}, {method}", len(log) - 1)
         )
         for log, some in zip(logs, owned, strict=True)
         for method in methods
@@ -198,12 +163,7 @@ def _random_transforms(
 
 
 def _drive(
-    experiment: DriveExperiment,
-    methods: Sequence[str],
-    *,
-    is_quick: bool,
-    seed: int,
-    progress: Progress,
+    experiment: DriveExperiment, methods: Sequence[str], *, is_quick: bool, seed: int, progress: Progress
 ) -> ScenarioComparison:
     """Return a drive of experiments 2 to 4 by every method, for all its seeds."""
     share = 0.25 if is_quick else 1.0
@@ -223,16 +183,12 @@ def _drive(
     )
 
 
-def _run_all(
-    log: Simulation, methods: Sequence[str], on_step: Callable[..., None]
-) -> dict[str, ScenarioResult]:
+def _run_all(log: Simulation, methods: Sequence[str], on_step: Callable[..., None]) -> dict[str, ScenarioResult]:
     """Return what each method makes of the scans, and cfsma with its consistency test as CONSISTENT."""
     results = run_scenario(log, methods, configs=PAPER_CONFIGS, on_step=on_step)
     if "cfsma" in methods:
         configs: dict[str, MatcherConfig] = {"cfsma": CfSmaConfig(consistency=True)}
-        results[CONSISTENT] = run_scenario(log, ["cfsma"], configs=configs, on_step=on_step)[
-            "cfsma"
-        ]
+        results[CONSISTENT] = run_scenario(log, ["cfsma"], configs=configs, on_step=on_step)["cfsma"]
     return results
 
 

@@ -10,29 +10,12 @@ from curvescan import se2
 from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.mapping.run_maps import build_maps
 from curvescan.paper.experiments import ScenarioComparison
-from curvescan.paper.random_transform import (
-    SUCCESS,
-    RandomTransformCondition,
-    TransformResult,
-)
-from curvescan.plots.canvas import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PATH,
-    TRUTH,
-    as_place,
-    drawing,
-    segment_colour,
-)
+from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
+from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, segment_colour
 from curvescan.plots.map import draw_map, from_first
 
 
-def draw_errors(
-    path: Path,
-    all_runs: dict[RandomTransformCondition, TransformResult],
-) -> None:
+def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformResult]) -> None:
     """Save the histograms of the errors of experiment 1."""
     with drawing(path, 11.0, 4.5) as figure:
         left, right = figure.subplots(1, 2)
@@ -45,11 +28,7 @@ def draw_errors(
                 known = errors[~np.isnan(errors)]
                 weights = np.full(known.size, 100.0 / errors.size)
                 axes.hist(
-                    np.clip(known, limits[0], limits[-1]),
-                    bins=limits,
-                    label=condition.title,
-                    weights=weights,
-                    **style,
+                    np.clip(known, limits[0], limits[-1]), bins=limits, label=condition.title, weights=weights, **style
                 )
         for axes, limit, name in (
             (left, SUCCESS[0], "translation error [m]"),
@@ -152,9 +131,7 @@ def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
         ):
             axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0.0)
             axes.plot([], [], "s", color=colour, ms=4.0, label=label)
-        axes.plot(
-            *from_first(drive.log.truth.poses)[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth"
-        )
+        axes.plot(*from_first(drive.log.truth.poses)[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label=method)
         as_place(axes, f"experiment {drive.experiment.number}, {method}")
         axes.set_aspect("equal", adjustable="datalim")

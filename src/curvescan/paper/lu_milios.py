@@ -16,15 +16,7 @@ from curvescan.types import Cov
 
 
 def lu_milios_covariance(reference: LaserScan, current: LaserScan, result: MatchResult) -> Cov:
-    """Return (3, 3) the covariance of eq. 16 of a match's pose, from the readings it matched.
-
-    Parameters
-    ----------
-    reference, current : LaserScan
-        The scans.
-    result : MatchResult
-        Of these, `ok`, with at least two matched readings in each.
-    """
+    """Return (3, 3) the covariance of eq. 16 of a match's pose, from the readings it matched."""
     cur = current.points[result.labels_current == Label.MATCHED]
     ref = reference.points[result.labels_reference == Label.MATCHED]
     placed = se2.transform(result.pose, cur)

@@ -11,29 +11,7 @@ from curvescan.simulation import Sensor
 def wall_scans(
     sensor: Sensor, distance: float, *, sigma: float, n_scans: int, seed: int, angle: float = 0.0
 ) -> list[LaserScan]:
-    """Return scans of a plane ahead, or of a corner in it, with Gaussian range noise.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Whose beams.
-    distance : float
-        To the plane, along the x axis, metres, > 0.
-    sigma : float
-        Range noise, metres.
-    n_scans : int
-        How many, each with its own noise.
-    seed : int
-        Of the noise.
-    angle : float
-        Radians by which each half of the plane is folded back at the x axis: 0 for a plane, pi / 4 for an edge
-        of a right angle, negative for an inner corner.
-
-    Returns
-    -------
-    list of LaserScan
-        Beams that miss, or meet the wall beyond the sensor's range, have no reading.
-    """
+    """Return scans of a plane ahead, or of a corner in it, with Gaussian range noise."""
     beams = sensor.angle_min + sensor.angle_increment * np.arange(sensor.n_beams)
     # each half is a line through (distance, 0) that leans by `angle` away from the sensor
     with np.errstate(divide="ignore"):

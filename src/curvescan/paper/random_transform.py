@@ -70,16 +70,12 @@ class RandomTransformCondition:
 
 CONDITIONS: tuple[RandomTransformCondition, ...] = (
     RandomTransformCondition(title="5 mm, one place a seed", is_one_place=True),
-    RandomTransformCondition(
-        title="5 mm, one place a seed, 3 walkers", n_walkers=3, is_one_place=True
-    ),
+    RandomTransformCondition(title="5 mm, one place a seed, 3 walkers", n_walkers=3, is_one_place=True),
     RandomTransformCondition(title="5 mm"),
     RandomTransformCondition(title="5 mm, 3 walkers", n_walkers=3),
     RandomTransformCondition(title="10 mm", sensor="sick-lms200"),
     RandomTransformCondition(title="5 mm, 15 % of beams on other people", people_share=0.15),
-    RandomTransformCondition(
-        title="10 mm, 15 % of beams on other people", sensor="sick-lms200", people_share=0.15
-    ),
+    RandomTransformCondition(title="10 mm, 15 % of beams on other people", sensor="sick-lms200", people_share=0.15),
     RandomTransformCondition(title="5 mm, the sensor moved", moves="sensor"),
     RandomTransformCondition(title="10 mm, the sensor moved", sensor="sick-lms200", moves="sensor"),
 )
@@ -171,10 +167,7 @@ def _mean_or_nan(rows: Floats | Ints) -> Floats:
 def random_transforms(n: int, rng: np.random.Generator) -> Pose:
     """Return (n, 3) random poses of the paper's spread, each component of either sign."""
     size = np.column_stack(
-        [
-            rng.normal(TRANSLATION_MEAN, TRANSLATION_STD, (n, 2)),
-            rng.normal(ROTATION_MEAN, ROTATION_STD, n),
-        ]
+        [rng.normal(TRANSLATION_MEAN, TRANSLATION_STD, (n, 2)), rng.normal(ROTATION_MEAN, ROTATION_STD, n)]
     )
     poses: Pose = size * rng.choice([-1.0, 1.0], (n, 3))
     return poses
@@ -196,11 +189,7 @@ def transformed_pairs(
     transforms = random_transforms(n_pairs, np.random.default_rng(seed))
     motions = transforms if condition.moves == "sensor" else np.zeros_like(transforms)
     pairs = simulate_pairs(
-        world,
-        sensor=condition.sensor,
-        motions=motions,
-        people_share=condition.people_share,
-        seed=seed,
+        world, sensor=condition.sensor, motions=motions, people_share=condition.people_share, seed=seed
     )
     first = pairs[0] if condition.is_one_place else None
     for k, pose in enumerate(transforms):
@@ -224,16 +213,7 @@ def match_transformed(
 ) -> RandomTransformRuns:
     """Return the errors of CF-SMA on pairs; with `moves` "scan" the current points are moved first.
 
-    Parameters
-    ----------
-    pairs : list of TransformedPair
-        Of :func:`transformed_pairs`.
-    moves : {"scan", "sensor"}
-        What the pairs were made for.
-    config : CfSmaConfig or None
-        None for the defaults.
-    batch : int
-        Number that the runs carry.
+    config: None for the defaults.
     """
     matcher = CfSmaMatcher(config or CfSmaConfig())
     errors = np.full((len(pairs), 3), np.nan)
@@ -251,10 +231,7 @@ def match_transformed(
         else:
             failures[result.outcome] += 1
     return RandomTransformRuns(
-        errors=errors,
-        n_matched=n_matched,
-        failures=dict(failures.most_common()),
-        batch=np.full(len(pairs), batch),
+        errors=errors, n_matched=n_matched, failures=dict(failures.most_common()), batch=np.full(len(pairs), batch)
     )
 
 
@@ -269,25 +246,7 @@ def run_random_transforms(
 ) -> tuple[RandomTransformRuns, ...]:
     """Return the errors of CF-SMA over random transforms, spread over N_BATCHES seeds.
 
-    Parameters
-    ----------
-    condition : RandomTransformCondition
-        Under which circumstances.
-    n_runs : int
-        Number of pairs, a multiple of N_BATCHES.
-    world : str
-        Name of a simulated world.
-    seed : int
-        The first of the seeds; the same seed gives the same numbers to the last digit.
-    configs : tuple of CfSmaConfig or None
-        Each runs on the same pairs; None for the defaults.
-    on_run : callable or None
-        Called after each pair, for a progress bar say.
-
-    Returns
-    -------
-    tuple of RandomTransformRuns
-        One for each of `configs`.
+    configs: Each runs on the same pairs; None for the defaults.
     """
     batches: list[list[RandomTransformRuns]] = [[] for _ in configs]
     for b in range(N_BATCHES):

@@ -9,14 +9,7 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
-from curvescan.paper.figures import (
-    draw_discarded,
-    draw_end,
-    draw_errors,
-    draw_maps,
-    draw_overlay,
-    draw_trajectories,
-)
+from curvescan.paper.figures import draw_discarded, draw_end, draw_errors, draw_maps, draw_overlay, draw_trajectories
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
@@ -50,10 +43,7 @@ def as_record(results: Experiments) -> dict[str, object]:
         "seed": results.seed,
         "is_quick": results.is_quick,
         "experiment_1": {
-            condition.title: {
-                "cfsma": _transform_record(runs),
-                CONSISTENT: _transform_record(consistent),
-            }
+            condition.title: {"cfsma": _transform_record(runs), CONSISTENT: _transform_record(consistent)}
             for condition, (runs, consistent) in results.random_transforms.items()
         },
         "drives": {
@@ -61,8 +51,7 @@ def as_record(results: Experiments) -> dict[str, object]:
                 "scans": len(drive.log),
                 "people": drive.experiment.n_people,
                 "methods": {
-                    method: [_drive_record(result) for result in by_seed]
-                    for method, by_seed in drive.results.items()
+                    method: [_drive_record(result) for result in by_seed] for method, by_seed in drive.results.items()
                 },
             }
             for drive in results.drives
@@ -77,13 +66,9 @@ def as_record(results: Experiments) -> dict[str, object]:
                 "right": None if np.isnan(judged.right_share) else judged.right_share,
                 "wrong": None if np.isnan(judged.wrong_share) else judged.wrong_share,
                 "motion_p99": judged.largest_motion,
-                "median_difference": None
-                if judged.difference is None
-                else judged.median_difference,
+                "median_difference": None if judged.difference is None else judged.median_difference,
                 "milliseconds": float(1e3 * np.median(judged.seconds)),
-                "relations": None
-                if judged.relations is None
-                else relation_record(judged.relations),
+                "relations": None if judged.relations is None else relation_record(judged.relations),
             }
             for judged in results.logs
         ],
@@ -115,9 +100,7 @@ def _drive_record(result: ScenarioResult) -> dict[str, object]:
         "wrong": result.lost.n_wrong,
         "end_without_lost_steps": result.lost.end_without,
         "mean_variance": result.variances.mean(axis=0).tolist() if len(result.variances) else None,
-        "largest_variance": result.variances.max(axis=0).tolist()
-        if len(result.variances)
-        else None,
+        "largest_variance": result.variances.max(axis=0).tolist() if len(result.variances) else None,
         "mean_lu_milios": result.lu_milios.mean(axis=0).tolist() if len(result.lu_milios) else None,
         "people_matched": _or_none(result.discarded.people_matched),
         "static_matched": _or_none(result.discarded.static_matched),
@@ -140,10 +123,7 @@ def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
     yield ResultTable(
         title="Parameters of each method, counted from its configuration",
         columns=("method", "parameters", "to be tuned, by the paper"),
-        rows=[
-            (method, str(n), PAPER_PARAMETERS.get(method, "-"))
-            for method, n in results.n_parameters.items()
-        ],
+        rows=[(method, str(n), PAPER_PARAMETERS.get(method, "-")) for method, n in results.n_parameters.items()],
     )
     if results.drives:
         yield "## What the paper concludes, and what we find"
@@ -171,20 +151,13 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
     )
     yield random_transform_table(results.random_transforms)
     draw_errors(folder / "errors.png", results.random_transforms)
-    yield (
-        "errors.png",
-        "Errors of the matches that did not fail; the dashed lines bound a right one.",
-    )
+    yield ("errors.png", "Errors of the matches that did not fail; the dashed lines bound a right one.")
     for drive in results.drives:
         yield from _drive_parts(folder, drive)
 
 
 def _log_parts(results: Experiments) -> Iterator[Part]:
-    yield (
-        "## Real logs"
-        if results.drives
-        else f"# Every method on real logs (curvescan {__version__})"
-    )
+    yield ("## Real logs" if results.drives else f"# Every method on real logs (curvescan {__version__})")
     yield log_table(results.logs)
     if any(judged.relations is not None for judged in results.logs):
         yield log_relation_table(results.logs)
@@ -213,10 +186,7 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
         return
     if experiment.number == 2:
         draw_overlay(folder / f"figure_7b_{name}.png", drive, "cfsma")
-        yield (
-            f"figure_7b_{name}.png",
-            "As figure 7b: map by cfsma (dark) over the map from wheel odometry (light).",
-        )
+        yield (f"figure_7b_{name}.png", "As figure 7b: map by cfsma (dark) over the map from wheel odometry (light).")
         draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
         yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
     if experiment.n_people:
@@ -298,7 +268,5 @@ def _accuracy_verdicts(results: Experiments) -> Iterator[str]:
         )
 
 
-def _median(
-    drive: ScenarioComparison, method: str, figure: Callable[[ScenarioResult], float]
-) -> float:
+def _median(drive: ScenarioComparison, method: str, figure: Callable[[ScenarioResult], float]) -> float:
     return float(np.median([figure(result) for result in drive.results[method]]))

@@ -86,11 +86,7 @@ class DriveExperiment:
 def _experiment(
     number: int, drives: dict[Condition, Drive], n_people: dict[Condition, int]
 ) -> tuple[DriveExperiment, ...]:
-    title, n_scans = {
-        2: ("return home", 1100),
-        3: ("static comparison", 325),
-        4: ("dynamic comparison", 525),
-    }[number]
+    title, n_scans = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}[number]
     return tuple(
         DriveExperiment(
             number=number,
@@ -269,27 +265,12 @@ def run_scenario(
     configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
     on_step: Callable[[OdometryStep], None] | None = None,
 ) -> dict[str, ScenarioResult]:
-    """Return what each method makes of the same scans, scan to scan.
-
-    Parameters
-    ----------
-    log : Simulation
-        The run of the robot.
-    methods : sequence of str
-        Names of matchers.
-    configs : mapping of str to config
-        Parameters of the methods that shall not have their defaults.
-    on_step : callable or None
-        Called after each scan of each method.
-    """
+    """Return what each method makes of the same scans, scan to scan."""
     return {method: _run_one(log, method, configs.get(method), on_step) for method in methods}
 
 
 def _run_one(
-    log: Simulation,
-    method: str,
-    config: MatcherConfig | None,
-    on_step: Callable[[OdometryStep], None] | None,
+    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[OdometryStep], None] | None
 ) -> ScenarioResult:
     variances: list[Floats] = []
     lu_milios: list[Floats] = []
@@ -363,9 +344,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
     for motion in np.where(is_lost[:, np.newaxis], true_motions, motions):
         end = se2.compose(end, motion)
     off = se2.between(se2.between(true_poses[0], true_poses[-1]), end)
-    size = np.column_stack(
-        [np.hypot(true_motions[:, 0], true_motions[:, 1]), np.abs(true_motions[:, 2])]
-    )
+    size = np.column_stack([np.hypot(true_motions[:, 0], true_motions[:, 1]), np.abs(true_motions[:, 2])])
     mean = [size[m].mean(axis=0) if m.any() else np.full(2, np.nan) for m in (is_lost, ~is_lost)]
     return LostSteps(
         n_failed=int(np.count_nonzero(~is_matched)),

@@ -13,11 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.paper.random_transform import (
-    RandomTransformCondition,
-    RandomTransformRuns,
-    run_random_transforms,
-)
+from curvescan.paper.random_transform import RandomTransformCondition, RandomTransformRuns, run_random_transforms
 from curvescan.runs.table import ResultTable
 
 SEED = 1000
@@ -55,25 +51,12 @@ class Setting:
         return float(np.mean([one.right_share for one in self.runs]))
 
 
-def sweep(
-    *, n_runs: int = 500, seed: int = SEED, on_run: Callable[[], None] | None = None
-) -> list[Setting]:
-    """Return every setting, best first.
-
-    Parameters
-    ----------
-    n_runs : int
-        Pairs for each condition, the same for all settings; a multiple of N_BATCHES.
-    seed : int
-        The first seed.
-    on_run : callable or None
-        Called after each pair.
-    """
+def sweep(*, n_runs: int = 500, seed: int = SEED, on_run: Callable[[], None] | None = None) -> list[Setting]:
+    """Return every setting, best first."""
     settings = list(itertools.product(SIGMAS, TOLERANCES, AMBIGUITIES))
     configs = tuple(_config(*setting) for setting in settings)
     columns = [
-        run_random_transforms(one, n_runs=n_runs, seed=seed, configs=configs, on_run=on_run)
-        for one in CONDITIONS
+        run_random_transforms(one, n_runs=n_runs, seed=seed, configs=configs, on_run=on_run) for one in CONDITIONS
     ]
     found = [
         Setting(range_sigma=sigma, arc_tolerance=u_k, max_ambiguity=limit, runs=runs)
@@ -103,10 +86,7 @@ def sweep_table(settings: list[Setting]) -> ResultTable:
                 f"{setting.arc_tolerance:g}",
                 f"{setting.max_ambiguity:g}",
                 f"{100 * setting.score:.1f} %",
-                *(
-                    f"{100 * one.right_share:.1f} ± {100 * one.right_spread:.1f} %"
-                    for one in setting.runs
-                ),
+                *(f"{100 * one.right_share:.1f} ± {100 * one.right_spread:.1f} %" for one in setting.runs),
                 f"{1e3 * x:.1f}, {1e3 * y:.1f} mm, {np.degrees(theta):.2f} deg",
                 f"{setting.runs[0].mean_n_matched:.0f}",
             )

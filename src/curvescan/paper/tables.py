@@ -8,18 +8,12 @@ import numpy as np
 
 from curvescan.evaluation.real_logs import LogEvaluation
 from curvescan.paper.experiments import ScenarioComparison
-from curvescan.paper.random_transform import (
-    SUCCESS,
-    RandomTransformCondition,
-    TransformResult,
-)
+from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
 from curvescan.runs.table import ResultTable
 from curvescan.types import Floats
 
 
-def random_transform_table(
-    all_runs: dict[RandomTransformCondition, TransformResult],
-) -> ResultTable:
+def random_transform_table(all_runs: dict[RandomTransformCondition, TransformResult]) -> ResultTable:
     """Return a table of experiment 1, beside the paper's figures."""
     rows = [
         (
@@ -126,13 +120,7 @@ def covariance_table(drive: ScenarioComparison) -> ResultTable:
     return ResultTable(
         title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: diagonal of the covariance "
         "[m², m², rad²]",
-        columns=(
-            "method",
-            "by Lu and Milios for all, mean",
-            "largest",
-            "the method's own, mean",
-            "largest",
-        ),
+        columns=("method", "by Lu and Milios for all, mean", "largest", "the method's own, mean", "largest"),
         rows=rows,
     )
 
@@ -189,8 +177,7 @@ def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     rows = []
     for one in judged:
         reasons = ", ".join(
-            f"{outcome.name.lower()} {100 * count / one.n_steps:.1f} %"
-            for outcome, count in one.failures.items()
+            f"{outcome.name.lower()} {100 * count / one.n_steps:.1f} %" for outcome, count in one.failures.items()
         )
         distance, angle = one.largest_motion
         off, turned_off = one.median_difference

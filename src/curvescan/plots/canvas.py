@@ -58,9 +58,7 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
 
 
 @contextmanager
-def drawing_places(
-    path: Path, points: Points, n_places: int = 1
-) -> Iterator[tuple[Figure, list[Axes]]]:
+def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
     """Yield a figure of `n_places` maps of the same size that shows all points, and their axes.
 
     Wide places stand one above the other, high ones side by side.

@@ -12,17 +12,7 @@ from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors
 from curvescan.evaluation.trajectory_errors import travelled
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.plots.canvas import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PATH,
-    TRUTH,
-    as_place,
-    drawing,
-    drawing_places,
-)
+from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, drawing_places
 from curvescan.types import Floats
 
 _N_WORST = 10
@@ -38,10 +28,7 @@ def draw_relation_errors(path: Path, errors: RelationErrors) -> None:
             )
         ):
             for column, (what, values) in enumerate(
-                (
-                    ("translation error [m]", errors.translation),
-                    ("rotation error [deg]", np.degrees(errors.rotation)),
-                )
+                (("translation error [m]", errors.translation), ("rotation error [deg]", np.degrees(errors.rotation)))
             ):
                 axes = figure.add_subplot(2, 2, 2 * row + column + 1)
                 title = f"{np.count_nonzero(chosen):,} {name} relations"
@@ -71,14 +58,9 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
     length = travelled(errors.reference)
     heading = {
         "best alignment": np.degrees(se2.wrap(errors.poses[:, 2] - errors.reference[:, 2])),
-        "first poses made equal": np.degrees(
-            se2.wrap(errors.from_first[:, 2] - errors.reference[:, 2])
-        ),
+        "first poses made equal": np.degrees(se2.wrap(errors.from_first[:, 2] - errors.reference[:, 2])),
     }
-    position = {
-        "best alignment": errors.ate_best,
-        "first poses made equal": errors.ate_first,
-    }
+    position = {"best alignment": errors.ate_best, "first poses made equal": errors.ate_first}
     colours = (DARK, LIGHT)
     with drawing(path, 12.0, 7.0) as figure:
         panels = np.ravel(figure.subplots(2, 2))
@@ -93,11 +75,7 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
         panels[0].set_ylim(0.0, 1.05 * largest or 1.0)
         for axes, what, values in (
             (panels[2], "translation error of each metre [m]", errors.rpe_metre.translation),
-            (
-                panels[3],
-                "rotation error of each metre [deg]",
-                np.degrees(errors.rpe_metre.rotation),
-            ),
+            (panels[3], "rotation error of each metre [deg]", np.degrees(errors.rpe_metre.rotation)),
         ):
             _scatter(axes, length[errors.rpe_metre.stop], values, f"{len(values):,} motions")
             axes.set(xlabel="path travelled [m]", ylabel=what)

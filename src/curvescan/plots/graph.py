@@ -18,16 +18,7 @@ from curvescan.types import Bools, Points
 def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
     """Save the pose graph of a map as a picture.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    slam_map : SlamMap
-        The map.
-    cells : (k, 2) float64
-        Occupied places, drawn beneath.
-    title : str
-        Drawn above.
+    cells (k, 2).
     """
     places = np.concatenate((cells, slam_map.poses[:, :2]))
     with drawing_places(path, places) as (figure, [axes]):

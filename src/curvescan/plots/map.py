@@ -12,45 +12,16 @@ from curvescan.io.log import Log
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import OdometryRun
-from curvescan.plots.canvas import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PATH,
-    TRUTH,
-    WHEELS,
-    as_place,
-    drawing_places,
-)
+from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, WHEELS, as_place, drawing_places
 from curvescan.types import Points, Pose
 
 
 def draw_map(
-    path: Path,
-    run: OdometryRun,
-    place: RunMaps,
-    *,
-    title: str,
-    wheels: Log | None = None,
-    truth: Pose | None = None,
+    path: Path, run: OdometryRun, place: RunMaps, *, title: str, wheels: Log | None = None, truth: Pose | None = None
 ) -> None:
     """Save the map of a run as a picture.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    run : OdometryRun
-        The trajectory from matching; where its match failed it is marked by crosses.
-    place : RunMaps
-        What stands under that trajectory, and what moved, in grey.
-    title : str
-        Drawn above the map.
-    wheels : Log or None
-        The log of the run, where the map under its wheel odometry is to be drawn beneath, if it has any.
-    truth : (>= n, 3) float64 or None
-        True poses, in any frame.
+    truth (>= n, 3).
     """
     poses, failed = run.trajectory.poses, run.is_failed
     cells, moved_cells = place.standing, place.moved

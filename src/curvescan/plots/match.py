@@ -17,16 +17,7 @@ from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.plots.canvas import (
-    DARK,
-    GREY,
-    PAIRED,
-    PATH,
-    as_place,
-    drawing,
-    drawing_places,
-    segment_colour,
-)
+from curvescan.plots.canvas import DARK, GREY, PAIRED, PATH, as_place, drawing, drawing_places, segment_colour
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points
 
@@ -34,27 +25,11 @@ _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls"
 
 
 def save_match(
-    folder: Path,
-    result: MatchResult,
-    *,
-    scans: tuple[LaserScan, LaserScan],
-    names: tuple[str, str],
-    cfsma: CfSmaConfig,
+    folder: Path, result: MatchResult, *, scans: tuple[LaserScan, LaserScan], names: tuple[str, str], cfsma: CfSmaConfig
 ) -> None:
     """Write segments.png, curvature.png, matched.png and match.json of a match into a folder.
 
-    Parameters
-    ----------
-    folder : Path
-        An existing folder; see :func:`curvescan.io.output_folder`.
-    result : MatchResult
-        Of any method. Segments and curvature functions are those of CF-SMA, whatever method found the pose.
-    scans : (LaserScan, LaserScan)
-        The reference and the current scan.
-    names : (str, str)
-        What to call them.
-    cfsma : CfSmaConfig
-        Parameters of the segments and functions.
+    scans (LaserScan, LaserScan); names (str, str).
     """
     paper = result if result.method == "cfsma" else match(*scans, method="cfsma", config=cfsma)
     trace = paper.trace
@@ -81,9 +56,7 @@ def save_match(
             "readings_reference": count_gates(trace.gates_reference),
             "readings_current": count_gates(trace.gates_current),
         }
-    (folder / "match.json").write_text(
-        json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n"
-    )
+    (folder / "match.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 
 def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None:
@@ -98,15 +71,10 @@ def draw_segments(path: Path, trace: CfSmaTrace, names: tuple[str, str]) -> None
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
-def draw_curvature(
-    path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float
-) -> None:
+def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_curvature: float) -> None:
     """Save the curvature functions of both scans, with U_p and the characteristic points (figure 5)."""
     paired_rows = np.flatnonzero(trace.landmark_pairs.verdict == Verdict.PAIRED)
-    paired = {
-        "current": paired_rows,
-        "reference": trace.landmark_pairs.partner[paired_rows],
-    }
+    paired = {"current": paired_rows, "reference": trace.landmark_pairs.partner[paired_rows]}
     with drawing(path, 12.0, 7.0) as figure:
         top, bottom = figure.subplots(2, 1)
         for axes, features, name, rows in (
@@ -128,9 +96,7 @@ def draw_curvature(
         figure.legend(*bottom.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
-def draw_matched(
-    path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]
-) -> None:
+def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserScan], names: tuple[str, str]) -> None:
     """Save the matched points of both scans, the rest in grey, before and after (figures 6 and 9)."""
     reference, before = scans[0].points, scans[1].points
     after = se2.transform(result.pose, before) if result.ok else None

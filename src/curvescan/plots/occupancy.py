@@ -23,16 +23,7 @@ _MAX_PIXELS = 2000
 def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
     """Save an occupancy map as a picture.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    grid : OccupancyGrid
-        A map of at least one cell.
-    poses : (n, 3) float64
-        Trajectory of the sensor, frame of the map.
-    title : str
-        Drawn above the map.
+    poses (n, 3).
     """
     low = grid.origin
     high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])

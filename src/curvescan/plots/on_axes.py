@@ -47,11 +47,7 @@ class LogRun(Protocol):
 
 
 def match(
-    result: MatchResult,
-    reference: LaserScan | None = None,
-    current: LaserScan | None = None,
-    *,
-    ax: Axes | None = None,
+    result: MatchResult, reference: LaserScan | None = None, current: LaserScan | None = None, *, ax: Axes | None = None
 ) -> Axes:
     """Draw two scans as their match aligns them, and return the axes.
 
@@ -163,9 +159,7 @@ def map(  # noqa: A001 - its name in the public contract
         grid = source
     elif isinstance(source, Log):
         if trajectory is None:
-            raise InvalidArgumentError(
-                "the map of a log needs the poses of its scans: give trajectory="
-            )
+            raise InvalidArgumentError("the map of a log needs the poses of its scans: give trajectory=")
         grid = _grid_of(source, _poses(trajectory, keeps_nan=True)[0])
     else:
         raise InvalidArgumentError(

@@ -14,21 +14,10 @@ from curvescan.plots.map import draw_cells, from_first
 from curvescan.types import Pose
 
 
-def draw_side_by_side(
-    path: Path, log: Log, tracks: Mapping[str, Pose], truth: Pose | None = None
-) -> None:
+def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: Pose | None = None) -> None:
     """Save a picture of the maps that the same scans make under several trajectories.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    log : Log
-        The scans; read once for each trajectory.
-    tracks : mapping of str to (n, 3) float64
-        Title -> pose of the sensor at each scan.
-    truth : (>= n, 3) float64 or None
-        True poses, in any frame.
+    truth (>= n, 3).
     """
     poses = {title: from_first(track) for title, track in tracks.items()}
     cells = {title: occupied_cells(log, track) for title, track in poses.items()}

@@ -15,32 +15,14 @@ Part: TypeAlias = str | ResultTable | tuple[str, str]
 
 
 def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
-    """Write report.md and report.html into an existing folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Holds the figures already.
-    title : str
-        Of the HTML page.
-    parts : sequence of Part
-        In their order.
-    """
+    """Write report.md and report.html into an existing folder."""
     text = write_markdown(folder / "report.md", parts)
     page = _PAGE.format(title=escape(title), body=_html(folder, text))
     (folder / "report.html").write_text(page, encoding="utf-8", newline="\n")
 
 
 def write_markdown(path: Path, parts: Sequence[Part]) -> str:
-    """Write a report as Markdown alone, and return it.
-
-    Parameters
-    ----------
-    path : Path
-        The file; its figures are beside it.
-    parts : sequence of Part
-        In their order.
-    """
+    """Write a report as Markdown alone, and return it."""
     text = "\n".join(_markdown(part) for part in parts)
     path.write_text(text, encoding="utf-8", newline="\n")
     return text
@@ -64,9 +46,7 @@ def _html(folder: Path, text: str) -> str:
         for inner in token.children or ():
             if inner.type == "image":
                 data = (folder / str(inner.attrs["src"])).read_bytes()
-                inner.attrs["src"] = (
-                    f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
-                )
+                inner.attrs["src"] = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html
 

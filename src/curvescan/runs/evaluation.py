@@ -16,19 +16,9 @@ from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors, Which
 from curvescan.evaluation.trajectory_errors import Spread
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.plots.evaluation import (
-    draw_overlay,
-    draw_reference_errors,
-    draw_relation_errors,
-    draw_relation_places,
-)
+from curvescan.plots.evaluation import draw_overlay, draw_reference_errors, draw_relation_errors, draw_relation_places
 from curvescan.runs.document import Part, write_markdown
-from curvescan.runs.evaluation_tables import (
-    reference_notes,
-    reference_tables,
-    relation_notes,
-    relation_tables,
-)
+from curvescan.runs.evaluation_tables import reference_notes, reference_tables, relation_notes, relation_tables
 from curvescan.runs.table import ResultTable
 
 
@@ -40,28 +30,11 @@ def save_relation_evaluation(
     benchmark: BenchmarkLog | None,
     about: Mapping[str, object],
 ) -> None:
-    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to write; see :func:`curvescan.io.output_folder`.
-    errors : RelationErrors
-        Of the trajectory.
-    trajectory : Trajectory
-        To be drawn.
-    benchmark : BenchmarkLog or None
-        Whose published errors stand beside.
-    about : mapping
-        What was evaluated and how, for the report.
-    """
+    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder."""
     draw_relation_errors(folder / "errors.png", errors)
     draw_relation_places(folder / "trajectory.png", errors, trajectory)
     figures = [
-        (
-            "errors.png",
-            "Near relations along the path, and far ones against the path between their scans.",
-        ),
+        ("errors.png", "Near relations along the path, and far ones against the path between their scans."),
         ("trajectory.png", "The trajectory, and where the worst near relations are."),
     ]
     tables, record = relation_tables(errors, benchmark), relation_record(errors)
@@ -77,20 +50,8 @@ def relation_record(errors: RelationErrors) -> dict[str, object]:
     return record
 
 
-def save_reference_evaluation(
-    folder: Path, errors: ReferenceErrors, *, about: Mapping[str, object]
-) -> None:
-    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to write; see :func:`curvescan.io.output_folder`.
-    errors : ReferenceErrors
-        Of the trajectory.
-    about : mapping
-        What was evaluated and how, for the report.
-    """
+def save_reference_evaluation(folder: Path, errors: ReferenceErrors, *, about: Mapping[str, object]) -> None:
+    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder."""
     draw_reference_errors(folder / "errors.png", errors)
     draw_overlay(folder / "trajectory.png", errors)
     figures = [
@@ -135,16 +96,11 @@ def _save(
     parts: list[Part] = ["# Evaluation", facts, *notes, *tables, *figures]
     write_markdown(folder / "evaluation.md", parts)
     whole = {"curvescan": __version__, **about, **record}
-    (folder / "evaluation.json").write_text(
-        json.dumps(whole, indent=2) + "\n", encoding="utf-8", newline="\n"
-    )
+    (folder / "evaluation.json").write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 
 def _record(spread: Spread) -> dict[str, object]:
-    return {
-        key: value if key == "n" else _number(value)
-        for key, value in dataclasses.asdict(spread).items()
-    }
+    return {key: value if key == "n" else _number(value) for key, value in dataclasses.asdict(spread).items()}
 
 
 def _number(value: float) -> float | None:

@@ -24,16 +24,12 @@ def relation_tables(errors: RelationErrors, benchmark: BenchmarkLog | None) -> l
     for which, words in _WHICH.items():
         translation, rotation = errors.spreads(which)
         name = words.format(near=errors.near)
-        rows.append(
-            (f"{name}: translation", f"{translation.n:,}", *_entries(translation, 1.0, "m"))
-        )
+        rows.append((f"{name}: translation", f"{translation.n:,}", *_entries(translation, 1.0, "m")))
         degrees = 180.0 / np.pi
         rows.append((f"{name}: rotation", f"{rotation.n:,}", *_entries(rotation, degrees, "deg")))
     tables = [
         ResultTable(
-            title="Errors of relations",
-            columns=("relations", "count", "mean", "std", "median", "max"),
-            rows=rows,
+            title="Errors of relations", columns=("relations", "count", "mean", "std", "median", "max"), rows=rows
         )
     ]
     if benchmark is not None:
@@ -63,12 +59,7 @@ def reference_tables(errors: ReferenceErrors) -> list[ResultTable]:
             title=f"Drift over {totals.path_length:.1f} m and {np.degrees(totals.turned):,.0f} deg of turns",
             columns=("", "at the end", "for each metre travelled", "for each degree turned"),
             rows=[
-                (
-                    "position",
-                    f"{totals.end_translation:.3f} m",
-                    f"{totals.drift:.4f} m",
-                    "-",
-                ),
+                ("position", f"{totals.end_translation:.3f} m", f"{totals.drift:.4f} m", "-"),
                 (
                     "heading",
                     f"{np.degrees(totals.turn_error):.2f} deg",
@@ -84,9 +75,7 @@ def relation_notes(errors: RelationErrors) -> list[str]:
     """Return what is to be known of the relations, a sentence each."""
     notes = [f"{len(errors):,} of {errors.n_given:,} relations join two scans of the trajectory."]
     if errors.n_missing:
-        notes.append(
-            f"{errors.n_missing:,} relations are left out: the trajectory has no pose at one of their stamps."
-        )
+        notes.append(f"{errors.n_missing:,} relations are left out: the trajectory has no pose at one of their stamps.")
     return notes
 
 
@@ -98,9 +87,7 @@ def reference_notes(errors: ReferenceErrors) -> list[str]:
         return [f"{found}, paired in their order: most time stamps repeat and tell nothing."]
     notes = [f"{found}, {pairs.n_exact:,} of them at exactly the same stamp."]
     if len(errors.stamps) > 1 and (back := np.count_nonzero(np.diff(errors.stamps) < 0.0)):
-        notes.append(
-            f"Time goes back {back:,} times: the poses are taken in the order of the file."
-        )
+        notes.append(f"Time goes back {back:,} times: the poses are taken in the order of the file.")
     return notes
 
 

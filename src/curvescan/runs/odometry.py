@@ -41,48 +41,16 @@ def save_run(
 ) -> tuple[str, ...]:
     """Write the trajectory, the maps and the record of a run into an existing folder.
 
-    trajectory.tum, trajectory.csv, map.png, run.json; and the occupancy map: map.pgm with map.yaml, as a map server loads
-    it, and occupancy.png.
+    trajectory.tum, trajectory.csv, map.png, run.json; and the occupancy map: map.pgm with map.yaml, as a map server
+    loads it, and occupancy.png.
 
-    Parameters
-    ----------
-    folder : Path
-        Where to write; see :func:`curvescan.io.output_folder`.
-    run : OdometryRun
-        The run, at least one scan; also a partial one.
-    log : Log
-        What it ran over; read once more for the map.
-    odometry : Odometry
-        What ran, for its configuration.
-    command : sequence of str
-        The command line behind it.
-    source : Path or None
-        The file or folder of the log, for its size and digest.
-    truth : (n, 3) float64 or None
-        True poses, drawn with the map.
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map; None for the defaults.
-    verdict : Verdict or None
-        Whether the run can be trusted, for run.json; None to judge the run alone, without its log.
-    maps : RunMaps or None
-        The maps, where they have been made already; None to read the log once more.
-    further : mapping or None
-        Further entries of run.json.
-
-    Returns
-    -------
-    tuple of str
-        What was left out and why, a sentence each.
+    truth (n, 3); occupancy: How to make the occupancy map; None for the defaults; verdict: Whether the run can be
+    trusted, for run.json; None to judge the run alone, without its log; maps: The maps, where they have been made
+    already; None to read the log once more.
     """
     occupancy = occupancy or OccupancyConfig()
     saved = save_trajectory_and_maps(
-        folder,
-        run,
-        log,
-        is_deskewed=odometry.config.deskew,
-        occupancy=occupancy,
-        truth=truth,
-        maps=maps,
+        folder, run, log, is_deskewed=odometry.config.deskew, occupancy=occupancy, truth=truth, maps=maps
     )
     record = describe_run(run, log, odometry, command, source, verdict)
     record |= {"occupancy": as_plain(occupancy), "left_out": list(saved.left_out)}
@@ -110,18 +78,14 @@ def describe_run(
         "command": list(command),
         "input": {"name": log.name, "format": log.format, "scans": len(log)} | _digest(source),
         "method": run.method,
-        "config": {
-            run.method: as_plain(odometry.matcher.config),
-            "odometry": as_plain(odometry.config),
-        },
+        "config": {run.method: as_plain(odometry.matcher.config), "odometry": as_plain(odometry.config)},
         "odometry_prior": run.has_prior,
         "is_partial": run.is_partial,
         "verdict": {"is_trusted": verdict.is_trusted, "reasons": list(verdict.reasons)},
         "scans": len(run.outcomes),
         "outcomes": {kind.name.lower(): outcomes[kind] for kind in StepOutcome},
         "failures": {
-            outcome.name.lower(): {"count": count, "meaning": outcome.value}
-            for outcome, count in run.failures.items()
+            outcome.name.lower(): {"count": count, "meaning": outcome.value} for outcome, count in run.failures.items()
         },
         "rejected_matches": run.n_rejected,
         "rejected_odometry": run.n_prior_rejected,
@@ -130,9 +94,7 @@ def describe_run(
             "p99": round(float(p99), 4),
             "max": round(float(worst), 4),
         },
-        "milliseconds_between_scans": round(1e3 * run.scan_period, 4)
-        if math.isfinite(run.scan_period)
-        else None,
+        "milliseconds_between_scans": round(1e3 * run.scan_period, 4) if math.isfinite(run.scan_period) else None,
         "input_faults": [dataclasses.asdict(read_error) for read_error in log.read_errors],
     }
 

@@ -77,10 +77,7 @@ class OdometryProcess:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._is_closed = True
         self._calls.put(None)
@@ -88,19 +85,10 @@ class OdometryProcess:
             self._process.kill()
             self._process.wait()
 
-    def place(
-        self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None
-    ) -> OdometryProcess:
+    def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> OdometryProcess:
         """Begin to place scans, and return the same object, to be iterated over.
 
-        Parameters
-        ----------
-        odometry : Odometry
-            Fresh, or one that has begun; it stays as it is.
-        scans : iterable of LaserScan
-            A log: it is iterated over in a thread, and once more where the process ends too early.
-        odometry_poses : (n, 3) float64 or None
-            See :func:`curvescan.odometry.run_odometry`.
+        odometry_poses (n, 3).
         """
         self.odometry = odometry
         self._begun = pickle.dumps(odometry)
@@ -125,13 +113,9 @@ class OdometryProcess:
                 yield PlacedScan(scan, step, seconds)
             n_done += len(scans)
         self.odometry = pickle.loads(self._begun)
-        yield from islice(
-            OdometryInTurn(self.odometry, self._scans, self._odometry_poses), n_done, None
-        )
+        yield from islice(OdometryInTurn(self.odometry, self._scans, self._odometry_poses), n_done, None)
 
-    def call_after(
-        self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs
-    ) -> Callable[[], _R]:
+    def call_after(self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs) -> Callable[[], _R]:
         """Have the process call a function of a module when the odometry is done, and return what gives its result, after the iteration.
 
         Results are to be asked for in the order of the calls. Where the process cannot call it, the function is called
@@ -224,9 +208,7 @@ def _start() -> subprocess.Popen[bytes] | None:
         return None
 
 
-def _batches(
-    scans: Iterable[LaserScan], odometry_poses: Pose | None
-) -> Iterator[list[tuple[LaserScan, Pose | None]]]:
+def _batches(scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterator[list[tuple[LaserScan, Pose | None]]]:
     left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
     while batch := list(islice(left, _BATCH)):
         yield batch

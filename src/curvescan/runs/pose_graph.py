@@ -33,9 +33,7 @@ class PoseGraph:
         """Take up a step."""
         if step.match is not None and step.match.ok and step.reference is not None:
             self._join(step.reference, step, step.match.pose, step.match.covariance)
-            if (
-                step.outcome is StepOutcome.LOOP_CLOSED
-            ):  # the match that led here is a measurement too
+            if step.outcome is StepOutcome.LOOP_CLOSED:  # the match that led here is a measurement too
                 self._join(step.index - 1, step, step.motion, step.motion_covariance)
         elif step.outcome is StepOutcome.LOST:
             self._join(step.index - 1, step, step.motion, step.motion_covariance)

@@ -54,26 +54,7 @@ def save_trajectory_and_maps(
 ) -> SavedMaps:
     """Write trajectory.tum, trajectory.csv, map.png, and the occupancy map: map.pgm with map.yaml, and occupancy.png.
 
-    Parameters
-    ----------
-    folder : Path
-        An existing folder.
-    run : OdometryRun
-        The run, at least one scan; also a partial one.
-    log : Log
-        What it ran over; read once more for the maps.
-    is_deskewed : bool
-        Whether its scans were deskewed.
-    what : str
-        What ran, beside the method, for the titles.
-    occupancy : OccupancyConfig
-        How to make the occupancy map.
-    truth : (n, 3) float64 or None
-        True poses, drawn with the map.
-    maps : RunMaps or None
-        The maps, where they have been made already; None to read the log once more.
-    is_map_drawn : bool
-        Whether to write map.png.
+    truth (n, 3); maps: The maps, where they have been made already; None to read the log once more.
     """
     title = title_of(run, log, what)
     write_tum(folder / "trajectory.tum", run.trajectory)
@@ -82,13 +63,9 @@ def save_trajectory_and_maps(
     if is_map_drawn:
         draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
     if maps.grid is None:
-        return SavedMaps(
-            title=title, maps=maps, left_out=(f"no occupancy map: {maps.why_no_grid}",)
-        )
+        return SavedMaps(title=title, maps=maps, left_out=(f"no occupancy map: {maps.why_no_grid}",))
     write_map(folder, maps.grid)
-    draw_occupancy(
-        folder / "occupancy.png", maps.grid, run.trajectory.poses, title=f"{title}: occupancy"
-    )
+    draw_occupancy(folder / "occupancy.png", maps.grid, run.trajectory.poses, title=f"{title}: occupancy")
     return SavedMaps(title=title, maps=maps, left_out=())
 
 
@@ -118,10 +95,7 @@ def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_REC
 
     By these names a later run into the same folder knows what to replace; see :func:`curvescan.io.output_folder`.
     """
-    files = sorted(
-        {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
-        | {name}
-    )
+    files = sorted({file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()} | {name})
     text = json.dumps({**record, "files": files}, indent=2)
     (folder / name).write_text(text + "\n", encoding="utf-8", newline="\n")
 
@@ -131,6 +105,4 @@ def list_further_files(folder: Path, results: Path) -> None:
     record = json.loads((results / RUN_RECORD).read_text("utf-8"))
     further = [file.name for file in folder.iterdir()]
     record["files"] = sorted({*record["files"], *further})
-    (folder / RUN_RECORD).write_text(
-        json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n"
-    )
+    (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")

@@ -16,13 +16,7 @@ from curvescan.diagnostics.motion_prior import motion_prior
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.exports import (
-    ExportName,
-    RunData,
-    check_exports,
-    takes_edges,
-    write_exports,
-)
+from curvescan.io.exports import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.io.files.output import output_folder
 from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
@@ -160,9 +154,7 @@ def run(
     graph = PoseGraph() if takes_edges(exports) else None
     # first of all: a place that cannot be written costs no work
     with _folder(out, source) as folder:
-        result = _judged_run(
-            scans, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph
-        )
+        result = _judged_run(scans, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph)
         result = replace(result, log=opened)
         if folder is not None:
             shown.begin("drawing the maps", 0)
@@ -215,20 +207,12 @@ def _judged_run(
     shown.begin("odometry", len(log))
     done = run_odometry(log, odometry, odometry_poses=odometry_poses, on_step=on_step)
     return RunResult(
-        log=log,
-        run=done,
-        odometry=odometry,
-        sensor=sensor,
-        issues=issues,
-        verdict=judge_run(done, issues),
+        log=log, run=done, odometry=odometry, sensor=sensor, issues=issues, verdict=judge_run(done, issues)
     )
 
 
 def _write_exports(
-    out: str | os.PathLike[str],
-    source: str | os.PathLike[str] | None,
-    exports: Sequence[ExportName],
-    data: RunData,
+    out: str | os.PathLike[str], source: str | os.PathLike[str] | None, exports: Sequence[ExportName], data: RunData
 ) -> tuple[str, ...]:
     """Write exports into the folder of a run's results, and return the names of the files."""
     with _folder(out, source) as folder:
@@ -239,9 +223,7 @@ def _write_exports(
 
 
 @contextmanager
-def _folder(
-    out: str | os.PathLike[str] | None, source: str | os.PathLike[str] | None
-) -> Iterator[Path | None]:
+def _folder(out: str | os.PathLike[str] | None, source: str | os.PathLike[str] | None) -> Iterator[Path | None]:
     if out is None:
         yield None
     else:

@@ -23,12 +23,7 @@ from curvescan.plots.map import draw_map
 from curvescan.runs.odometry import describe_run
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.runs.plain import as_plain
-from curvescan.runs.results import (
-    maps_of,
-    save_trajectory_and_maps,
-    title_of,
-    write_record,
-)
+from curvescan.runs.results import maps_of, save_trajectory_and_maps, title_of, write_record
 from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
@@ -58,38 +53,11 @@ def save_slam_run(
 ) -> tuple[str, ...]:
     """Write all results of a SLAM run into an existing folder.
 
-    trajectory.tum, trajectory.csv (with covariances), trajectory_online.tum, map.png, graph.png, graph.g2o, closures.csv, map.csmap,
-    run.json; and the occupancy map: map.pgm with map.yaml, and occupancy.png.
+    trajectory.tum, trajectory.csv (with covariances), trajectory_online.tum, map.png, graph.png, graph.g2o,
+    closures.csv, map.csmap, run.json; and the occupancy map: map.pgm with map.yaml, and occupancy.png.
 
-    Parameters
-    ----------
-    folder : Path
-        Where to write; see :func:`curvescan.io.output_folder`.
-    run : SlamRun
-        The run, at least one scan; also a partial one.
-    log : Log
-        What it ran over; read once more for the maps.
-    command : sequence of str
-        The command line behind it.
-    source : Path or None
-        The file or folder of the log, for its size and digest.
-    truth : (n, 3) float64 or None
-        True poses, drawn with the map.
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map; None for the defaults.
-    verdict : Verdict or None
-        Whether the run can be trusted; None to judge it here.
-    maps : RunMaps or None
-        The maps, where they have been made already; None to read the log once more.
-    further : mapping or None
-        Further entries of run.json.
-    helper : OdometryProcess or None
-        A process that draws map.png and graph.png meanwhile, the odometry being done.
-
-    Returns
-    -------
-    tuple of str
-        What was left out and why, a sentence each.
+    truth (n, 3); occupancy: How to make the occupancy map; None for the defaults; verdict: Whether the run can be
+    trusted; None to judge it here; maps: The maps, where they have been made already; None to read the log once more.
     """
     occupancy = occupancy or OccupancyConfig()
     revised, slam = run.revised, run.slam
@@ -130,12 +98,7 @@ def save_slam_run(
 
 
 def _draw_places(
-    folder: Path,
-    run: OdometryRun,
-    log: Log,
-    is_deskewed: bool,
-    slam_map: SlamMap,
-    truth: Pose | None,
+    folder: Path, run: OdometryRun, log: Log, is_deskewed: bool, slam_map: SlamMap, truth: Pose | None
 ) -> None:
     """Write map.png and graph.png: what needs no occupancy map."""
     maps, title = maps_of(run, log, is_deskewed=is_deskewed), title_of(run, log, _WHAT)
@@ -149,9 +112,7 @@ def _draw_graph(folder: Path, slam_map: SlamMap, maps: RunMaps, title: str) -> N
 
 def save_graph(folder: Path, slam_map: SlamMap) -> None:
     """Write graph.g2o: a vertex a keyframe, and every edge that has a weight."""
-    keyframes = Trajectory(
-        stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses
-    )
+    keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
     write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
 
 

@@ -66,43 +66,8 @@ def slam_log(
 ) -> SlamResult:
     """Return SLAM of a log, and write it with its maps into a folder; Ctrl-C keeps what there is so far.
 
-    Parameters
-    ----------
-    log : Log
-        The log.
-    out : str, path-like or None
-        Folder for the results, made if it is missing; None to write nothing.
-    method : str
-        Name of the matcher.
-    config : SlamConfig or None
-        Configuration of SLAM; sweeps whose beams are listed in reverse are not deskewed, whatever it says.
-    matcher : dataclass or None
-        Configuration of the matcher.
-    map : SlamMap or None
-        A map to continue.
-    odometry_prior : bool
-        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    command : sequence of str
-        The command line behind the run, for run.json.
-    source : str, path-like or None
-        The file or folder of the log, for its size and digest in run.json.
-    inputs : sequence of str or path-like
-        Further files that stay where `out` holds an earlier run that wrote them: the map that is continued.
-    display : RunDisplay or None
-        Shows how far the run has come.
-    n_processes : int
-        From 2 on the odometry of a long log has a process of its own, where there is a core for it: the results are the same.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When `odometry_prior` is wanted and the log has none that fits its scans.
-    LogFormatError
-        When the log cannot be read.
-    OutputError
-        When the results cannot be written.
+    out: Folder for the results, made if it is missing; None to write nothing. Raises InvalidArgumentError,
+    LogFormatError, OutputError.
     """
     config = config or SlamConfig()
     shown = display or Silent()
@@ -150,9 +115,7 @@ def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
     return inspect_log(log, sensor)
 
 
-def _other_process(
-    n_scans: int, n_processes: int
-) -> AbstractContextManager[OdometryProcess | None]:
+def _other_process(n_scans: int, n_processes: int) -> AbstractContextManager[OdometryProcess | None]:
     if n_processes == 1 or not can_run_ahead(n_scans):
         return nullcontext()
     return OdometryProcess()

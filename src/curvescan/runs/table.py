@@ -12,6 +12,8 @@ from curvescan.errors import InvalidArgumentError
 class ResultTable:
     """Rows of figures under one title.
 
+    Raises InvalidArgumentError.
+
     Attributes
     ----------
     title : str
@@ -20,11 +22,6 @@ class ResultTable:
         Names of the columns; the first holds names, the others figures.
     rows : sequence of sequences of str
         One entry a column.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When a row has not one entry a column.
     """
 
     title: str
@@ -34,9 +31,7 @@ class ResultTable:
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.columns):
-                raise InvalidArgumentError(
-                    f"a row needs {len(self.columns)} entries, got {len(row)}: {list(row)}"
-                )
+                raise InvalidArgumentError(f"a row needs {len(self.columns)} entries, got {len(row)}: {list(row)}")
 
     def markdown(self) -> str:
         """Return the table as Markdown, with its title as a heading."""

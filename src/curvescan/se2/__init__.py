@@ -208,9 +208,7 @@ def compose_covariance(pose_a_b: ArrayLike, cov_a_b: Cov, pose_b_c: ArrayLike, c
     jacobian_first[0, 2] = -sin * second[0] - cos * second[1]
     jacobian_first[1, 2] = cos * second[0] - sin * second[1]
     jacobian_second = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    cov = (
-        jacobian_first @ cov_a_b @ jacobian_first.T + jacobian_second @ cov_b_c @ jacobian_second.T
-    )
+    cov = jacobian_first @ cov_a_b @ jacobian_first.T + jacobian_second @ cov_b_c @ jacobian_second.T
     return cast(Cov, 0.5 * (cov + cov.T))
 
 
@@ -231,9 +229,7 @@ def inverse_covariance(pose_a_b: ArrayLike, cov_a_b: Cov) -> Cov:
     """
     x, y, theta = _as_pose(pose_a_b, "pose_a_b")
     cos, sin = np.cos(theta), np.sin(theta)
-    jacobian = np.array(
-        [[-cos, -sin, sin * x - cos * y], [sin, -cos, cos * x + sin * y], [0.0, 0.0, -1.0]]
-    )
+    jacobian = np.array([[-cos, -sin, sin * x - cos * y], [sin, -cos, cos * x + sin * y], [0.0, 0.0, -1.0]])
     cov = jacobian @ cov_a_b @ jacobian.T
     return cast(Cov, 0.5 * (cov + cov.T))
 
@@ -269,7 +265,5 @@ def _cos_sin(angle: float) -> tuple[float, float]:
 def _as_pose(value: ArrayLike, name: str) -> Pose:
     pose = np.asarray(value, dtype=np.float64)
     if pose.ndim == 0 or pose.shape[-1] != 3:
-        raise InvalidArgumentError(
-            f"{name} must have shape (..., 3) [x, y, theta], got shape {pose.shape}"
-        )
+        raise InvalidArgumentError(f"{name} must have shape (..., 3) [x, y, theta], got shape {pose.shape}")
     return pose

@@ -58,20 +58,7 @@ def inverse(a_b: UncertainPose) -> UncertainPose:
 
 
 def fuse(one: UncertainPose, other: UncertainPose) -> tuple[UncertainPose, float]:
-    """Return the mean of two independent estimates of one pose, weighed by their covariances, and their distance.
-
-    Parameters
-    ----------
-    one, other : UncertainPose
-        The sum of their covariances must be positive definite.
-
-    Returns
-    -------
-    UncertainPose
-        The Kalman update of `one` by `other`: in a direction that one of them leaves open, the other decides.
-    float
-        The squared Mahalanobis distance of the two, chi-square of 3 degrees of freedom where both are right.
-    """
+    """Return the mean of two independent estimates of one pose, weighed by their covariances, and their distance."""
     pose, cov, distance = _fuse(one.pose, one.cov, other.pose, other.cov)
     return UncertainPose(pose, cov), distance
 

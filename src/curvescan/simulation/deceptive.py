@@ -105,19 +105,7 @@ class Deception:
 def deceptive_pairs(name: str, *, n_pairs: int = 500, seed: int = 0) -> Iterator[DeceptivePair]:
     """Yield pairs of one kind; pair i is the same whatever n_pairs is.
 
-    Parameters
-    ----------
-    name : str
-        One of :data:`DECEPTIONS`.
-    n_pairs : int
-        How many.
-    seed : int
-        The same seed, the same bits; >= 0.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the name is unknown; the message gives the nearest known one.
+    Raises InvalidArgumentError.
     """
     kind = look_up(DECEPTIONS, name, "deception")
     sensor = SENSORS[kind.sensor]
@@ -127,11 +115,7 @@ def deceptive_pairs(name: str, *, n_pairs: int = 500, seed: int = 0) -> Iterator
         scans = []
         for k in range(2):
             ranges, _, _ = observe(
-                scene.worlds[k],
-                scene.poses[k : k + 1],
-                sensor,
-                scene.people[k][np.newaxis],
-                child(root, k),
+                scene.worlds[k], scene.poses[k : k + 1], sensor, scene.people[k][np.newaxis], child(root, k)
             )
             scans.append(as_scan(ranges[0], sensor, k * sensor.period))
         pose = se2.between(scene.poses[0], scene.poses[1])
@@ -159,12 +143,7 @@ def _sees_enough(world: World, pose: Pose, sensor: Sensor) -> bool:
 
 
 def _moved(
-    world: World,
-    start: Pose,
-    rng: np.random.Generator,
-    sensor: Sensor,
-    reach: float,
-    turn: tuple[float, float],
+    world: World, start: Pose, rng: np.random.Generator, sensor: Sensor, reach: float, turn: tuple[float, float]
 ) -> Pose:
     """Return a free pose within `reach` metres of another, turned by an angle between the two, to either side."""
     for _ in range(_ATTEMPTS):
@@ -203,9 +182,7 @@ def _another_room(rng: np.random.Generator, sensor: Sensor) -> Scene:
     return Scene(worlds=worlds, poses=poses, is_shared=False)
 
 
-def _turned_away(
-    world_of: Callable[[np.random.Generator], World],
-) -> Callable[[np.random.Generator, Sensor], Scene]:
+def _turned_away(world_of: Callable[[np.random.Generator], World]) -> Callable[[np.random.Generator, Sensor], Scene]:
     def scene(rng: np.random.Generator, sensor: Sensor) -> Scene:
         world = world_of(rng)
         first = _place(world, rng, sensor)
@@ -289,37 +266,22 @@ def _elevator(rng: np.random.Generator, sensor: Sensor) -> Scene:
         lobby += [[x + 0.2, -right, far, -right], [x, d, x + 0.2, d], [x, -d, x + 0.2, -d]]
         n = int(rng.integers(0, 4))
         places = np.column_stack([rng.uniform(x + 0.6, far, n), rng.uniform(-right, left, n)])
-        worlds.append(
-            cabin + World(walls=np.array(lobby)) + columns(places, rng.uniform(0.05, 0.3))
-        )
+        worlds.append(cabin + World(walls=np.array(lobby)) + columns(places, rng.uniform(0.05, 0.3)))
     first, second = (
-        np.array([*rng.uniform(-1.0, 1.0, 2) * (x - 0.4, y - 0.4), rng.uniform(-math.pi, math.pi)])
-        for _ in range(2)
+        np.array([*rng.uniform(-1.0, 1.0, 2) * (x - 0.4, y - 0.4), rng.uniform(-math.pi, math.pi)]) for _ in range(2)
     )
     return Scene(worlds=(worlds[0], worlds[1]), poses=np.array([first, second]))
 
 
 def _doors_half_turn(rng: np.random.Generator, sensor: Sensor) -> Scene:
     world = _doored_corridor(rng)
-    start = np.array(
-        [
-            rng.uniform(-1.5, 1.5),
-            rng.uniform(-0.3, 0.3),
-            rng.choice([0.0, math.pi]) + 0.1 * rng.normal(),
-        ]
-    )
+    start = np.array([rng.uniform(-1.5, 1.5), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.1 * rng.normal()])
     return _two(world, rng, sensor, 0.5, (170.0, 180.0), start)
 
 
 def _doors(rng: np.random.Generator, sensor: Sensor) -> Scene:
     world = _doored_corridor(rng, rng.uniform(2.5, 4.0))
-    start = np.array(
-        [
-            rng.uniform(-1.5, 1.5),
-            rng.uniform(-0.3, 0.3),
-            rng.choice([0.0, math.pi]) + 0.3 * rng.normal(),
-        ]
-    )
+    start = np.array([rng.uniform(-1.5, 1.5), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.3 * rng.normal()])
     return _two(world, rng, sensor, 1.0, (0.0, 40.0), start)
 
 
@@ -329,14 +291,10 @@ def _company(rng: np.random.Generator, sensor: Sensor) -> Scene:
     heading = rng.normal() * 0.05
     start = np.array([rng.uniform(-2.0, 2.0), rng.uniform(-0.2, 0.2), heading])
     step = np.array([rng.uniform(0.3, 0.8), 0.0, 0.0])
-    people = np.column_stack(
-        [rng.uniform(0.8, 4.0, 4), rng.uniform(-0.7, 0.7, 4), rng.uniform(0.15, 0.22, 4)]
-    )
+    people = np.column_stack([rng.uniform(0.8, 4.0, 4), rng.uniform(-0.7, 0.7, 4), rng.uniform(0.15, 0.22, 4)])
     people[:, 0] += start[0]
     later = people + [step[0], 0.0, 0.0] + rng.normal(size=(4, 3)) * [0.005, 0.005, 0.0]
-    return Scene(
-        worlds=(world, world), poses=np.array([start, start + step]), people=(people, later)
-    )
+    return Scene(worlds=(world, world), poses=np.array([start, start + step]), people=(people, later))
 
 
 def _identical_offices(rng: np.random.Generator, sensor: Sensor) -> Scene:
@@ -391,13 +349,7 @@ def _crowded_corridor(rng: np.random.Generator, sensor: Sensor) -> Scene:
     right = [n for n in niches if n[2] < 0.0]
     left = [n for n in niches if n[2] > 0.0]
     world = corridor(44.0, width, recesses=[*left, *right])
-    start = np.array(
-        [
-            rng.uniform(-3.0, 3.0),
-            rng.uniform(-0.3, 0.3),
-            rng.choice([0.0, math.pi]) + 0.3 * rng.normal(),
-        ]
-    )
+    start = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.3, 0.3), rng.choice([0.0, math.pi]) + 0.3 * rng.normal()])
     scene = _two(world, rng, sensor, 0.6, (0.0, 40.0), start)
     body = People(body_radius=0.2)
     people = tuple(crowd(world, pose, sensor, 0.15, body, rng) for pose in scene.poses)
@@ -412,11 +364,7 @@ def _kinds() -> Iterator[Deception]:
             sensor=sensor,
             scene=_another_room,
         )
-    for place, world_of in (
-        ("office", _plain_office),
-        ("building", _plain_building),
-        ("doors", _doored_corridor),
-    ):
+    for place, world_of in (("office", _plain_office), ("building", _plain_building), ("doors", _doored_corridor)):
         yield Deception(
             name=f"turned away, {place}",
             summary="Turned by 180 degrees on the spot, a sensor that sees half a circle shares nothing.",
@@ -433,12 +381,7 @@ def _kinds() -> Iterator[Deception]:
         ("elevator, 180 deg", "The open door of a cabin shows another floor.", HALF, _elevator),
         ("doors, half turn", "Doors every 3 m and a turn by 180 degrees.", FULL, _doors_half_turn),
         ("doors", "Doors at one pitch, up to 1 m and 40 degrees.", HALF, _doors),
-        (
-            "crowded corridor",
-            "Doors at random, other people in each scan.",
-            HALF,
-            _crowded_corridor,
-        ),
+        ("crowded corridor", "Doors at random, other people in each scan.", HALF, _crowded_corridor),
         ("company", "Four people walk with the robot, the corridor is bare.", HALF, _company),
         ("identical offices", "The same room again and again.", HALF, _identical_offices),
         ("bare corridor", "Two walls; the heading may be half a turn off.", FULL, _bare_corridor),

@@ -34,17 +34,7 @@ _DEPTH, _CORRIDOR = 4.0, 2.0  # metres
 
 
 def lookalike_floor(seed: int, *, deceit: Deceit = "offices", lap: int = 0) -> World:
-    """Return a floor whose rooms are all alike.
-
-    Parameters
-    ----------
-    seed : int
-        Width and number of the rooms, and what stands in them.
-    deceit : Deceit
-        What is to deceive.
-    lap : int
-        From 1 on the furniture of every other room stands otherwise, where `deceit` is "moved".
-    """
+    """Return a floor whose rooms are all alike."""
     if deceit not in get_args(Deceit):
         raise InvalidArgumentError(f"deceit must be one of {get_args(Deceit)}, got {deceit!r}")
     rng = np.random.default_rng(seed)
@@ -74,9 +64,7 @@ def lookalike_floor(seed: int, *, deceit: Deceit = "offices", lap: int = 0) -> W
         is_moved = deceit == "moved" and lap > 0 and k % 2 == 1
         template = Room(0.0, low, width, middle)
         inside = furnish(
-            template,
-            [Door(0.5 * width, low, 1.0, is_vertical=False)],
-            np.random.default_rng([seed, 1 + is_moved]),
+            template, [Door(0.5 * width, low, 1.0, is_vertical=False)], np.random.default_rng([seed, 1 + is_moved])
         )
         # the upper rooms are the lower ones turned about by half a turn
         pose = [room.x0, 0.0, 0.0] if room.y0 == low else [room.x1, high + low, np.pi]
@@ -84,21 +72,12 @@ def lookalike_floor(seed: int, *, deceit: Deceit = "offices", lap: int = 0) -> W
     return replace(
         world,
         name="lookalikes",
-        floor=np.array(
-            [
-                [-_CORRIDOR, 0.0],
-                [length + _CORRIDOR, 0.0],
-                [length + _CORRIDOR, top],
-                [-_CORRIDOR, top],
-            ]
-        ),
+        floor=np.array([[-_CORRIDOR, 0.0], [length + _CORRIDOR, 0.0], [length + _CORRIDOR, top], [-_CORRIDOR, top]]),
         route=_route(rooms[:n], deceit, length, top, rng),
     )
 
 
-def deceive(
-    seed: int, *, deceit: Deceit = "offices", sensor: str = "sick-lms200"
-) -> tuple[list[LaserScan], Pose]:
+def deceive(seed: int, *, deceit: Deceit = "offices", sensor: str = "sick-lms200") -> tuple[list[LaserScan], Pose]:
     """Return the scans of two laps through a floor of lookalikes, and (n, 3) their true poses."""
     first = lookalike_floor(seed, deceit=deceit)
     n_people = 4 if deceit == "people" else 0
@@ -110,23 +89,14 @@ def deceive(
     scans: list[LaserScan] = []
     for lap, poses in enumerate((truth[:n], truth[n:])):
         world = lookalike_floor(seed, deceit=deceit, lap=lap)
-        made = simulate(
-            world,
-            sensor=sensor,
-            seed=2 * seed + lap,
-            n_people=n_people,
-            poses=poses,
-            odometry_noise=None,
-        )
+        made = simulate(world, sensor=sensor, seed=2 * seed + lap, n_people=n_people, poses=poses, odometry_noise=None)
         scans += [replace(scan, stamp=scan.stamp + lap * n * period) for scan in made]
     return _on_storeys(scans, truth, n) if deceit == "storeys" else (scans, truth)
 
 
 def _on_storeys(scans: list[LaserScan], truth: Pose, n: int) -> tuple[list[LaserScan], Pose]:
     """Return the second lap on a storey of its own, 1 km away, after scans that see nothing."""
-    stair = [
-        replace(scans[n], ranges=np.full(len(scans[n].ranges), np.inf)) for _ in range(_N_STAIR)
-    ]
+    stair = [replace(scans[n], ranges=np.full(len(scans[n].ranges), np.inf)) for _ in range(_N_STAIR)]
     above = truth[n:] + np.array([1000.0, 0.0, 0.0])
     way = np.linspace(truth[n - 1], above[0], _N_STAIR)
     return [*scans[:n], *stair, *scans[n:]], np.concatenate((truth[:n], way, above))
@@ -142,9 +112,7 @@ def _turned_back(poses: Pose) -> Pose:
     return np.concatenate((poses, onward))
 
 
-def _route(
-    rooms: list[Room], deceit: Deceit, length: float, top: float, rng: np.random.Generator
-) -> np.ndarray:
+def _route(rooms: list[Room], deceit: Deceit, length: float, top: float, rng: np.random.Generator) -> np.ndarray:
     """Return a way along the lower corridor, into some rooms, and round the ring back to its beginning."""
     y, half = 0.5 * _CORRIDOR, 0.5 * _CORRIDOR
     way = [[-half, y]]

@@ -100,9 +100,7 @@ class ScanPairs(Sequence[ScanPair]):
             world = build_world(world, child(seed, WORLD))
         poses = self._places(world, self.motions[i], np.random.default_rng(child(seed, PATH)))
         rng = np.random.default_rng(child(seed, PEOPLE))
-        circles = [
-            crowd(world, pose, self.sensor, self.people_share, self.people, rng) for pose in poses
-        ]
+        circles = [crowd(world, pose, self.sensor, self.people_share, self.people, rng) for pose in poses]
         n_circles = max(len(one) for one in circles)
         padded = np.array([_padded(one, n_circles) for one in circles])
         ranges, _, is_person = observe(world, poses, self.sensor, padded, seed)
@@ -196,9 +194,7 @@ def simulate_pairs(
         )
     for size in (translation_max, rotation_max, translation_std, rotation_std):
         if size is not None and not 0.0 <= size < np.inf:
-            raise InvalidArgumentError(
-                f"translations and rotations, max or std, must be >= 0 and finite, got {size}"
-            )
+            raise InvalidArgumentError(f"translations and rotations, max or std, must be >= 0 and finite, got {size}")
     if motions is None:
         if n_pairs < 1:
             raise InvalidArgumentError(f"n_pairs must be >= 1, got {n_pairs}")
@@ -215,9 +211,7 @@ def simulate_pairs(
         motions = np.array(drawn)
     motions = np.array(motions, dtype=np.float64)
     if motions.ndim != 2 or motions.shape[1] != 3 or not np.isfinite(motions).all():
-        raise InvalidArgumentError(
-            f"motions must be finite, of shape (n_pairs, 3), got shape {motions.shape}"
-        )
+        raise InvalidArgumentError(f"motions must be finite, of shape (n_pairs, 3), got shape {motions.shape}")
     built = build_world(world, child(seed, WORLD))  # also refuses a wrong name at once
     return ScanPairs(
         world=world if fresh_world else built,
@@ -240,13 +234,7 @@ def _motion(
 ) -> Floats:
     uniform, normal = rng.random(3), rng.standard_normal(3)
     radius, bearing = translation_max * np.sqrt(uniform[0]), 2.0 * np.pi * uniform[1]
-    motion = np.array(
-        [
-            radius * np.cos(bearing),
-            radius * np.sin(bearing),
-            rotation_max * (2.0 * uniform[2] - 1.0),
-        ]
-    )
+    motion = np.array([radius * np.cos(bearing), radius * np.sin(bearing), rotation_max * (2.0 * uniform[2] - 1.0)])
     if translation_std is not None:
         motion[:2] = translation_std * normal[:2]
     if rotation_std is not None:

@@ -238,22 +238,14 @@ def _velocities(poses: Pose, period: float) -> Floats:
 def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
     truth = np.array(poses, dtype=np.float64)
     if truth.ndim != 2 or truth.shape[1] != 3 or not len(truth) or not np.isfinite(truth).all():
-        raise InvalidArgumentError(
-            f"poses must be finite, of shape (n, 3) and at least one, got shape {truth.shape}"
-        )
+        raise InvalidArgumentError(f"poses must be finite, of shape (n, 3) and at least one, got shape {truth.shape}")
     if n_scans is not None and n_scans > len(truth):
         raise InvalidArgumentError(f"n_scans is {n_scans}, but only {len(truth)} poses are given")
     return truth[:n_scans]
 
 
 def _driven(
-    world: World,
-    path: str,
-    drive: Drive,
-    period: float,
-    n_scans: int | None,
-    radius: float,
-    seed: int,
+    world: World, path: str, drive: Drive, period: float, n_scans: int | None, radius: float, seed: int
 ) -> Pose:
     rng = np.random.default_rng(child(seed, PATH))
     if n_scans is None and (path == "home" or len(world.route) < 2):

@@ -24,15 +24,7 @@ from curvescan.types import Cov, Pose
 
 
 class Backend:
-    """The graph, its keyframes, and the search for loop closures.
-
-    Parameters
-    ----------
-    keyframes : Keyframes
-        Where keyframes are kept.
-    config : SlamConfig
-        The rules.
-    """
+    """The graph, its keyframes, and the search for loop closures."""
 
     def __init__(self, keyframes: Keyframes, config: SlamConfig) -> None:
         self.config = config
@@ -67,16 +59,7 @@ class Backend:
     def start(self, scan: LaserScan, index: int, pose: Pose, session: int = 0) -> int:
         """Begin a fragment: take a keyframe that nothing ties to those before it, and return its row.
 
-        Parameters
-        ----------
-        scan : LaserScan
-            Its scan, deskewed.
-        index : int
-            Its number in the stream.
-        pose : (3,) float64
-            Where to draw it until a loop closure says how it lies to the rest.
-        session : int
-            Number of the session.
+        pose (3,).
         """
         self._await()
         k = self._map.start(scan, index, pose, session)
@@ -84,22 +67,8 @@ class Backend:
             self._search.enqueue(k)
         return k
 
-    def add_keyframe(
-        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
-    ) -> int:
-        """Take the next keyframe and return its row.
-
-        Parameters
-        ----------
-        scan : LaserScan
-            Its scan, deskewed.
-        index : int
-            Its number in the stream.
-        motion : UncertainPose
-            Its pose in the frame of the current keyframe by the odometry.
-        is_measured : bool
-            Whether matches measured all of the motion.
-        """
+    def add_keyframe(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool) -> int:
+        """Take the next keyframe and return its row."""
         k = self._map.append(scan, index, motion, is_measured=is_measured)
         self._search.enqueue(k)
         return k
@@ -109,13 +78,7 @@ class Backend:
         self.graph.add_edge(k - 1, k, motion.pose, motion.cov, EdgeKind.PRIOR)
 
     def work(self, index: int) -> tuple[tuple[Closure, ...], bool]:
-        """Do a bounded share of what waits, and return the closures accepted and whether poses were revised.
-
-        Parameters
-        ----------
-        index : int
-            Number of the scan.
-        """
+        """Do a bounded share of what waits, and return the closures accepted and whether poses were revised."""
         self._n_scans += 1
         accepted = self._search.work(index)
         is_revised = self._job is not None and self._n_scans >= self._job_due

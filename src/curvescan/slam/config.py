@@ -187,19 +187,10 @@ class ClosuresConfig:
             "likely_sigmas",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in (
-            "n_certain",
-            "n_uncertain",
-            "matches_per_scan",
-            "n_agreeing",
-            "n_waiting",
-            "n_stretch",
-        ):
+        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting", "n_stretch"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
         for name in ("min_score", "min_confidence", "min_similarity"):
-            require(
-                0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name)
-            )
+            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,9 +218,7 @@ class OptimizerConfig:
 
 def _front_end() -> OdometryConfig:
     # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(
-        keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4)
-    )
+    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4))
 
 
 @dataclass(frozen=True, kw_only=True)

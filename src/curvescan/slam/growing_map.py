@@ -21,13 +21,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
-from curvescan.slam.pose_graph.posterior import (
-    design_effect,
-    own_noise,
-    variance_factor,
-    with_own_noise,
-    without_floor,
-)
+from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
@@ -49,13 +43,6 @@ def difference(one: Pose, other: Pose) -> Pose:
 
 class GrowingMap:
     """Keyframes and their graph.
-
-    Parameters
-    ----------
-    keyframes : Keyframes
-        Where keyframes are kept.
-    config : SlamConfig
-        The rules.
 
     Attributes
     ----------
@@ -127,9 +114,7 @@ class GrowingMap:
         self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
 
-    def append(
-        self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool
-    ) -> int:
+    def append(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool) -> int:
         """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
         before = self.current
         k = self.keyframes.add(scan, index, self.keyframes[before].session)
@@ -147,10 +132,7 @@ class GrowingMap:
         share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
         motion = UncertainPose(motion.pose, share * motion.cov)
         x, y, theta = np.abs(motion.pose).tolist()
-        vague = UncertainPose(
-            motion.pose,
-            motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta),
-        )
+        vague = UncertainPose(motion.pose, motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta))
         self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
         result = self.keyframes.match(before, k, None)
         is_clear = result.ok and result.degenerate_direction is None
@@ -207,9 +189,7 @@ class GrowingMap:
         self.graph.add_edge(i, j, closure.pose, closure.covariance, EdgeKind.CLOSURE)
         if not self.belief.knows(i) or self.belief.knows(j):
             return
-        by_closure = compose(
-            inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance)
-        )
+        by_closure = compose(inverse(self.belief.last_seen_from(i)), UncertainPose(closure.pose, closure.covariance))
         self.since, _ = fuse(self.since, compose(by_closure, self.along(j, self.current)))
         here = se2.compose(self.graph.poses[self.belief.k], self.since.pose)
         onward = se2.between(self.graph.poses[self.current], self.graph.poses[j:])
@@ -244,10 +224,7 @@ class GrowingMap:
     def fall_back(self, is_kept: Bools) -> None:
         """Give up edges, and lay the keyframes out anew along the odometry.
 
-        Parameters
-        ----------
-        is_kept : (m,) bool
-            Which edges stay.
+        is_kept (m,).
         """
         graph = self.graph
         graph.keep_edges(is_kept)
@@ -304,9 +281,7 @@ class GrowingMap:
         scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
         found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
         common = noise.common(covariances)
-        return with_own_noise(
-            found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0
-        )
+        return with_own_noise(found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0)
 
     @property
     def n_fragments(self) -> int:

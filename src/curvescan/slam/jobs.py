@@ -86,23 +86,9 @@ class Solution:
 
 
 class Job:
-    """An optimization under way.
+    """An optimization under way."""
 
-    Parameters
-    ----------
-    problem : Problem
-        What to solve.
-    limit : float
-        See :func:`optimize_robustly`.
-    pool : ThreadPoolExecutor
-        Where it runs.
-    is_last : bool
-        Whether to take the time to reconsider every edge.
-    """
-
-    def __init__(
-        self, problem: Problem, limit: float, pool: ThreadPoolExecutor, *, is_last: bool = False
-    ) -> None:
+    def __init__(self, problem: Problem, limit: float, pool: ThreadPoolExecutor, *, is_last: bool = False) -> None:
         self._future: Future[Solution] = pool.submit(solve, problem, limit, is_last)
 
     def result(self) -> Solution:
@@ -128,9 +114,7 @@ def solve(problem: Problem, limit: float, is_last: bool) -> Solution:
         poses=optimum.poses,
         weights=optimum.weights,
         distances=optimum.distances,
-        covariances=covariances_seen_from(
-            optimum.poses, graph_edges, optimum.weights, problem.current
-        ),
+        covariances=covariances_seen_from(optimum.poses, graph_edges, optimum.weights, problem.current),
         current=problem.current,
     )
 

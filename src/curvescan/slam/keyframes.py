@@ -41,15 +41,6 @@ class Keyframe:
 class Keyframes:
     """All keyframes, by row; the features of those used last are kept.
 
-    Parameters
-    ----------
-    method : str
-        Name of the matcher.
-    matcher_config : dataclass, mapping or None
-        Its configuration.
-    n_prepared : int
-        Features held.
-
     Attributes
     ----------
     index : PlaceIndex

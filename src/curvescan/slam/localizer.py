@@ -27,12 +27,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.search import MapSearch, Place, is_same
-from curvescan.slam.localization.step import (
-    NOWHERE,
-    LocalizerOutcome,
-    LocalizerStep,
-    as_step,
-)
+from curvescan.slam.localization.step import NOWHERE, LocalizerOutcome, LocalizerStep, as_step
 from curvescan.slam.loops.closures import is_confident, vaguely
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
@@ -158,20 +153,14 @@ class Localizer:
             return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
         return self._take(step, fused(hits), LocalizerOutcome.FOUND, hits[0].keyframe)
 
-    def _confirmed(
-        self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()
-    ) -> list[Hit]:
+    def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
         """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
         if place is None:
             return []
         searched = UncertainPose(place.pose, _SEARCHED)
         found, _ = self._matching.around(scan, searched)
         tried = {hit.keyframe for hit in found}
-        found += [
-            hit
-            for hit in similar
-            if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)
-        ]
+        found += [hit for hit in similar if hit.keyframe not in tried and is_same(place.pose, hit.here.pose)]
         if not found:
             return []
         points, field = _points(scan), self._search.field
@@ -185,9 +174,7 @@ class Localizer:
             return []
         return hits
 
-    def _track(
-        self, scan: LaserScan, step: OdometryStep, here: UncertainPose, anchor: OdometryStep
-    ) -> LocalizerStep:
+    def _track(self, scan: LaserScan, step: OdometryStep, here: UncertainPose, anchor: OdometryStep) -> LocalizerStep:
         """Follow the sensor from where it was."""
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
@@ -239,9 +226,7 @@ class Localizer:
         seen = keyframes.signature(keyframes.prepare(scan))
         return keyframes.index.most_similar(seen, len(keyframes))
 
-    def _take(
-        self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int
-    ) -> LocalizerStep:
+    def _take(self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int) -> LocalizerStep:
         self._here, self._anchor, self._keyframe = here, step, keyframe
         self._view = None
         self._search.clear()
@@ -250,11 +235,7 @@ class Localizer:
         return self._at(step, here, outcome, keyframe)
 
     def _at(
-        self,
-        step: OdometryStep,
-        here: UncertainPose,
-        outcome: LocalizerOutcome,
-        keyframe: int = -1,
+        self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int = -1
     ) -> LocalizerStep:
         around, covariance_global = self._matching.in_map(here, self._keyframe)
         return as_step(step, around, covariance_global, outcome, keyframe)

@@ -20,14 +20,7 @@ from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.loops.agreement import Waiting
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
-from curvescan.slam.loops.closures import (
-    UNKNOWN_M,
-    Closure,
-    ClosureOutcome,
-    is_certain,
-    judged,
-    vaguely,
-)
+from curvescan.slam.loops.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
 from curvescan.types import Bools
 
 
@@ -41,13 +34,6 @@ class Candidate(NamedTuple):
 
 class LoopSearch:
     """The search for loop closures in a map that grows.
-
-    Parameters
-    ----------
-    growing : GrowingMap
-        The map; closures that are accepted become its edges.
-    config : SlamConfig
-        The rules.
 
     Attributes
     ----------
@@ -231,17 +217,13 @@ class LoopSearch:
                 self._tried[other].discard(one)
         row_of = np.where(is_kept, np.cumsum(is_kept) - 1, -1)
         at = row_of.tolist()
-        self._queue = deque(
-            Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0
-        )
+        self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
         self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
         self._waiting.renumber(row_of)
 
     def withdraw(self) -> Bools:
         """Take back the closures that bend the odometry, and return (m,) which edges of the graph stay."""
-        rows = suspects(
-            self.closures, self.config.keyframes.n_linked, all_of_them=self.n_withdrawals > 0
-        )
+        rows = suspects(self.closures, self.config.keyframes.n_linked, all_of_them=self.n_withdrawals > 0)
         self.n_withdrawals += 1
         for row in rows:
             self.closures[row] = replace(self.closures[row], outcome=ClosureOutcome.WITHDRAWN)

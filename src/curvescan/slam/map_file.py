@@ -164,9 +164,7 @@ def _scans_of(arrays: dict[str, Floats]) -> tuple[LaserScan, ...]:
             first_angle += n
         ranges = arrays["ranges"][first : first + n]
         first += n
-        scans.append(
-            LaserScan(ranges, range_min=setup[2], range_max=setup[3], stamp=stamp, **directions)
-        )
+        scans.append(LaserScan(ranges, range_min=setup[2], range_max=setup[3], stamp=stamp, **directions))
     return tuple(scans)
 
 
@@ -179,9 +177,7 @@ def _grid_of(arrays: dict[str, Floats]) -> OccupancyGrid | None:
     if log_odds.ndim != 2 or arrays["grid_origin"].shape != (2,):
         raise ValueError("its occupancy grid has no rows and columns")
     return OccupancyGrid(
-        log_odds=log_odds,
-        origin=arrays["grid_origin"],
-        config=OccupancyConfig(clear_no_return=is_clear, **values),
+        log_odds=log_odds, origin=arrays["grid_origin"], config=OccupancyConfig(clear_no_return=is_clear, **values)
     )
 
 

@@ -56,18 +56,11 @@ class Records:
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
         """Return all poses so far.
 
-        Parameters
-        ----------
-        poses : (n, 3) float64
-            Of the keyframes in the map.
-        covariances : (n, 3, 3) float64
-            Of these.
+        poses (n, 3); covariances (n, 3, 3).
         """
         n = len(self)
         if n == 0:
-            return Trajectory(
-                stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3))
-            )
+            return Trajectory(stamps=np.empty(0), poses=np.empty((0, 3)), covariances=np.empty((0, 3, 3)))
         stretch = np.array(self._stretch, dtype=np.int64)
         relative = np.array(self._relative).reshape(n, 3)
         first = np.array(self._from, dtype=np.int64)[stretch]
@@ -81,9 +74,7 @@ class Records:
             covariances=_joined(covariances[first], poses[first], relative, own),
         )
 
-    def _corrections(
-        self, stretch: Ints, relative: Pose, own: Cov, found: Pose, poses: Pose
-    ) -> Pose:
+    def _corrections(self, stretch: Ints, relative: Pose, own: Cov, found: Pose, poses: Pose) -> Pose:
         """Return (n, 3) by how much each scan is moved towards where the keyframe at the end of its stretch has it."""
         last = np.array(self._to)[stretch]
         way = np.array([w.pose for w in self._way])[stretch]

@@ -101,9 +101,7 @@ def run_slam(
             if stop.is_asked:
                 break
     slam.odometry = source.odometry
-    record = recorder.run(
-        slam.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None
-    )
+    record = recorder.run(slam.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None)
     n, online = len(record.outcomes), record.trajectory
     started = time.perf_counter()
     revised = (slam.finish() if n else slam.trajectory())[:n]

@@ -72,9 +72,7 @@ class Slam:
         self._deskewer = Deskewer()
         self._last: OdometryStep | None = None
         self._origin: OdometryStep | None = None  # the step of the current keyframe
-        self._n_lost = self._n_most_lost = (
-            0  # scans without a match, now and since the current keyframe
-        )
+        self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
         self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
 
@@ -100,9 +98,7 @@ class Slam:
         """
         return self.add_placed(scan, self.odometry.add(scan, odometry_pose), odometry_pose)
 
-    def add_placed(
-        self, scan: LaserScan, step: OdometryStep, odometry_pose: ArrayLike | None = None
-    ) -> SlamStep:
+    def add_placed(self, scan: LaserScan, step: OdometryStep, odometry_pose: ArrayLike | None = None) -> SlamStep:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.
 
         Parameters
@@ -136,11 +132,7 @@ class Slam:
         return self._step(step, seen, closures, is_revised)
 
     def _step(
-        self,
-        step: OdometryStep,
-        seen: UncertainPose,
-        closures: tuple[Closure, ...],
-        is_revised: bool,
+        self, step: OdometryStep, seen: UncertainPose, closures: tuple[Closure, ...], is_revised: bool
     ) -> SlamStep:
         backend = self.backend
         here = compose(backend.current_in_map(), seen)
@@ -169,19 +161,13 @@ class Slam:
         return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
 
     def _make_keyframe(
-        self,
-        scan: LaserScan,
-        step: OdometryStep,
-        seen: UncertainPose,
-        odometry_pose: ArrayLike | None,
+        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose, odometry_pose: ArrayLike | None
     ) -> UncertainPose:
         assert self._last is not None
         deskewed = scan
         if self.config.odometry.deskew:
             deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-        k = self.backend.add_keyframe(
-            deskewed, step.index, seen, is_measured=self._n_most_lost == 0
-        )
+        k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._n_most_lost == 0)
         self._records.begin(self.backend.keyframes[k].number, seen)
         self._origin, self._n_most_lost = step, 0
         return identity()
@@ -196,9 +182,7 @@ class Slam:
         if np.isfinite(moved).all():
             self.backend.add_prior(k, wheel_motion(moved, self.config.odometry.motion))
 
-    def _begin_fragment(
-        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose
-    ) -> UncertainPose:
+    def _begin_fragment(self, scan: LaserScan, step: OdometryStep, seen: UncertainPose) -> UncertainPose:
         """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
         k = self.backend.start(scan, step.index, pose, self._session)

@@ -35,12 +35,7 @@ class Heirs:
     def placed(self, numbers: Ints, poses: Pose, covariances: Cov) -> tuple[Pose, Cov]:
         """Return (m, 3) poses and (m, 3, 3) covariances of all keyframes there ever were, by number.
 
-        Parameters
-        ----------
-        numbers : (n,) int64
-            Of the keyframes that are left.
-        poses, covariances : (n, 3), (n, 3, 3) float64
-            Of these.
+        numbers (n,); poses, covariances (n, 3).
         """
         if not self._of:
             return poses, covariances
@@ -58,34 +53,13 @@ def thin(
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
     """Take the edges of keyframes out where there are too many of one place, and return which stay and what became of the others.
 
-    Parameters
-    ----------
-    graph : PoseGraph
-        Changed in place: the edges of those that go are carried over; its poses stay.
-    fragments : (n,) int64
-        Fragment of each keyframe.
-    n_settled : int
-        Only the first so many keyframes may go.
-    rules : PlacesConfig
-        How many a place holds.
-
-    Returns
-    -------
-    (n,) bool
-        Which stay.
-    dict
-        For each of the others, in the order they went: its heir and how it lies to it.
+    fragments (n,); result (n,).
     """
     poses = graph.poses
     is_kept = np.ones(len(poses), dtype=np.bool_)
     gone: dict[int, tuple[int, UncertainPose]] = {}
     crowded = crowded_places(
-        poses,
-        fragments,
-        max(n_settled, 0),
-        rules.radius + _ROUNDING,
-        rules.turn + _ROUNDING,
-        rules.n_keyframes,
+        poses, fragments, max(n_settled, 0), rules.radius + _ROUNDING, rules.turn + _ROUNDING, rules.n_keyframes
     )
     for v in np.flatnonzero(crowded).tolist():
         off = poses[v + 1 :] - poses[v]
@@ -104,9 +78,7 @@ def thin(
 
 
 @kernel
-def crowded_places(
-    poses: Pose, fragments: Ints, n_settled: int, radius: float, turn: float, n_least: int
-) -> Bools:
+def crowded_places(poses: Pose, fragments: Ints, n_settled: int, radius: float, turn: float, n_least: int) -> Bools:
     """Return (n_settled,) which poses have `n_least` later ones of their fragment near; never the first, the origin of the map."""
     crowded = np.zeros(n_settled, dtype=np.bool_)
     for v in range(1, n_settled):

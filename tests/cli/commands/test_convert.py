@@ -22,9 +22,7 @@ def test_there_and_back_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert_same_scans(rich_log(), read_log(tmp_path / "e.csv.gz"))
 
 
-def test_what_is_lost_or_skipped_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_lost_or_skipped_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = tmp_path / "a.csv"
     source.write_text("stamp,angle_min,angle_increment,ranges\n1,0,0.1,1\n2,0,0,1\n")
     assert run(["convert", str(source), str(tmp_path / "a.bag")]) == 0

@@ -28,9 +28,7 @@ def folder(tmp_path):
     own = cs.se2.compose(cs.se2.compose(robot, mount), noise)
     result = tmp_path / "result"
     result.mkdir()
-    write_csv(
-        result / "trajectory.csv", Trajectory(stamps=stamps, poses=own), ["matched"] * len(own)
-    )
+    write_csv(result / "trajectory.csv", Trajectory(stamps=stamps, poses=own), ["matched"] * len(own))
     write_tum(result / "trajectory.tum", Trajectory(stamps=stamps, poses=own))
     write_tum(tmp_path / "truth.tum", Trajectory(stamps=stamps[::2], poses=robot[::2]))
     with (tmp_path / "intel.relations").open("w") as file:
@@ -82,12 +80,7 @@ def test_a_reference_is_measured(folder, capsys):
     assert record["ate_best_m"]["rmse"] < record["ate_first_m"]["rmse"]
     assert record["rpe_frame_translation_m"]["n"] == 29
     assert 5 <= record["rpe_metre_translation_m"]["n"] <= 11
-    assert {p.name for p in out.iterdir()} == {
-        "evaluation.md",
-        "evaluation.json",
-        "errors.png",
-        "trajectory.png",
-    }
+    assert {p.name for p in out.iterdir()} == {"evaluation.md", "evaluation.json", "errors.png", "trajectory.png"}
     # poses that are the laser's already are not carried to it again
     assert run([*arguments, str(folder / "result"), *MOUNT]) == 0
     printed = capsys.readouterr().out

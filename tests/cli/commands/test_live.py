@@ -104,9 +104,7 @@ def test_the_simulated_robot(tmp_path, capsys):
 @pytest.mark.slow
 def test_the_page_of_a_run_and_its_end(log):
     command = [sys.executable, "-m", "curvescan", "live", str(log), "--http-port", "0"]
-    with subprocess.Popen(
-        [*command, "--speed", "4", "--keep-open"], stderr=subprocess.PIPE, text=True
-    ) as process:
+    with subprocess.Popen([*command, "--speed", "4", "--keep-open"], stderr=subprocess.PIPE, text=True) as process:
         try:
             url = re.search(r"http://[\d.:]+/", process.stderr.readline()).group()
             with urllib.request.urlopen(url, timeout=10) as answer:

@@ -17,9 +17,7 @@ from curvescan.odometry import run_odometry
 RANGES = [1500] * 682
 
 
-def line(
-    stamp: object = 2_500_000, left: object = 0, right: object = 0, ranges: object = None
-) -> str:
+def line(stamp: object = 2_500_000, left: object = 0, right: object = 0, ranges: object = None) -> str:
     middle = " ".join(["7"] * 20)
     numbers = " ".join(map(str, RANGES if ranges is None else ranges))
     return f"{stamp} 14710 {left} {right} {middle} {numbers} 0"

@@ -78,10 +78,7 @@ def test_odometry(tmp_path: Path) -> None:
 @pytest.mark.parametrize("end", ["\n", "\r\n"], ids=["unix", "dos"])
 @pytest.mark.parametrize("is_packed", [False, True], ids=["plain", "gzip"])
 def test_spreadsheets_and_gzip(tmp_path: Path, mark: bytes, end: str, is_packed: bool) -> None:
-    text = (
-        mark
-        + end.join(['"stamp","angle_min", angle_increment ,ranges', "1,0,0.1,5,6", ""]).encode()
-    )
+    text = mark + end.join(['"stamp","angle_min", angle_increment ,ranges', "1,0,0.1,5,6", ""]).encode()
     (tmp_path / "a.txt").write_bytes(gzip.compress(text, mtime=0) if is_packed else text)
     (scan,) = read_log(tmp_path / "a.txt")
     assert scan.ranges.tolist() == [5, 6]

@@ -54,11 +54,7 @@ def test_the_odometry_takes_it() -> None:
 def test_what_is_no_reading_is_told() -> None:
     with pytest.raises(InvalidArgumentError, match="scan 1: ranges must be 1-D"):
         cs.log_from_arrays([(0, [1.0]), (1, [[1.0]])], **GRID)
-    with pytest.raises(
-        InvalidArgumentError, match=r"pairs of a stamp and ranges, got 5 as number 0"
-    ):
+    with pytest.raises(InvalidArgumentError, match=r"pairs of a stamp and ranges, got 5 as number 0"):
         cs.log_from_arrays([5], **GRID)  # type: ignore[list-item]
-    with pytest.raises(
-        InvalidArgumentError, match=r"scan 0: .*directions of the beams are missing"
-    ):
+    with pytest.raises(InvalidArgumentError, match=r"scan 0: .*directions of the beams are missing"):
         cs.log_from_arrays([(0, [1.0])])

@@ -59,14 +59,7 @@ def test_counts_angles_intensities_and_odometry(tmp_path: Path) -> None:
     odometry = np.array([[0, 0, 0], [1, 0, 4], [np.nan] * 3, [2, 0, 0]])
     strength = ranges()
     strength[1] = np.nan
-    path = save(
-        tmp_path / "a",
-        counts=[5, 3, 0, 2],
-        angles=table,
-        intensities=strength,
-        odometry=odometry,
-        **EVEN,
-    )
+    path = save(tmp_path / "a", counts=[5, 3, 0, 2], angles=table, intensities=strength, odometry=odometry, **EVEN)
     log = read_log(path)
     scans = list(log)
     assert [len(scan) for scan in scans] == [5, 3, 0, 2]
@@ -116,9 +109,7 @@ def test_forms_of_files(tmp_path: Path, form: str) -> None:
         ({"angle_increment": [1, 0, 1, 1]}, "angles or times that make no scan"),
     ],
 )
-def test_broken_scans_are_skipped_and_counted(
-    tmp_path: Path, arrays: dict[str, Any], rule: str
-) -> None:
+def test_broken_scans_are_skipped_and_counted(tmp_path: Path, arrays: dict[str, Any], rule: str) -> None:
     log = read_log(save(tmp_path / "a", **EVEN | arrays))
     assert [scan.stamp for scan in log] == [0, 2, 3]
     (read_error,) = log.read_errors

@@ -28,9 +28,7 @@ def test_half_a_turn_of_a_pls_takes_20_ms(tmp_path: Path) -> None:
     assert scan.time_increment * math.pi / scan.angle_increment == pytest.approx(0.02)
 
 
-@pytest.mark.parametrize(
-    ("step", "end"), [(0.01, 50.0), (0.05, 81.83)], ids=["counts centimetres", "sees farther"]
-)
+@pytest.mark.parametrize(("step", "end"), [(0.01, 50.0), (0.05, 81.83)], ids=["counts centimetres", "sees farther"])
 def test_another_laser_has_no_beam_times(tmp_path: Path, step: float, end: float) -> None:
     assert CarmenLog(write(tmp_path / "a.log", sweeps(step, end)))[0].time_increment == 0.0
 
@@ -44,6 +42,4 @@ def test_a_laser_that_gives_its_limit_has_none(tmp_path: Path) -> None:
     def line(row: list[float]) -> str:
         return configured(row, max_range=50.0, start=-1.5, fov=3.1, resolution=0.017)
 
-    assert (
-        CarmenLog(write(tmp_path / "a.log", sweeps(0.05, 50.0, line=line)))[0].time_increment == 0.0
-    )
+    assert CarmenLog(write(tmp_path / "a.log", sweeps(0.05, 50.0, line=line)))[0].time_increment == 0.0

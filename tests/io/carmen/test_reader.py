@@ -42,9 +42,7 @@ def test_flaser_gives_ranges_stamp_and_laser_pose(tmp_path: Path) -> None:
     ("n", "step_deg", "last_deg"),
     [(180, 1.0, 89.0), (181, 1.0, 90.0), (360, 0.5, 89.5), (361, 0.5, 90.0), (401, 0.45, 90.0)],
 )
-def test_flaser_beams_start_at_minus_90_deg(
-    tmp_path: Path, n: int, step_deg: float, last_deg: float
-) -> None:
+def test_flaser_beams_start_at_minus_90_deg(tmp_path: Path, n: int, step_deg: float, last_deg: float) -> None:
     (scan,) = CarmenLog(write(tmp_path / "a.log", flaser([1.0] * n)))
     # 1e-12: rounding of pi / n times n
     assert math.degrees(scan.angle_increment) == pytest.approx(step_deg, abs=1e-12)
@@ -67,9 +65,7 @@ def test_robotlaser_gives_its_own_angles_limit_and_laser_pose(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("resolution", [0.0, -0.5, "nan", 400.0])
-def test_unusable_resolution_falls_back_on_the_field_of_view(
-    tmp_path: Path, resolution: object
-) -> None:
+def test_unusable_resolution_falls_back_on_the_field_of_view(tmp_path: Path, resolution: object) -> None:
     (scan,) = CarmenLog(write(tmp_path / "a.log", configured(fov=1.5, resolution=resolution)))
     assert scan.angle_increment == 0.5  # 1.5 rad over 3 gaps
 
@@ -89,9 +85,7 @@ def test_remissions_of_another_number_are_left_out(tmp_path: Path) -> None:
 
 def test_rawlaser_takes_the_last_odom_before_it_in_file_order(tmp_path: Path) -> None:
     raw = configured(tag="RAWLASER1")
-    path = write(
-        tmp_path / "a.log", raw, odom(1, 2, 3), odom(4, 5, 0.5), raw, odom(7, 7, 7), odom(6, 6, 4)
-    )
+    path = write(tmp_path / "a.log", raw, odom(1, 2, 3), odom(4, 5, 0.5), raw, odom(7, 7, 7), odom(6, 6, 4))
     with path.open("a") as file:
         file.write(raw)
     odometry = CarmenLog(path).odometry
@@ -175,12 +169,7 @@ def limit_of(log: CarmenLog) -> float:
 
 @pytest.mark.parametrize(
     ("readings", "expected"),
-    [
-        ((1.0, 8.2, 81.83), 80.0),
-        ((1.0, 7.0, 8.191), 8.18),
-        ((1.0, 7.0, "inf"), 8.18),
-        ((1.0, "nan", -9), 8.18),
-    ],
+    [((1.0, 8.2, 81.83), 80.0), ((1.0, 7.0, 8.191), 8.18), ((1.0, 7.0, "inf"), 8.18), ((1.0, "nan", -9), 8.18)],
 )
 def test_flaser_without_parameter_is_taken_for_a_sick(
     tmp_path: Path, readings: tuple[object, ...], expected: float
@@ -191,8 +180,7 @@ def test_flaser_without_parameter_is_taken_for_a_sick(
 
 
 @pytest.mark.parametrize(
-    ("declared", "expected"),
-    [(50, 50.0), (80.99, 80.99), (81.9, 81.82), (81.92, 81.82), (8.19, 8.182), (100, 100.0)],
+    ("declared", "expected"), [(50, 50.0), (80.99, 80.99), (81.9, 81.82), (81.92, 81.82), (8.19, 8.182), (100, 100.0)]
 )
 def test_flaser_limit_follows_the_last_parameter_and_stays_below_the_codes(
     tmp_path: Path, declared: float, expected: float
@@ -213,9 +201,7 @@ def test_unusable_parameter_is_a_fault_and_ignored(tmp_path: Path, value: str) -
 
 @pytest.mark.parametrize(("declared", "expected"), [(81.9, 81.82), ("nan", 80.0), (0, 80.0)])
 def test_robotlaser_limit(tmp_path: Path, declared: object, expected: float) -> None:
-    assert limit_of(CarmenLog(write(tmp_path / "a.log", configured(max_range=declared)))) == (
-        expected
-    )
+    assert limit_of(CarmenLog(write(tmp_path / "a.log", configured(max_range=declared)))) == (expected)
 
 
 def test_range_max_overrides_all(tmp_path: Path) -> None:
@@ -280,14 +266,8 @@ def test_broken_flaser_is_skipped_and_counted(tmp_path: Path, line: str, rule: s
 
 BROKEN_CONFIGURED = [
     ("ROBOTLASER1 0 1 2", "ROBOTLASER1 line cut short"),
-    (
-        configured() + " 1",
-        "ROBOTLASER1 line too long: more fields than its counts say",
-    ),
-    (
-        configured().rsplit(" ", 1)[0],
-        "ROBOTLASER1 line cut short: fewer fields than its counts say",
-    ),
+    (configured() + " 1", "ROBOTLASER1 line too long: more fields than its counts say"),
+    (configured().rsplit(" ", 1)[0], "ROBOTLASER1 line cut short: fewer fields than its counts say"),
     (configured(remissions=["x"]).replace(" 1 x ", " -1 "), "ROBOTLASER1 count below 0"),
     (configured(start="nan"), "ROBOTLASER1 start angle not finite"),
     (configured(start="left"), "ROBOTLASER1 line with a field that is not a number"),
@@ -383,9 +363,7 @@ field = st.one_of(number, st.sampled_from(["host", "FLASER", "ROBOTLASER1", "\t"
 tag = st.sampled_from(["FLASER", "ROBOTLASER1", "RAWLASER1", "ODOM", "PARAM", "RLASER", "#"])
 noisy_line = st.tuples(tag, st.lists(field, max_size=30)).map(lambda t: " ".join([t[0], *t[1]]))
 sound_line = st.sampled_from([flaser(), configured(), configured(tag="RAWLASER1"), odom(1, 2, 3)])
-in_tmp_path = settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None
-)
+in_tmp_path = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
 
 
 @in_tmp_path
@@ -409,9 +387,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 
 @in_tmp_path
 @given(ranges=st.lists(st.floats(), min_size=1, max_size=20), stamp=finite, x=finite, y=finite)
-def test_all_digits_come_through(
-    tmp_path: Path, ranges: list[float], stamp: float, x: float, y: float
-) -> None:
+def test_all_digits_come_through(tmp_path: Path, ranges: list[float], stamp: float, x: float, y: float) -> None:
     log = CarmenLog(write(tmp_path / "a.log", flaser(ranges, stamp=stamp, laser=(x, y, 1.0))))
     (scan,) = log
     np.testing.assert_array_equal(scan.ranges, ranges)

@@ -64,9 +64,7 @@ def test_existing_files_are_replaced_and_others_stay(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
 @pytest.mark.parametrize("is_there", [False, True])
-def test_after_an_error_all_is_as_before(
-    tmp_path: Path, error: type[BaseException], is_there: bool
-) -> None:
+def test_after_an_error_all_is_as_before(tmp_path: Path, error: type[BaseException], is_there: bool) -> None:
     target = tmp_path / "x" / "out"
     if is_there:
         target.mkdir(parents=True)
@@ -127,9 +125,7 @@ def test_place_that_no_user_can_write() -> None:
     refused("/proc/self", "cannot write results to '/proc/self'")
 
 
-def test_existing_target_without_permission(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_existing_target_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "out"
     target.mkdir()
     make = tempfile.mkdtemp
@@ -145,9 +141,7 @@ def test_existing_target_without_permission(
     assert tree(tmp_path) == {"out": None}
 
 
-def test_target_whose_parent_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_target_whose_parent_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "out"
     target.mkdir()
     make = tempfile.mkdtemp
@@ -164,9 +158,7 @@ def test_target_whose_parent_cannot_be_written(
     assert tree(tmp_path) == {"out": None, "out/a": "1"}
 
 
-def test_parents_made_before_one_fails_are_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parents_made_before_one_fails_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mkdir = Path.mkdir
 
     def refuse_second(path: Path) -> None:
@@ -203,9 +195,7 @@ def test_target_that_is_a_mount_point() -> None:
         (target / name).unlink(missing_ok=True)
 
 
-def test_new_target_is_not_there_when_the_move_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_new_target_is_not_there_when_the_move_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, goal: Path) -> None:
         raise OSError(28, "No space left on device")
 
@@ -240,9 +230,7 @@ def runs_in(target: Path) -> set[int]:
     return numbers
 
 
-def test_a_folder_of_results_changes_in_one_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_of_results_changes_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if sys.platform not in ("linux", "darwin"):
         pytest.skip("no system call that exchanges two folders")
     monkeypatch.setattr(replacing, "_swap_files", None)
@@ -326,9 +314,7 @@ def test_a_record_names_no_file_outside_its_folder(tmp_path: Path) -> None:
     assert {*tree(tmp_path)} == {"mine", "out", "out-mine", "out/a", "out/b", "out/run.json"}
 
 
-def test_the_folder_that_the_shell_is_in_stays_that_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_folder_that_the_shell_is_in_stays_that_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_run(tmp_path / "out", 1, "a")
     monkeypatch.chdir(tmp_path / "out")
     before = Path().stat().st_ino
@@ -347,18 +333,10 @@ def test_folders_of_killed_processes_are_swept_and_no_others(tmp_path: Path) -> 
         with output_folder(tmp_path / "out") as second:
             (second / "b").write_text("2")
         assert first.exists()
-    assert [*tree(tmp_path)] == [
-        f"{HIDDEN_PREFIX}notes",
-        f"{HIDDEN_PREFIX}notes/a",
-        "out",
-        "out/a",
-        "out/b",
-    ]
+    assert [*tree(tmp_path)] == [f"{HIDDEN_PREFIX}notes", f"{HIDDEN_PREFIX}notes/a", "out", "out/a", "out/b"]
 
 
-@pytest.mark.parametrize(
-    "error", [OSError(28, "No space left on device"), OSError("4 of 8 written")]
-)
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), OSError("4 of 8 written")])
 def test_a_disk_that_fills_in_the_middle_is_one_sentence(tmp_path: Path, error: OSError) -> None:
     def work() -> None:
         with output_folder(tmp_path / "x" / "out") as folder:

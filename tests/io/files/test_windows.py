@@ -18,9 +18,7 @@ def on_windows(monkeypatch):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="rights are a mode on POSIX alone")
-def test_a_temporary_folder_has_its_parents_rights_where_a_mode_cannot_give_them(
-    tmp_path, on_windows
-):
+def test_a_temporary_folder_has_its_parents_rights_where_a_mode_cannot_give_them(tmp_path, on_windows):
     (tmp_path / "ordinary").mkdir()
     made = windows.make_temporary(".curvescan-", tmp_path)
     assert made.stat().st_mode == (tmp_path / "ordinary").stat().st_mode

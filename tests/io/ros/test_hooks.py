@@ -37,12 +37,7 @@ def calls(monkeypatch):
         watch(limits.CheckedRos1Reader, name)
     for name in ("open", "_check_summary", "_look"):
         watch(limits.CheckedMcapReader, name)
-    for owner, name in (
-        (Unpacker, "unpack"),
-        (limits, "check_chunks"),
-        (limits, "_check_qos_in"),
-        (sqlite, "_check"),
-    ):
+    for owner, name in ((Unpacker, "unpack"), (limits, "check_chunks"), (limits, "_check_qos_in"), (sqlite, "_check")):
         watch(owner, name)
     return called
 

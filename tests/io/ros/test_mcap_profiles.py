@@ -36,9 +36,7 @@ def written(path, messages, *, profile, others=(), encoding="ros2msg"):
             if channel.id not in channels:
                 new = writer.register_schema(schema.name, encoding, schema.data)
                 channels[channel.id] = writer.register_channel(channel.topic, "cdr", new)
-            writer.add_message(
-                channels[channel.id], message.log_time, message.data, message.publish_time
-            )
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
         writer.finish()
 
 

@@ -50,8 +50,7 @@ from tests.bags import (
 STAMP = 1_463_093_841_123_456_789
 # a quiet NaN with a payload, the infinities, both zeros, a subnormal, a driver's code, and float32's 0.1
 ODD = np.array(
-    [0x7FC00ABC, 0xFFC00001, 0x7F800000, 0xFF800000, 0, 0x80000000, 1, 0x42A3D1EC, 0x3DCCCCCD],
-    dtype=np.uint32,
+    [0x7FC00ABC, 0xFFC00001, 0x7F800000, 0xFF800000, 0, 0x80000000, 1, 0x42A3D1EC, 0x3DCCCCCD], dtype=np.uint32
 ).view(np.float32)
 
 
@@ -99,9 +98,7 @@ def test_any_bits_come_through(tmp_path: Path, kind: str, bits: list[int]) -> No
 
 
 @pytest.mark.parametrize("intensities", [(), (1.0, 2.0)])
-def test_intensities_of_another_number_are_left_out(
-    tmp_path: Path, kind: str, intensities: tuple[float, ...]
-) -> None:
+def test_intensities_of_another_number_are_left_out(tmp_path: Path, kind: str, intensities: tuple[float, ...]) -> None:
     (found,) = read_log(write_bag(tmp_path / "bag", kind, [scan(intensities=intensities)]))
     assert found.intensities is None
 
@@ -136,9 +133,7 @@ def test_beam_counts_may_change_and_be_zero(tmp_path: Path, kind: str) -> None:
         ({"range_max": math.nan}, BAD_LIMITS),
     ],
 )
-def test_nonsense_header_is_a_fault_and_not_fatal(
-    tmp_path: Path, fields: dict[str, float], rule: str
-) -> None:
+def test_nonsense_header_is_a_fault_and_not_fatal(tmp_path: Path, fields: dict[str, float], rule: str) -> None:
     entries = [scan(1), scan(2, **fields), scan(3), scan(4, **fields)]
     log = read_log(write_bag(tmp_path / "bag", "mcap", entries))
     (read_error,) = log.read_errors
@@ -243,9 +238,7 @@ def test_names_that_would_spoil_the_terminal_are_shown_without(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("command", ["info", "odometry", "match"])
-def test_commands_take_a_topic(
-    tmp_path: Path, kind: str, command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_take_a_topic(tmp_path: Path, kind: str, command: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(two_lasers(tmp_path / "bag", kind))
     more = {"info": [], "odometry": ["--out"], "match": ["0", "1", "--out"]}[command]
     arguments = [command, path, *more, *([str(tmp_path / "out")] if more else [])]
@@ -274,9 +267,7 @@ def test_odometry_of_a_folder_whose_odometry_has_gaps(tmp_path: Path, storage_ki
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     assert record["files"] == {file.name: {"bytes": file.stat().st_size, "sha256": digest}}
     assert record["scans"] == 4
-    assert (
-        run(["match", str(path), "0", "1", "--topic", "/scan", "--out", str(tmp_path / "m")]) == 0
-    )
+    assert run(["match", str(path), "0", "1", "--topic", "/scan", "--out", str(tmp_path / "m")]) == 0
 
 
 # ---- message definitions
@@ -292,9 +283,7 @@ def test_definitions_that_the_bag_lacks_are_bundled(tmp_path: Path) -> None:
 
 def bag_with_definition(path: Path, definition: str) -> Path:
     with Ros1Writer(path) as writer:
-        connection = writer.add_connection(
-            "/scan", "sensor_msgs/msg/LaserScan", msgdef=definition, md5sum="0" * 32
-        )
+        connection = writer.add_connection("/scan", "sensor_msgs/msg/LaserScan", msgdef=definition, md5sum="0" * 32)
         entry = scan()
         data = ROS1.serialize_ros1(build(ROS1, entry[1], entry[3]), entry[1])
         writer.write(connection, 1, data)
@@ -316,9 +305,7 @@ def test_empty_definition_is_none(tmp_path: Path) -> None:
 def test_definition_of_the_bag_is_used_where_it_differs(tmp_path: Path) -> None:
     store = get_typestore(Stores.EMPTY)
     bundled = {
-        name: definition
-        for name, definition in ROS2.fielddefs.items()
-        if name.startswith(("std_msgs", "builtin"))
+        name: definition for name, definition in ROS2.fielddefs.items() if name.startswith(("std_msgs", "builtin"))
     }
     store.register(bundled)
     text = """std_msgs/Header header
@@ -347,8 +334,7 @@ def test_definition_in_idl(tmp_path: Path, start: str) -> None:
     path = write_bag(tmp_path / "bag", "sqlite3", [scan()])
     with sqlite3.connect(storage(path)) as connection:
         connection.execute(
-            "update message_definitions set encoding = 'ros2idl', encoded_message_definition = ?",
-            (start + IDL,),
+            "update message_definitions set encoding = 'ros2idl', encoded_message_definition = ?", (start + IDL,)
         )
     connection.close()
     # the definition is understood, and has no header: the messages do not follow it
@@ -371,17 +357,13 @@ def test_definition_without_the_usual_fields(tmp_path: Path) -> None:
 def test_the_file_in_a_folder_is_read_by_itself(tmp_path: Path, kind: str) -> None:
     path = storage(write_bag(tmp_path / "bag", kind, [scan(), scan()]))
     assert len(read_log(path)) == 2
-    other = path.rename(
-        tmp_path / "any #%3f?name"
-    )  # the name never decides, nor does it break a URI
+    other = path.rename(tmp_path / "any #%3f?name")  # the name never decides, nor does it break a URI
     assert len(read_log(other)) == 2
 
 
 @pytest.mark.parametrize("has_metadata", [True, False])
 @pytest.mark.parametrize("storage_kind", ["sqlite3", "mcap"])
-def test_folder_of_a_compressed_storage(
-    tmp_path: Path, storage_kind: str, has_metadata: bool
-) -> None:
+def test_folder_of_a_compressed_storage(tmp_path: Path, storage_kind: str, has_metadata: bool) -> None:
     path = write_bag(tmp_path / "bag", storage_kind, [scan(), scan()])
     file = storage(path)
     (path / f"{file.name}.gz").write_bytes(gzip.compress(file.read_bytes()))
@@ -406,9 +388,7 @@ def test_files_of_a_split_bag_follow_each_other(tmp_path: Path, storage_kind: st
 
 def test_folder_of_several_bags(tmp_path: Path) -> None:
     for name in ("one", "two"):
-        shutil.copy(
-            storage(write_bag(tmp_path / name, "mcap", [scan()])), tmp_path / f"{name}.mcap"
-        )
+        shutil.copy(storage(write_bag(tmp_path / name, "mcap", [scan()])), tmp_path / f"{name}.mcap")
     sentence = r"several bags: give one of them \(one.mcap, two.mcap\)"
     with pytest.raises(LogFormatError, match=sentence):
         read_log(tmp_path)
@@ -421,13 +401,9 @@ def test_folder_whose_storage_is_gone(tmp_path: Path) -> None:
         read_log(path)
 
 
-def test_compressed_bag_leaves_nothing_behind(
-    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compressed_bag_leaves_nothing_behind(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     packed = tmp_path / "bag.gz"
-    packed.write_bytes(
-        gzip.compress(storage(write_bag(tmp_path / "bag", kind, [scan()])).read_bytes())
-    )
+    packed.write_bytes(gzip.compress(storage(write_bag(tmp_path / "bag", kind, [scan()])).read_bytes()))
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
@@ -458,9 +434,7 @@ def test_compressed_bag_without_its_check_sum_is_read(tmp_path: Path, kind: str)
 
 
 @pytest.mark.parametrize("compression", Ros1Writer.CompressionFormat)
-def test_ros1_bag_with_compressed_chunks(
-    tmp_path: Path, compression: Ros1Writer.CompressionFormat
-) -> None:
+def test_ros1_bag_with_compressed_chunks(tmp_path: Path, compression: Ros1Writer.CompressionFormat) -> None:
     path = tmp_path / "a.bag"
     writer = Ros1Writer(path)
     writer.set_compression(compression)
@@ -490,9 +464,7 @@ def test_mcap_with_and_without_compressed_chunks(tmp_path: Path, mode: Compressi
 
 
 def test_bag_cut_anywhere_is_a_log_or_a_sentence(tmp_path: Path, kind: str) -> None:
-    content = storage(
-        write_bag(tmp_path / "bag", kind, [scan(i) for i in range(1, 20)])
-    ).read_bytes()
+    content = storage(write_bag(tmp_path / "bag", kind, [scan(i) for i in range(1, 20)])).read_bytes()
     path = tmp_path / "cut"
     for n_bytes in [*range(16, 200, 7), *range(200, len(content), len(content) // 60)]:
         path.write_bytes(content[:n_bytes])
@@ -516,9 +488,7 @@ def assert_log_or_sentence(path: Path) -> None:
 
 @pytest.mark.parametrize("kind_name", ["ros1", "sqlite3", "mcap"])
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_a_bag_cut_short_is_read_up_to_the_break(
-    tmp_path: Path, kind_name: str, share: float
-) -> None:
+def test_a_bag_cut_short_is_read_up_to_the_break(tmp_path: Path, kind_name: str, share: float) -> None:
     messages = [scan(i, ranges=[1.0 + 0.001 * i] * 361) for i in range(1, 200)]
     whole = write_bag(tmp_path / "whole", kind_name, messages)
     scans = list(read_log(whole))
@@ -536,9 +506,7 @@ def test_a_bag_cut_short_is_read_up_to_the_break(
 
 
 @pytest.mark.parametrize("n_bytes", range(150_000, 158_192, 630))
-def test_a_database_cut_within_a_page_gives_no_scan_that_was_not_in_it(
-    tmp_path: Path, n_bytes: int
-) -> None:
+def test_a_database_cut_within_a_page_gives_no_scan_that_was_not_in_it(tmp_path: Path, n_bytes: int) -> None:
     messages = [scan(i, ranges=[1.0 + 0.001 * i] * 361) for i in range(1, 200)]
     path = storage(write_bag(tmp_path / "bag", "sqlite3", messages))
     scans = list(read_log(tmp_path / "bag"))
@@ -594,25 +562,19 @@ def test_a_database_that_was_not_closed_is_read_with_its_wal(tmp_path: Path) -> 
 
 def test_damaged_schema_is_one_line(tmp_path: Path) -> None:
     path = storage(write_bag(tmp_path / "bag", "sqlite3", [scan()]))
-    path.write_bytes(
-        path.read_bytes().replace(b"CREATE TABLE messages", b"CREATE T\x1b[2J messages")
-    )
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE messages", b"CREATE T\x1b[2J messages"))
     with pytest.raises(LogFormatError, match="malformed database schema") as caught:
         read_log(path)
     assert str(caught.value).isprintable()
 
 
 @pytest.mark.parametrize("value", ["null", "7", "'text'"])
-@pytest.mark.parametrize(
-    "column", ["messages.timestamp", "messages.data", "topics.name", "topics.type"]
-)
+@pytest.mark.parametrize("column", ["messages.timestamp", "messages.data", "topics.name", "topics.type"])
 def test_database_with_values_of_other_types(tmp_path: Path, column: str, value: str) -> None:
     path = storage(write_bag(tmp_path / "bag", "sqlite3", [scan(1), scan(2), chatter()]))
     table, _, name = column.partition(".")
     with sqlite3.connect(path) as connection:
-        (declaration,) = connection.execute(
-            "select sql from sqlite_master where name = ?", (table,)
-        ).fetchone()
+        (declaration,) = connection.execute("select sql from sqlite_master where name = ?", (table,)).fetchone()
         free = declaration.replace("NOT NULL", "")
         connection.execute("pragma writable_schema = on")
         connection.execute("update sqlite_master set sql = ? where name = ?", (free, table))
@@ -668,9 +630,7 @@ def test_damage_in_the_middle_keeps_what_stands_before(tmp_path: Path) -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 @given(data=st.data())
-def test_flipped_bytes_give_a_log_or_a_sentence(
-    tmp_path: Path, kind: str, data: st.DataObject
-) -> None:
+def test_flipped_bytes_give_a_log_or_a_sentence(tmp_path: Path, kind: str, data: st.DataObject) -> None:
     source = tmp_path / "bag"
     if not source.exists():
         entries = [scan(1), transform(1, "odom", "base_link"), odometry(1, (0, 0, 0)), scan(2)]
@@ -685,9 +645,7 @@ def test_flipped_bytes_give_a_log_or_a_sentence(
 
 @pytest.mark.parametrize("length", [1 << 28, 1 << 62])
 @pytest.mark.parametrize("kind_name", ["ros1", "mcap"])
-def test_length_that_is_only_claimed_takes_no_memory(
-    tmp_path: Path, kind_name: str, length: int
-) -> None:
+def test_length_that_is_only_claimed_takes_no_memory(tmp_path: Path, kind_name: str, length: int) -> None:
     path = storage(write_bag(tmp_path / "bag", kind_name, [scan(i) for i in range(1, 5)]))
     sound = path.read_bytes()
     list(read_log(path))  # imports and caches
@@ -769,9 +727,7 @@ def test_odometry_is_interpolated_and_carried_to_the_laser(
     assert np.isnan(poses[[0, 4]]).all()
     expected = [(0.0, 0.0, 3.0), (0.5, 0.0, 3.0), (1.0, 0.0, 3.25)]
     # quaternions of float64: what is lost is rounding
-    assert poses[1:4] == pytest.approx(
-        np.array([laser_at(*pose, MOUNT) for pose in expected]), abs=1e-12
-    )
+    assert poses[1:4] == pytest.approx(np.array([laser_at(*pose, MOUNT) for pose in expected]), abs=1e-12)
     (note,) = log.notes
     assert "from transforms base_link to laser: x 0.500 m, y 0.250 m, yaw 90.0 deg" in note
 
@@ -783,9 +739,7 @@ def test_mount_is_a_chain_of_frames_either_way(tmp_path: Path, kind: str) -> Non
         transform(1, "/plate", "laser", (2.0, 0.0, math.pi / 2), topic="/tf_static"),
         transform(1, "map", "odom", (9.0, 9.0, 1.0)),
     ]
-    bag = write_bag(
-        tmp_path / "bag", kind, [scan(SECOND, frame="/laser"), *drive("topic"), *entries]
-    )
+    bag = write_bag(tmp_path / "bag", kind, [scan(SECOND, frame="/laser"), *drive("topic"), *entries])
     found = read_log(bag).odometry
     assert found is not None
     expected = laser_at(0.0, 0.0, 3.0, (2.0, -1.0, math.pi / 2))
@@ -809,10 +763,7 @@ def test_laser_that_hangs_upside_down_is_told(tmp_path: Path) -> None:
 
 def test_times_of_beams_and_sweeps_come_through(tmp_path: Path, kind: str) -> None:
     times = [(1e-4, 0.1), (math.nan, 0.1), (-1e-4, math.inf), (0.0, 0.0)]
-    scans = [
-        scan((i + 1) * SECOND, time_increment=beam, scan_time=sweep)
-        for i, (beam, sweep) in enumerate(times)
-    ]
+    scans = [scan((i + 1) * SECOND, time_increment=beam, scan_time=sweep) for i, (beam, sweep) in enumerate(times)]
     log = read_log(write_bag(tmp_path / "bag", kind, scans))
     found = [(one.time_increment, one.scan_time) for one in log]
     expected = [(1e-4, 0.1), (0.0, 0.1), (0.0, 0.0), (0.0, 0.0)]
@@ -876,9 +827,7 @@ def test_odometry_that_is_not_finite_is_left_out(tmp_path: Path) -> None:
         odometry(int(1.7 * SECOND), (1e308, -1e308, 0)),
         transform(SECOND, "base_link", "laser", (1e308, 0.0, 0.0)),
     ]
-    log = read_log(
-        write_bag(tmp_path / "bag", "mcap", [scan(int(1.5 * SECOND)), *drive("topic"), *bad])
-    )
+    log = read_log(write_bag(tmp_path / "bag", "mcap", [scan(int(1.5 * SECOND)), *drive("topic"), *bad]))
     assert log.odometry is not None
     assert log.odometry.poses[0] == pytest.approx(np.array([0.5, 0.0, 3.0]), abs=1e-12)
 

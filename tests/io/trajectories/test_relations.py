@@ -22,9 +22,7 @@ def test_relations_are_read(tmp_path):
     relations = read_relations(path)
     assert relations.first_stamps.tolist() == [100.5, 1.0]
     assert relations.second_stamps.tolist() == [99.0, 2.0]
-    np.testing.assert_allclose(
-        relations.poses, [[0.1, -0.2, 3.5 - 2 * np.pi], [3.0, 4.0, 6.0 - 2 * np.pi]]
-    )
+    np.testing.assert_allclose(relations.poses, [[0.1, -0.2, 3.5 - 2 * np.pi], [3.0, 4.0, 6.0 - 2 * np.pi]])
     assert relations.gaps.tolist() == [1.5, 1.0]
     packed = tmp_path / "x.gz"
     packed.write_bytes(gzip.compress(path.read_bytes()))
@@ -67,11 +65,7 @@ def robot_drive(laser_pose):
     stamps = np.arange(40.0)
     i = np.array([0, 5, 9, 3, 2])
     j = np.array([3, 9, 8, 3, 39])
-    relations = Relations(
-        first_stamps=stamps[i],
-        second_stamps=stamps[j],
-        poses=cs.se2.between(robot[i], robot[j]),
-    )
+    relations = Relations(first_stamps=stamps[i], second_stamps=stamps[j], poses=cs.se2.between(robot[i], robot[j]))
     return Trajectory(stamps=stamps, poses=cs.se2.compose(robot, laser_pose)), relations
 
 

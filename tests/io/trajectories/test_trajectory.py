@@ -28,9 +28,7 @@ def some_trajectory(n=7, *, covariances=True):
         ("t.kitti", False, False, 1e-15),
     ],
 )
-def test_a_trajectory_comes_back_from_its_file(
-    tmp_path, name, has_stamps, has_covariances, tolerance
-):
+def test_a_trajectory_comes_back_from_its_file(tmp_path, name, has_stamps, has_covariances, tolerance):
     given = some_trajectory()
     given.write(tmp_path / name)
     found = cs.Trajectory.read(tmp_path / name)

@@ -16,9 +16,7 @@ from curvescan.io import read_csv, read_tum, write_csv, write_tum
 from curvescan.io.trajectories.trajectory import Trajectory
 
 any_float = st.floats(width=64)
-in_tmp_path = settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100, deadline=None
-)
+in_tmp_path = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100, deadline=None)
 
 
 @st.composite
@@ -74,8 +72,7 @@ def test_csv_round_trip(tmp_path: Path, data: st.DataObject, with_covariances: b
 
 def test_tum_text_is_what_other_tools_expect(tmp_path: Path) -> None:
     trajectory = Trajectory(
-        stamps=np.array([976052857.33753, 976052857.1]),
-        poses=np.array([[0.0, 0.0, 0.0], [1.5, -2.0, math.pi / 2]]),
+        stamps=np.array([976052857.33753, 976052857.1]), poses=np.array([[0.0, 0.0, 0.0], [1.5, -2.0, math.pi / 2]])
     )
     write_tum(tmp_path / "t.tum", trajectory)
     first, second = (tmp_path / "t.tum").read_text().splitlines()

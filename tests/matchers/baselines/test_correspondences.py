@@ -10,11 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from curvescan import LaserScan, se2
-from curvescan.matchers.baselines.correspondences import (
-    closest_points,
-    matching_range_points,
-    nearest_readings,
-)
+from curvescan.matchers.baselines.correspondences import closest_points, matching_range_points, nearest_readings
 from curvescan.matchers.baselines.points import sweep_of
 from tests.reference import baselines as twin
 from tests.scenes import room_ranges, room_scan
@@ -39,9 +35,7 @@ def some_points(seed, n=40):
 
 sweeps = st.tuples(
     st.integers(0, 10_000),
-    st.sampled_from(
-        [(math.pi, None), (1.5 * math.pi, None), (2 * math.pi, None), (2 * math.pi, 0.0)]
-    ),
+    st.sampled_from([(math.pi, None), (1.5 * math.pi, None), (2 * math.pi, None), (2 * math.pi, 0.0)]),
 )
 
 
@@ -86,9 +80,7 @@ def test_matching_range_points_lie_at_the_range_and_none_is_nearer(case, window,
         found = twin.matching_range_candidates(point, ref.points, ref.is_joined)
         turns = [twin.apart(math.atan2(q[1], q[0]), bearing) for q in found]
         near = [
-            float((q - point) @ (q - point))
-            for q, turn in zip(found, turns, strict=True)
-            if turn < window - widest
+            float((q - point) @ (q - point)) for q, turn in zip(found, turns, strict=True) if turn < window - widest
         ]
         # a straight stretch is a little nearer in between than its range, linear from end to end, says
         near = [away for away in near if away <= 0.8 * max_distance**2]

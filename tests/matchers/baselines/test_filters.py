@@ -82,8 +82,6 @@ def test_agrees_with_the_slow_twin_away_from_edges(seed, x, y):
     scan, _ = post_before_a_wall()
     points = se2.transform(se2.inverse([x, y, 0.001 * seed]), scan.points)
     fast = is_visible(points, scan.is_joined, scan.angle_step)
-    slow = np.array(
-        [twin.can_be_seen(points, scan.is_joined, i, HIDDEN_MARGIN) for i in range(len(points))]
-    )
+    slow = np.array([twin.can_be_seen(points, scan.is_joined, i, HIDDEN_MARGIN) for i in range(len(points))])
     # the fast one looks along rays one beam wide: a shadow's two edges may fall either way by two readings
     assert np.count_nonzero(fast != slow) <= 8

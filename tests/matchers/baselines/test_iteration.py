@@ -47,9 +47,7 @@ def test_a_full_turn_is_no_motion():
 
 
 def test_nothing_to_stand_on_is_lost():
-    way = iterate(
-        np.zeros(3), lambda pose, i: np.add(pose, [1.0, 0.0, 0.0]) if i < 2 else None, LIMITS
-    )
+    way = iterate(np.zeros(3), lambda pose, i: np.add(pose, [1.0, 0.0, 0.0]) if i < 2 else None, LIMITS)
     assert way.is_lost
     assert way.n_iterations == 2
     np.testing.assert_array_equal(way.pose, [2.0, 0.0, 0.0])
@@ -66,9 +64,7 @@ def test_the_best_share_of_the_pairs_is_kept():
 def test_pairs_far_beyond_the_quantile_are_outliers():
     squared = np.array([1.0, 1.0, 4.0, 100.0, math.inf])
     kept = keep_best(squared, 1.0)
-    np.testing.assert_array_equal(
-        np.flatnonzero(within_quantile(squared, kept, 0.5, 2.0)), [0, 1, 2]
-    )
+    np.testing.assert_array_equal(np.flatnonzero(within_quantile(squared, kept, 0.5, 2.0)), [0, 1, 2])
     np.testing.assert_array_equal(within_quantile(squared, kept, 1.0, 1.0), kept)
     nothing = np.zeros(5, dtype=bool)
     assert not within_quantile(squared, nothing, 0.5, 2.0).any()

@@ -45,9 +45,7 @@ def test_rows_are_the_derivative(seed, pose):
         np.testing.assert_allclose(rows[:, k], (ahead - behind) / 2e-6, atol=1e-7)
 
 
-@given(
-    st.integers(0, 1000), poses, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)
-)
+@given(st.integers(0, 1000), poses, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
 def test_exact_lines_give_back_the_pose(seed, pose, dx, dy, turn):
     cur, anchors, normals = scene(seed, pose)
     found = np.add(pose, [dx, dy, turn])

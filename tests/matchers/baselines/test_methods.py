@@ -45,9 +45,7 @@ def is_right(result, truth):
 @pytest.fixture(scope="module")
 def pairs():
     """Thirty pairs of scans 0.1 m and 5 degrees apart at most, each of another office."""
-    return simulate_pairs(
-        "office", n_pairs=30, translation_max=0.1, rotation_max=math.radians(5.0), seed=21
-    )[:]
+    return simulate_pairs("office", n_pairs=30, translation_max=0.1, rotation_max=math.radians(5.0), seed=21)[:]
 
 
 # twice the medians of 200 such pairs, metres and degrees: thirty pairs know theirs to a third
@@ -64,9 +62,7 @@ ACCURACY = {
 @every_method
 def test_easy_pairs_are_solved_as_the_literature_says(method, pairs):
     results = [cs.match(p.reference, p.current, method=method) for p in pairs]
-    errors = [
-        error(r.pose, p.pose) for r, p in zip(results, pairs, strict=True) if is_right(r, p.pose)
-    ]
+    errors = [error(r.pose, p.pose) for r, p in zip(results, pairs, strict=True) if is_right(r, p.pose)]
     assert len(errors) >= 29
     translation, rotation = np.median(errors, axis=0)
     assert translation < ACCURACY[method][0]
@@ -99,9 +95,7 @@ def test_a_single_wall_leaves_a_motion_free(method, sigma):
 @every_method
 @pytest.mark.parametrize("world", ["bare-corridor", "round-room"])
 def test_corridors_and_round_rooms_are_not_matched(method, world):
-    found = simulate_pairs(
-        world, n_pairs=10, translation_max=0.2, rotation_max=0.15, clearance=0.2, sight_share=0.3
-    )
+    found = simulate_pairs(world, n_pairs=10, translation_max=0.2, rotation_max=0.15, clearance=0.2, sight_share=0.3)
     outcomes = {cs.match(p.reference, p.current, method=method).outcome for p in found}
     assert outcomes <= {cs.Outcome.UNCONSTRAINED, cs.Outcome.NO_AGREEMENT}
 
@@ -157,9 +151,7 @@ def test_a_person_takes_no_part(method):
     a, b = room_scan(sigma=0.005, seed=1), room_scan(motion, sigma=0.005, seed=2)
     ranges = b.ranges.copy()
     ranges[180:200] = 0.9
-    b = cs.LaserScan(
-        ranges, angle_min=b.angle_min, angle_increment=b.angle_increment, range_max=20.0
-    )
+    b = cs.LaserScan(ranges, angle_min=b.angle_min, angle_increment=b.angle_increment, range_max=20.0)
     result = cs.match(a, b, method=method)
     assert is_right(result, motion)
     if method in ITERATED:
@@ -194,9 +186,7 @@ def test_not_settling_is_an_outcome(method):
 
 @every_iterated
 def test_scans_of_different_places_do_not_match(method):
-    far = cs.LaserScan(
-        np.full(181, 9.0), angle_min=-math.pi / 2, angle_increment=math.pi / 180, range_max=20.0
-    )
+    far = cs.LaserScan(np.full(181, 9.0), angle_min=-math.pi / 2, angle_increment=math.pi / 180, range_max=20.0)
     result = cs.match(room_scan(), far, method=method)
     assert result.outcome in (cs.Outcome.TOO_FEW_PAIRS, cs.Outcome.UNCONSTRAINED)
 
@@ -204,10 +194,7 @@ def test_scans_of_different_places_do_not_match(method):
 def test_no_lines_and_no_agreement_are_outcomes():
     a, b = room_scan(sigma=0.005, seed=1), room_scan((0.1, 0.05, 0.1), sigma=0.005, seed=2)
     long_lines = LinesConfig(min_length=50.0)
-    for method, config in (
-        ("cox", CoxConfig(lines=long_lines)),
-        ("histogram", HistogramConfig(lines=long_lines)),
-    ):
+    for method, config in (("cox", CoxConfig(lines=long_lines)), ("histogram", HistogramConfig(lines=long_lines))):
         assert cs.match(a, b, method=method, config=config).outcome is cs.Outcome.NO_LINES
     strict = HistogramConfig(min_agreement=1.0)
     assert cs.match(a, b, method="histogram", config=strict).outcome is cs.Outcome.NO_AGREEMENT

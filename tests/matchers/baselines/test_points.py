@@ -32,10 +32,7 @@ def test_tangents_run_counter_clockwise_and_normals_look_inwards():
 def test_a_turned_scan_has_turned_tangents():
     scan = room_scan(sigma=0.005, seed=1)
     turned = LaserScan(
-        scan.ranges,
-        angle_min=scan.angle_min + 0.3,
-        angle_increment=scan.angle_increment,
-        range_max=scan.range_max,
+        scan.ranges, angle_min=scan.angle_min + 0.3, angle_increment=scan.angle_increment, range_max=scan.range_max
     )
     here, there = sweep_of(scan).tangents, sweep_of(turned).tangents
     angle = np.arctan2(there[:, 1], there[:, 0]) - np.arctan2(here[:, 1], here[:, 0])

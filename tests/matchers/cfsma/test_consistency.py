@@ -34,9 +34,7 @@ def scene(n, wrong=()):
     extents = np.column_stack([starts + N // 2, starts, starts + N])
     marks = Landmarks(extents=extents, bounds=np.arange(n + 1))
     pairs = LandmarkPairs(
-        partner=np.arange(n),
-        similarity=np.ones(n),
-        verdict=np.full(n, Verdict.PAIRED, dtype=np.uint8),
+        partner=np.arange(n), similarity=np.ones(n), verdict=np.full(n, Verdict.PAIRED, dtype=np.uint8)
     )
     return cur, marks, ref, marks, pairs
 
@@ -62,9 +60,7 @@ def test_the_verdicts_given_are_left_alone():
 
 @pytest.mark.slow
 def test_among_people_more_matches_are_right_with_it():
-    pairs = simulate_pairs(
-        "office", sensor="sick-lms200-5mm", n_pairs=60, people_share=0.15, seed=5
-    )
+    pairs = simulate_pairs("office", sensor="sick-lms200-5mm", n_pairs=60, people_share=0.15, seed=5)
     n_right = [0, 0]
     for pair in pairs:
         for k, consistency in enumerate((False, True)):

@@ -41,9 +41,7 @@ def test_agrees_with_the_slow_twin(seed, tolerance, n):
 def test_segments_do_not_see_one_another():
     first, second = rough_polyline(1), rough_polyline(2)
     stray = np.zeros((3, 2))
-    eta, reach = functions_of(
-        np.concatenate([first, stray, second]), 0.03, starts=[0, 43], stops=[40, 83]
-    )
+    eta, reach = functions_of(np.concatenate([first, stray, second]), 0.03, starts=[0, 43], stops=[40, 83])
     for part, points in ((slice(0, 40), first), (slice(43, 83), second)):
         alone_eta, alone_reach = functions_of(points, 0.03)
         np.testing.assert_array_equal(eta[part], alone_eta)
@@ -75,9 +73,7 @@ def test_a_line_is_zero_an_arc_is_flat_a_corner_is_a_peak_of_its_angle():
     np.testing.assert_allclose(eta[:100], angles[1], rtol=1e-6)
 
     side = np.linspace(0, 2, 50)
-    corner = np.concatenate(
-        [np.stack([side, 0 * side], 1), np.stack([0 * side + 2, side + side[1]], 1)]
-    )
+    corner = np.concatenate([np.stack([side, 0 * side], 1), np.stack([0 * side + 2, side + side[1]], 1)])
     eta, _ = functions_of(corner, 0.03)
     assert eta.sum() == pytest.approx(math.pi / 2, abs=1e-6)
     assert abs(int(np.argmax(eta)) - 49) <= 2

@@ -10,12 +10,7 @@ from hypothesis import strategies as st
 from curvescan import InvalidArgumentError
 from curvescan.matchers.cfsma.config import CurvatureConfig, LandmarksConfig
 from curvescan.matchers.cfsma.curvature import curvature_functions
-from curvescan.matchers.cfsma.landmarks import (
-    Verdict,
-    characteristic_points,
-    matched_readings,
-    pair_landmarks,
-)
+from curvescan.matchers.cfsma.landmarks import Verdict, characteristic_points, matched_readings, pair_landmarks
 from tests.reference import cfsma as twin
 from tests.scenes import rough_polyline
 

@@ -20,28 +20,17 @@ CONFIG = SegmentationConfig(range_sigma=0.01, min_readings=3, max_gap=2)
 
 
 def as_groups(segments):
-    return [
-        segments.order[start:stop].tolist()
-        for start, stop in zip(segments.starts, segments.stops, strict=True)
-    ]
+    return [segments.order[start:stop].tolist() for start, stop in zip(segments.starts, segments.stops, strict=True)]
 
 
 def segments_of(scan, config=CONFIG):
     return segment(valid_readings(scan), config)
 
 
-readings = st.one_of(
-    st.floats(0.5, 6.0), st.floats(2.0, 2.05), st.just(math.nan), st.floats(2.0, 2.2)
-)
+readings = st.one_of(st.floats(0.5, 6.0), st.floats(2.0, 2.05), st.just(math.nan), st.floats(2.0, 2.2))
 
 
-@given(
-    st.lists(readings, max_size=60),
-    st.booleans(),
-    st.integers(0, 4),
-    st.integers(3, 6),
-    st.sampled_from([1, -1]),
-)
+@given(st.lists(readings, max_size=60), st.booleans(), st.integers(0, 4), st.integers(3, 6), st.sampled_from([1, -1]))
 def test_agrees_with_the_slow_twin(ranges, is_circle, max_gap, min_readings, sign):
     increment = sign * (2 * math.pi / max(len(ranges), 8) if is_circle else math.radians(1.0))
     scan = LaserScan(ranges, angle_min=0.3, angle_increment=increment, range_max=8.0)
@@ -79,15 +68,8 @@ def test_isolated_groups_are_dropped():
     ranges = np.full(30, 2.0)
     ranges[10:14] = 1.0
     scan = LaserScan(ranges, angle_min=0.0, angle_increment=0.01)
-    assert [len(g) for g in as_groups(segments_of(scan, SegmentationConfig(min_readings=4)))] == [
-        10,
-        4,
-        16,
-    ]
-    assert [len(g) for g in as_groups(segments_of(scan, SegmentationConfig(min_readings=5)))] == [
-        10,
-        16,
-    ]
+    assert [len(g) for g in as_groups(segments_of(scan, SegmentationConfig(min_readings=4)))] == [10, 4, 16]
+    assert [len(g) for g in as_groups(segments_of(scan, SegmentationConfig(min_readings=5)))] == [10, 16]
 
 
 @pytest.mark.parametrize("n_beams", [359, 360, 361])

@@ -33,13 +33,7 @@ def pillar_scan(pose=(0.0, 0.0, 0.0), *, sigma=0.005, seed=0, n_beams=361, fov=m
         enter, leave = np.maximum(across[0], along[0]), np.minimum(across[1], along[1])
         ranges = np.where((enter < leave) & (enter > 0), np.minimum(ranges, enter), ranges)
     noise = sigma * np.random.default_rng(seed).standard_normal(n_beams)
-    return cs.LaserScan(
-        ranges + noise,
-        angle_min=-fov / 2,
-        angle_increment=increment,
-        range_max=20.0,
-        **kwargs,
-    )
+    return cs.LaserScan(ranges + noise, angle_min=-fov / 2, angle_increment=increment, range_max=20.0, **kwargs)
 
 
 def turned(scan, angle):
@@ -49,10 +43,7 @@ def turned(scan, angle):
 
 def pair(seed=0, motion=MOTION, **kwargs):
     """Features of two scans of the room with pillars, `motion` apart."""
-    return (
-        features(pillar_scan(seed=2 * seed, **kwargs)),
-        features(pillar_scan(motion, seed=2 * seed + 1, **kwargs)),
-    )
+    return (features(pillar_scan(seed=2 * seed, **kwargs)), features(pillar_scan(motion, seed=2 * seed + 1, **kwargs)))
 
 
 __all__ = ["MOTION", "features", "pair", "pillar_scan", "room_scan", "turned"]

@@ -63,9 +63,7 @@ def test_a_lever_is_seen_from_the_current_sensor_along_the_axes_of_the_reference
 def test_turning_back_undoes_turning():
     motion = motion_of(np.array([0.3, -0.4, 2.0]), FORWARD)
     x, y = turned(0.6, -0.8, motion)
-    assert (x, y) == pytest.approx(
-        cs.se2.transform(np.array([0.0, 0.0, 2.0]), np.array([0.6, -0.8]))
-    )
+    assert (x, y) == pytest.approx(cs.se2.transform(np.array([0.0, 0.0, 2.0]), np.array([0.6, -0.8])))
     assert turned_back(x, y, motion) == pytest.approx((0.6, -0.8))
 
 

@@ -10,13 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose, degenerate_directions
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
-from curvescan.matchers.curvescan.assessment.evidence import (
-    AGREEING,
-    EXCESS,
-    N_EVIDENCE,
-    SMALL,
-    WEAKEST,
-)
+from curvescan.matchers.curvescan.assessment.evidence import AGREEING, EXCESS, N_EVIDENCE, SMALL, WEAKEST
 from curvescan.matchers.curvescan.assessment.support import Support
 from curvescan.matchers.curvescan.candidates import (
     competing_hypotheses,
@@ -46,9 +40,7 @@ POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
 def test_rivals_are_poses_with_nearly_the_best_score():
     assert competing_hypotheses(np.array([0.8, 0.77, 0.7]), CONFIG) == [1]
     assert competing_hypotheses(np.array([0.8, 0.5, 0.1]), CONFIG) == []
-    assert competing_hypotheses(np.array([0.2, 0.17]), CONFIG) == [
-        1
-    ]  # a few probes' difference is none
+    assert competing_hypotheses(np.array([0.2, 0.17]), CONFIG) == [1]  # a few probes' difference is none
     assert competing_hypotheses(np.array([0.8]), CONFIG) == []
 
 
@@ -79,9 +71,7 @@ def test_a_guess_decides_between_rivals_and_only_between_them():
 def test_finalists_are_refined_and_the_far_off_left_out():
     ref, cur = pair()
     found = Candidates(
-        poses=np.array([MOTION + 0.02, MOTION + np.array([0.9, 0.9, 1.0])]),
-        scores=np.array([0.8, 0.2]),
-        n_tried=2,
+        poses=np.array([MOTION + 0.02, MOTION + np.array([0.9, 0.9, 1.0])]), scores=np.array([0.8, 0.2]), n_tried=2
     )
     poses, scores = top_candidates(ref, cur, found, CONFIG)
     assert len(poses) == len(scores) == 1
@@ -116,16 +106,12 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     args = (poses, scores, [1], CONFIG)
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
-    np.testing.assert_array_equal(
-        nearest_of_ties(None, poses, np.array([0.9, 0.8, 0.8]), [1], CONFIG), poses[0]
-    )
+    np.testing.assert_array_equal(nearest_of_ties(None, poses, np.array([0.9, 0.8, 0.8]), [1], CONFIG), poses[0])
 
 
 def test_a_fine_slide_stays_on_the_corridor():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
-    poses, scores = search_degenerate_direction(
-        ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG
-    )
+    poses, scores = search_degenerate_direction(ref, cur, np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]), CONFIG)
     assert len(poses) == len(scores) > 1
     assert (np.diff(scores) <= 0).all()
     assert np.ptp(poses[:, 0]) > 0.15
@@ -147,9 +133,7 @@ def test_along_a_corridor_a_pose_slides_to_where_the_guess_has_it():
         assert abs(result.pose[2] - true[2]) < 0.002
 
 
-@pytest.mark.parametrize(
-    ("guessed", "is_followed"), [(1.0, True), (1.8, True), (3.0, False), (4.0, False)]
-)
+@pytest.mark.parametrize(("guessed", "is_followed"), [(1.0, True), (1.8, True), (3.0, False), (4.0, False)])
 def test_a_guess_is_followed_while_the_scans_have_most_in_common(guessed, is_followed):
     """Along an endless corridor the share of the score falls from 0.82 at 1 m by 0.12 a metre; 0.7 must be left."""
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.0, seed=2))

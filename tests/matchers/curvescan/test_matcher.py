@@ -20,9 +20,7 @@ SUCCESS = (0.1, math.radians(2.0))
 
 def is_right(result, pose):
     error = cs.se2.between(pose, result.pose)
-    return bool(
-        result.ok and np.hypot(error[0], error[1]) < SUCCESS[0] and abs(error[2]) < SUCCESS[1]
-    )
+    return bool(result.ok and np.hypot(error[0], error[1]) < SUCCESS[0] and abs(error[2]) < SUCCESS[1])
 
 
 def test_it_is_the_default():
@@ -74,8 +72,7 @@ def test_full_circles_join_at_the_seam_however_many_beams(n_beams):
     step = math.radians(1.0)
     pose = np.array([0.1, 0.1, 2.5])
     scans = [
-        pillar_scan(p, fov=step * (n_beams - 1), n_beams=n_beams, seed=k)
-        for k, p in enumerate((np.zeros(3), pose))
+        pillar_scan(p, fov=step * (n_beams - 1), n_beams=n_beams, seed=k) for k, p in enumerate((np.zeros(3), pose))
     ]
     assert is_right(cs.match(*scans), pose)
 
@@ -128,17 +125,11 @@ def test_places_with_nothing_in_common_give_no_pose():
     rng = np.random.default_rng(0)
     n_ok = 0
     for _ in range(100):
-        clutter = cs.LaserScan(
-            rng.uniform(1.0, 7.0, 361), angle_min=-math.pi / 2, angle_increment=math.pi / 360
-        )
+        clutter = cs.LaserScan(rng.uniform(1.0, 7.0, 361), angle_min=-math.pi / 2, angle_increment=math.pi / 360)
         result = cs.match(pillar_scan(), clutter)
         n_ok += result.ok
         if not result.ok:
-            assert result.outcome in (
-                cs.Outcome.UNSUPPORTED,
-                cs.Outcome.AMBIGUOUS,
-                cs.Outcome.NO_SEGMENTS,
-            )
+            assert result.outcome in (cs.Outcome.UNSUPPORTED, cs.Outcome.AMBIGUOUS, cs.Outcome.NO_SEGMENTS)
             assert np.isnan(result.covariance).all()
             assert (result.labels_current <= Label.UNMATCHED).all()
     assert n_ok == 0
@@ -149,9 +140,7 @@ def test_readings_are_told_what_they_are():
     ranges = scan.ranges.copy()
     ranges[50:60] = np.nan
     ranges[100:110] = 0.6
-    cur = cs.LaserScan(
-        ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
-    )
+    cur = cs.LaserScan(ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0)
     result = cs.match(ref, cur)
     assert (result.labels_current[50:60] == Label.NO_READING).all()
     assert (result.labels_current[100:110] == Label.DYNAMIC).all()

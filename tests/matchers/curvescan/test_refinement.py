@@ -62,15 +62,11 @@ def test_a_residual_counts_less_from_two_deviations_on_and_nothing_from_four(sid
     for n_sigmas, weight in ((1.9, 1.0), (2.5, 0.659), (3.0, 0.340), (3.5, 0.0977), (3.9, 0.0043)):
         # ((16 - n^2) / 12)^2 beyond two; the reading's own place moves with n
         found = one_residual(side * n_sigmas)[:N_TRIANGLE]
-        assert np.trace(found.reshape(2, 3)) == pytest.approx(
-            weight * np.trace(full.reshape(2, 3)), rel=0.1
-        )
+        assert np.trace(found.reshape(2, 3)) == pytest.approx(weight * np.trace(full.reshape(2, 3)), rel=0.1)
     assert not one_residual(4.1 * side).any()
 
 
-@pytest.mark.parametrize(
-    ("turn", "is_used"), [(0.6, True), (-0.6, True), (1.0, False), (3.0, False)]
-)
+@pytest.mark.parametrize(("turn", "is_used"), [(0.6, True), (-0.6, True), (1.0, False), (3.0, False)])
 def test_a_reading_meets_only_lines_that_face_as_it_does(turn, is_used):
     assert one_residual(0.5, turn).any() == is_used
 

@@ -40,10 +40,7 @@ def rough_scan(circles: np.ndarray, pose: np.ndarray, seed: int) -> cs.LaserScan
     ranges = np.where(is_hit, along - np.sqrt(np.maximum(half2, 0.0)), np.inf).min(axis=1)
     ranges += 0.01 * np.random.default_rng(seed).standard_normal(N_BEAMS)
     return cs.LaserScan(
-        np.round(ranges / 0.05) * 0.05,
-        angle_min=-np.pi / 2,
-        angle_increment=np.radians(1.0),
-        range_max=50.0,
+        np.round(ranges / 0.05) * 0.05, angle_min=-np.pi / 2, angle_increment=np.radians(1.0), range_max=50.0
     )
 
 
@@ -55,9 +52,7 @@ def test_rough_surfaces_seen_with_a_few_readings_match_a_metre_apart():
         rng = np.random.default_rng(100 + seed)
         turn = rng.uniform(0, 2 * np.pi)
         pose = np.array([np.cos(turn), np.sin(turn), np.radians(rng.uniform(-15, 15))])
-        result = cs.match(
-            rough_scan(circles, np.zeros(3), seed), rough_scan(circles, pose, ~seed & 0xFFFF)
-        )
+        result = cs.match(rough_scan(circles, np.zeros(3), seed), rough_scan(circles, pose, ~seed & 0xFFFF))
         scores.append(result.score)
         error = result.pose - pose
         is_right = result.ok and np.hypot(*error[:2]) < 0.25 and abs(error[2]) < np.radians(3.0)
@@ -77,9 +72,7 @@ def test_rough_surfaces_seen_with_a_few_readings_match_a_metre_apart():
 def test_the_covariance_of_noisy_scans_is_that_of_their_errors(sigma):
     sensor = replace(SENSORS["sick-lms200"], sigma_range=sigma)
     nees = []
-    for pair in simulate_pairs(
-        "office", sensor=sensor, n_pairs=40, translation_max=0.3, rotation_max=0.26, seed=9
-    ):
+    for pair in simulate_pairs("office", sensor=sensor, n_pairs=40, translation_max=0.3, rotation_max=0.26, seed=9):
         result = cs.match(pair.reference, pair.current)
         if not result.ok:
             continue
@@ -111,9 +104,7 @@ def test_noise_does_not_cut_a_wall_into_pieces():
 @pytest.mark.parametrize("n_beams", [181, 359, 360, 361])
 def test_the_reading_beside_is_that_of_the_second_nearest_beam(n_beams):
     rng = np.random.default_rng(n_beams)
-    scan = cs.LaserScan(
-        rng.uniform(2.0, 4.0, n_beams), angle_min=0.3, angle_increment=np.radians(1.0)
-    )
+    scan = cs.LaserScan(rng.uniform(2.0, 4.0, n_beams), angle_min=0.3, angle_increment=np.radians(1.0))
     one = features(scan)
     by_beam = np.empty(n_beams, dtype=np.int64)
     by_beam[one.beam_idx] = np.arange(n_beams)

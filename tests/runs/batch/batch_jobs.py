@@ -36,10 +36,7 @@ class NamedJob:
         (folder / "result").write_text(f"{log} {os.getpid()}")
         is_odd = "odd" in log.name
         return JobResult(
-            is_trusted=not is_odd,
-            sentence="not to be trusted: odd" * is_odd,
-            n_scans=log.stat().st_size,
-            length=1.5,
+            is_trusted=not is_odd, sentence="not to be trusted: odd" * is_odd, n_scans=log.stat().st_size, length=1.5
         )
 
     def warm_up(self):

@@ -41,12 +41,7 @@ def gcs_server(folder):
     threading.Thread(target=translator.serve_forever, daemon=True).start()
     try:
         _make_bucket(translator.address_of_server)
-        account = {
-            "disable_oauth": True,
-            "client_email": "",
-            "private_key": "",
-            "private_key_id": "",
-        }
+        account = {"disable_oauth": True, "client_email": "", "private_key": "", "private_key_id": ""}
         (folder / "account.json").write_text(json.dumps(account))
         yield {
             "GOOGLE_BASE_URL": f"http://{host}:{translator.server_port}",
@@ -103,10 +98,7 @@ class _Translator(BaseHTTPRequestHandler):
             path += f"&ifGenerationMatch={condition}"
         about = json.dumps({"name": unquote(key)}).encode()
         parts = [(b"application/json", about), (b"application/octet-stream", body)]
-        lines = [
-            b"--%s\r\nContent-Type: %s\r\n\r\n%s\r\n" % (BOUNDARY.encode(), kind, part)
-            for kind, part in parts
-        ]
+        lines = [b"--%s\r\nContent-Type: %s\r\n\r\n%s\r\n" % (BOUNDARY.encode(), kind, part) for kind, part in parts]
         whole = b"".join(lines) + b"--%s--\r\n" % BOUNDARY.encode()
         kind = f"multipart/related; boundary={BOUNDARY}"
         status, found, answer = _ask(server, "POST", path, whole, {"Content-Type": kind})

@@ -40,9 +40,7 @@ def loaded_by(words):
         "import sys; from curvescan.cli.main import run; assert run(sys.argv[1:]) == 0;"
         "print(*{name.partition('.')[0] for name in sys.modules})"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
     return set(done.stdout.splitlines()[-1].split())
 
 
@@ -62,9 +60,7 @@ def test_one_bad_log_stops_no_other(tmp_path):
     result = cs.run_batch(logs, out=tmp_path / "out", job=NamedJob(), workers=2, timeout=1.5)
     records = by_name(result)
     assert [r.exit for r in result.records] == [0, 1, 1, 1, 1, 0, 3, 0]
-    assert records["b-kill.log"].sentence == (
-        "its worker process was ended by SIGKILL: out of memory?"
-    )
+    assert records["b-kill.log"].sentence == ("its worker process was ended by SIGKILL: out of memory?")
     assert "stopped after 1.5 s" in records["c-hang.log"].sentence
     assert 1.5 <= records["c-hang.log"].seconds < 10.0
     assert records["d-raise.log"].sentence.startswith("RuntimeError: of no known kind")
@@ -187,9 +183,7 @@ def test_a_killed_supervisor_leaves_no_workers_and_is_resumed(tmp_path):
 
 
 def children_of(pid):
-    found = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
-    )
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
     return [int(word) for word in found.stdout.split()]
 
 
@@ -213,9 +207,7 @@ def test_sigterm_ends_the_command_with_a_sentence(tmp_path):
         shutil.copy(tmp_path / "logs" / "0.npz", tmp_path / "logs" / f"{k}.npz")
     words = ["batch", str(tmp_path / "logs" / "*"), "--out", str(tmp_path / "out")]
     batch = subprocess.Popen(
-        [sys.executable, "-m", "curvescan", *words, "--workers", "2"],
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", "curvescan", *words, "--workers", "2"], stderr=subprocess.PIPE, text=True
     )
     workers = []
     deadline = time.monotonic() + 240.0  # it may have to compile first
@@ -239,9 +231,7 @@ def test_logs_of_one_name_get_folders_of_their_own(tmp_path):
     pattern = tmp_path / "logs" / "**" / "*"
     result = cs.run_batch(pattern, out=tmp_path / "out", job=NamedJob(), workers=1)
     names = [record.folder for record in result.records]
-    assert (
-        names == ["Office", "first-office", "second-Office", "second-office-logs"][:1] + names[1:]
-    )
+    assert names == ["Office", "first-office", "second-Office", "second-office-logs"][:1] + names[1:]
     assert len({name.casefold() for name in names}) == 4
     for record in result.records:
         assert (tmp_path / "out" / record.folder / "result").read_text().startswith(record.input)
@@ -249,9 +239,7 @@ def test_logs_of_one_name_get_folders_of_their_own(tmp_path):
     make_logs(tmp_path / "logs" / "a", "office.clf.gz")
     again = cs.run_batch(pattern, out=tmp_path / "out", job=NamedJob(), workers=1, resume=True)
     assert again.n_skipped == 4
-    assert {r.input: r.folder for r in result.records}.items() <= {
-        r.input: r.folder for r in again.records
-    }.items()
+    assert {r.input: r.folder for r in result.records}.items() <= {r.input: r.folder for r in again.records}.items()
 
 
 def test_folders_are_named_after_logs_and_never_after_files_of_the_batch(tmp_path):
@@ -374,9 +362,7 @@ def test_what_is_left_to_the_defaults_is_filled_in():
     assert cs.OdometryJob(config=wide).config.keyframes.distance == 2.0
     assert digest_of(cs.OdometryJob(config=wide)) != digest_of(cs.OdometryJob())
     assert cs.OdometryJob(method="plicp").config == cs.OdometryConfig.scan_to_scan()
-    with pytest.raises(
-        cs.InvalidArgumentError, match="unknown method 'plcp': did you mean 'plicp'"
-    ):
+    with pytest.raises(cs.InvalidArgumentError, match="unknown method 'plcp': did you mean 'plicp'"):
         cs.OdometryJob(method="plcp")
     with pytest.raises(cs.InvalidArgumentError, match=r"matcher must be a PlIcpConfig"):
         cs.OdometryJob(method="plicp", matcher=cs.CurvescanConfig())

@@ -196,27 +196,19 @@ def test_a_killed_supervisor_is_resumed_at_once(bucket, tmp_path):
 
 def test_another_batch_with_other_options_is_refused(bucket):
     put_logs(bucket, "a.log")
-    cs.run_batch(
-        f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1
-    )
+    cs.run_batch(f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1)
     (record,) = keys(bucket, "out/manifest")
     name = Path(record).stem
     claim = {"owner": "elsewhere:1:ab", "options": "other", "renewal": 1}
     bucket.write(f"out/claims/{name}.json", json.dumps(claim).encode())
-    with pytest.raises(
-        cs.OutputError, match="a batch with other options writes to the same folder"
-    ):
-        cs.run_batch(
-            f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1
-        )
+    with pytest.raises(cs.OutputError, match="a batch with other options writes to the same folder"):
+        cs.run_batch(f"{bucket.address}/logs/a.log", out=f"{bucket.address}/out", job=NamedJob(), workers=1)
     assert keys(bucket, "out/claims") == [f"out/claims/{name}.json"]
 
 
 def test_what_is_not_there_is_a_sentence(bucket, tmp_path, monkeypatch):
     put_logs(bucket, "a.log")
-    with pytest.raises(
-        cs.InvalidArgumentError, match=r"no log matches '\w\w://fleet/logs/\*\.bag'"
-    ):
+    with pytest.raises(cs.InvalidArgumentError, match=r"no log matches '\w\w://fleet/logs/\*\.bag'"):
         cs.run_batch(f"{bucket.address}/logs/*.bag", out=tmp_path / "out", job=NamedJob())
     for name in ("AWS_ENDPOINT_URL", "GOOGLE_BASE_URL"):
         monkeypatch.setenv(name, "http://127.0.0.1:9")

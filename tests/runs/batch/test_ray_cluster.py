@@ -44,9 +44,7 @@ def test_one_bad_log_stops_no_other(cluster, tmp_path):
     assert records["d-raise.log"].sentence.startswith("RuntimeError: of no known kind")
     assert "of no known kind" in (tmp_path / "out" / "workers.log").read_text()
     pids = {
-        int((tmp_path / "out" / r.folder / "result").read_text().split()[1])
-        for r in result.records
-        if not r.is_failed
+        int((tmp_path / "out" / r.folder / "result").read_text().split()[1]) for r in result.records if not r.is_failed
     }
     assert os.getpid() not in pids
     deadline = time.monotonic() + 10.0
@@ -99,9 +97,7 @@ def test_a_cluster_and_a_bucket(tmp_path):
             for name in ("a.log", "b-kill.log", "c.log"):
                 bucket.write(f"logs/{name}", b"x")
             env = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
-            done = subprocess.run(
-                [sys.executable, "-c", code], env=env, cwd=ROOT, capture_output=True, text=True
-            )
+            done = subprocess.run([sys.executable, "-c", code], env=env, cwd=ROOT, capture_output=True, text=True)
         finally:
             for name in server:
                 del os.environ[name]
@@ -121,10 +117,7 @@ cs.run_batch({logs!r}, out={out!r}, job=NamedJob(), engine="ray", workers=2)
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_a_batch_that_is_ended_leaves_no_workers_and_is_resumed(how, tmp_path):
-    logs, out = (
-        make_logs(tmp_path / "logs", *(f"{k}-slow.log" for k in range(12))),
-        tmp_path / "out",
-    )
+    logs, out = (make_logs(tmp_path / "logs", *(f"{k}-slow.log" for k in range(12))), tmp_path / "out")
     env = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
     code = _SUPERVISOR.format(logs=str(logs), out=str(out))
     supervisor = subprocess.Popen(

@@ -38,9 +38,7 @@ def test_no_ray_leaves_a_world(name):
     places = places[world.is_free(places, 0.2)][:6]
     assert len(places) == 6
     for x, y in places:
-        ranges, _ = cast_rays(
-            world, [x, y, 0.123], angle_min=0.0, angle_increment=0.0171, n_beams=368
-        )
+        ranges, _ = cast_rays(world, [x, y, 0.123], angle_min=0.0, angle_increment=0.0171, n_beams=368)
         assert np.isfinite(ranges).all()
 
 
@@ -94,9 +92,7 @@ def test_sensors_are_what_their_names_say():
 def test_an_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(InvalidArgumentError, match="unknown world 'ofice': did you mean 'office'"):
         build_world("ofice")
-    with pytest.raises(
-        InvalidArgumentError, match="unknown sensor 'lms200': did you mean 'sick-lms200'"
-    ):
+    with pytest.raises(InvalidArgumentError, match="unknown sensor 'lms200': did you mean 'sick-lms200'"):
         look_up(SENSORS, "lms200", "sensor")
     with pytest.raises(InvalidArgumentError, match="seed must be an integer >= 0, got -1"):
         child(-1, 0)

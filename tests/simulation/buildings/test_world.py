@@ -80,9 +80,7 @@ def test_a_moved_world_keeps_its_distances():
     pose = np.array([3.0, -1.0, 2.5])
     points = np.random.default_rng(2).uniform(-6.0, 6.0, (50, 2))
     moved = MIXED.moved(pose)
-    np.testing.assert_allclose(
-        moved.distance(se2.transform(pose, points)), MIXED.distance(points), rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(moved.distance(se2.transform(pose, points)), MIXED.distance(points), rtol=0, atol=1e-12)
     route = corridor().moved(pose).route
     np.testing.assert_allclose(route, se2.transform(pose, corridor().route), atol=1e-12)
 

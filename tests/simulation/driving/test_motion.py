@@ -13,9 +13,7 @@ from curvescan.simulation.driving.motion import drive_home, drive_route
 from curvescan.simulation.driving.planning import Grid
 
 PERIOD = 0.2
-NONE = OdometryNoise(
-    turn_from_turn=0.0, turn_from_drive=0.0, drive_from_drive=0.0, drive_from_turn=0.0
-)
+NONE = OdometryNoise(turn_from_turn=0.0, turn_from_drive=0.0, drive_from_drive=0.0, drive_from_turn=0.0)
 
 
 def rng(seed=0):
@@ -100,9 +98,7 @@ def test_odometry_without_noise_is_the_truth():
     poses = drive_route(room(), Drive(), PERIOD, rng(), 80)
     odometry = wheel_odometry(poses, NONE, rng())
     assert np.array_equal(odometry[0], np.zeros(3))
-    np.testing.assert_allclose(
-        se2.between(odometry, se2.between(poses[0], poses)), 0.0, rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(se2.between(odometry, se2.between(poses[0], poses)), 0.0, rtol=0, atol=1e-12)
     backward = np.array([[0, 0, 0], [-0.1, 0.01, 0.2], [-0.1, 0.01, 0.4]], dtype=float)
     np.testing.assert_allclose(wheel_odometry(backward, NONE, rng()), backward, atol=1e-15)
     assert wheel_odometry(poses[:1], NONE, rng()).shape == (1, 3)

@@ -31,9 +31,7 @@ def worlds(draw):
                 rng.uniform(-7.0, 7.0, n_boxes),
             ]
         ),
-        circles=np.column_stack(
-            [rng.uniform(-6.0, 6.0, (n_circles, 2)), rng.uniform(0.02, 3.0, n_circles)]
-        ),
+        circles=np.column_stack([rng.uniform(-6.0, 6.0, (n_circles, 2)), rng.uniform(0.02, 3.0, n_circles)]),
         arcs=np.column_stack(
             [
                 rng.uniform(-6.0, 6.0, (n_arcs, 2)),
@@ -62,9 +60,7 @@ coordinates = st.floats(-6.0, 6.0)
 def test_agrees_with_the_slow_twin(world, fan, x, y, theta):
     angle_min, step, n_beams = fan
     pose, angles = np.array([x, y, theta]), angle_min + step * np.arange(n_beams)
-    ranges, hit_idx = cast_rays(
-        world, pose, angle_min=angle_min, angle_increment=step, n_beams=n_beams
-    )
+    ranges, hit_idx = cast_rays(world, pose, angle_min=angle_min, angle_increment=step, n_beams=n_beams)
     table = cast_all(world.walls, world.boxes, world.circles, world.arcs, pose, angles)
     assert ranges.shape == hit_idx.shape == (n_beams,)
     assert np.array_equal(hit_idx == -1, np.isinf(ranges))
@@ -85,21 +81,15 @@ def test_agrees_with_the_slow_twin_in_a_built_world(name):
     for share in (0.23, 0.61):
         pose = np.array([*(low + share * (high - low)), 0.4])
         angles = -np.pi + np.radians(9.0) * np.arange(40)
-        ranges, _ = cast_rays(
-            world, pose, angle_min=-np.pi, angle_increment=np.radians(9.0), n_beams=40
-        )
+        ranges, _ = cast_rays(world, pose, angle_min=-np.pi, angle_increment=np.radians(9.0), n_beams=40)
         table = cast_all(world.walls, world.boxes, world.circles, world.arcs, pose, angles)
         is_confident = ~table.is_doubtful.any(axis=1)
         assert is_confident.sum() >= 35
-        np.testing.assert_allclose(
-            ranges[is_confident], table.distance.min(axis=1)[is_confident], rtol=0, atol=1e-10
-        )
+        np.testing.assert_allclose(ranges[is_confident], table.distance.min(axis=1)[is_confident], rtol=0, atol=1e-10)
 
 
 def test_a_square_room_from_its_middle():
-    ranges, hit_idx = cast_rays(
-        room(6.0, 6.0), [0, 0, 0], angle_min=0.0, angle_increment=0.25 * np.pi, n_beams=8
-    )
+    ranges, hit_idx = cast_rays(room(6.0, 6.0), [0, 0, 0], angle_min=0.0, angle_increment=0.25 * np.pi, n_beams=8)
     expected = np.tile([3.0, 3.0 * np.sqrt(2.0)], 4)
     np.testing.assert_allclose(ranges, expected, rtol=0, atol=1e-14)  # corners leave no slit
     assert np.array_equal(hit_idx[::2], [1, 2, 3, 0])
@@ -111,9 +101,7 @@ def test_corners_leave_no_slit():
     for place in ([0.1, 0.1], [-1.0, 0.9], [1.234, -1.1]):
         for corner in corners:
             angle = np.arctan2(*(corner - place)[::-1])
-            ranges, _ = cast_rays(
-                world, [*place, 0.0], angle_min=angle, angle_increment=1e-16, n_beams=1
-            )
+            ranges, _ = cast_rays(world, [*place, 0.0], angle_min=angle, angle_increment=1e-16, n_beams=1)
             np.testing.assert_allclose(ranges, np.linalg.norm(corner - place), rtol=0, atol=1e-9)
 
 
@@ -171,9 +159,7 @@ def test_to_turn_the_sensor_is_to_shift_the_beams():
     # directions differ by rounding alone; at the edge of a thing a beam may then pass or not
     is_same = np.roll(hit_idx, -n_turned) == hit_turned
     assert is_same.mean() > 0.98
-    np.testing.assert_allclose(
-        np.roll(ranges, -n_turned)[is_same], ranges_turned[is_same], rtol=0, atol=1e-10
-    )
+    np.testing.assert_allclose(np.roll(ranges, -n_turned)[is_same], ranges_turned[is_same], rtol=0, atol=1e-10)
 
 
 def test_to_move_world_and_sensor_together_changes_nothing():

@@ -25,11 +25,7 @@ def _slow_agreement(field: DistanceField, points: np.ndarray, pose: np.ndarray) 
         column, row = np.floor((place - field.origin) / field.resolution).astype(int)
         inside = 0 <= row < n_rows and 0 <= column < n_columns
         return (
-            (
-                float(field.distance[row, column]),
-                bool(field.is_free[row, column]),
-                bool(field.is_solid[row, column]),
-            )
+            (float(field.distance[row, column]), bool(field.is_free[row, column]), bool(field.is_solid[row, column]))
             if inside
             else None
         )
@@ -83,10 +79,7 @@ def test_a_sensor_can_be_where_it_is_free_and_clear_of_walls(field: DistanceFiel
 def _ring_map(*rings: np.ndarray) -> SlamMap:
     """Return a map of keyframes at one place, by their 360 ranges."""
     n = len(rings)
-    scans = tuple(
-        cs.LaserScan(r, angle_min=-np.pi, angle_increment=np.pi / 180.0, range_max=8.0)
-        for r in rings
-    )
+    scans = tuple(cs.LaserScan(r, angle_min=-np.pi, angle_increment=np.pi / 180.0, range_max=8.0) for r in rings)
     return SlamMap(
         scans=scans,
         poses=np.zeros((n, 3)),

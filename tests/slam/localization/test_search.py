@@ -30,9 +30,7 @@ def _points(scan: cs.LaserScan) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_first_of_the_likely_poses_is_right_wherever_the_sensor_looks(
-    field: DistanceField,
-) -> None:
+def test_the_first_of_the_likely_poses_is_right_wherever_the_sensor_looks(field: DistanceField) -> None:
     rng = np.random.default_rng(4)
     poses = lap()[rng.integers(0, 150, 20)]
     poses[:, 2] = rng.uniform(-np.pi, np.pi, 20)  # the map was made looking ahead
@@ -123,9 +121,7 @@ def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_eno
     assert (search.winner is not None) is is_sure
 
 
-def test_a_place_does_not_stand_out_where_matches_say_another(
-    stored: SlamMap, field: DistanceField
-) -> None:
+def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, field: DistanceField) -> None:
     known, other = _place(0.0, 0.25), _matched(3.0, 0.4, -0.15)
     search = _search(stored, field, known, other)
     search._contour = 12.0

@@ -38,13 +38,7 @@ _WITHIN = 5
 _STOREY_M = 500.0
 """Farther away than this is another storey, metres."""
 
-_NOISY = replace(
-    SENSORS["sick-lms200"],
-    name="noisy",
-    n_beams=181,
-    angle_increment=np.pi / 180.0,
-    sigma_range=0.03,
-)
+_NOISY = replace(SENSORS["sick-lms200"], name="noisy", n_beams=181, angle_increment=np.pi / 180.0, sigma_range=0.03)
 
 ORDINARY: Mapping[str, Sensor] = {"ordinary": SENSORS["sick-lms200"], "noisy": _NOISY}
 """Office floors of a seed each, and their sensor: 361 beams of 10 mm noise, 181 beams of 30 mm."""
@@ -75,17 +69,7 @@ class _Liar:
 
 
 def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
-    """Return how SLAM fares on one floor.
-
-    Parameters
-    ----------
-    kind : str
-        A Deceit, or a key of ORDINARY.
-    seed : int
-        Of the floor, the way and the noise.
-    forced : float
-        Share of the candidates whose match is replaced by a false one of full confidence.
-    """
+    """Return how SLAM fares on one floor."""
     scans, truth = floor_of(kind, seed)
     slam = Slam()
     liar = _Liar(slam, forced, seed)
@@ -106,9 +90,7 @@ def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
     is_false = (np.hypot(off[:, 0], off[:, 1]) > FALSE_M) & claimed
     is_false |= np.abs(off[:, 2]) > FALSE_RAD
     is_revisit = _revisits(true[found.indices])
-    here = (
-        np.hypot(true[:, 0], true[:, 1]) < _STOREY_M
-    )  # how two storeys lie to each other nobody can know
+    here = np.hypot(true[:, 0], true[:, 1]) < _STOREY_M  # how two storeys lie to each other nobody can know
     last = trajectory.poses[here][-1] - true[here][-1]
     last[2] = se2.wrap(last[2])
     assert trajectory.covariances is not None
@@ -159,22 +141,8 @@ def _errors(poses: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     return float(errors.mean()), float(errors.max())
 
 
-def run(
-    kinds: list[str], seeds: Iterable[int], forced: float, file: Path | None = None
-) -> Iterator[str]:
-    """Yield a line a floor, and one a kind.
-
-    Parameters
-    ----------
-    kinds : list of str
-        See :func:`judge_floor`.
-    seeds : iterable of int
-        Of the floors.
-    forced : float
-        See :func:`judge_floor`.
-    file : Path or None
-        JSON lines, one a floor: floors that it holds are not judged again, others are appended.
-    """
+def run(kinds: list[str], seeds: Iterable[int], forced: float, file: Path | None = None) -> Iterator[str]:
+    """Yield a line a floor, and one a kind."""
     known = stored_results(file)
     for kind in kinds:
         results = []

@@ -23,14 +23,7 @@ _LONGEST = 16.0  # of the axis: chi-square of 3 degrees of freedom, 99.9 %
 def draw_day(path: Path, *, keyframes: Floats, megabytes: Floats, milliseconds: Floats) -> None:
     """Save a picture of a day by the hour.
 
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    keyframes, megabytes : (n,) float64
-        Of the graph, and resident memory, after each hour.
-    milliseconds : (n, 3) float64
-        A scan in each hour: median, 99th percentile, worst.
+    keyframes, megabytes (n,); milliseconds (n, 3).
     """
     hour = np.arange(1, len(keyframes) + 1)
     with drawing(path, 10.0, 3.4) as figure:
@@ -46,15 +39,7 @@ def draw_day(path: Path, *, keyframes: Floats, megabytes: Floats, milliseconds: 
 
 
 def draw_nees(path: Path, found: Mapping[str, Floats]) -> None:
-    """Save a picture of how the squared Mahalanobis distances of final poses are distributed, beside chi-square.
-
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    found : mapping of str to (n,) float64
-        Name -> one value a floor.
-    """
+    """Save a picture of how the squared Mahalanobis distances of final poses are distributed, beside chi-square."""
     from scipy.stats import chi2
 
     with drawing(path, 7.0, 4.2) as figure:

@@ -75,7 +75,5 @@ def stored_results(file: Path | None) -> dict[tuple[str, int, float], FloorResul
     for line in file.read_text(encoding="utf-8").splitlines():
         row = json.loads(line)
         key = row.pop("kind"), row.pop("seed"), row.pop("forced")
-        known[key] = FloorResult(
-            **{**row, "odometry": tuple(row["odometry"]), "slam": tuple(row["slam"])}
-        )
+        known[key] = FloorResult(**{**row, "odometry": tuple(row["odometry"]), "slam": tuple(row["slam"])})
     return known

@@ -27,9 +27,7 @@ def large_graph(n_poses: int, seed: int = 0) -> tuple[Pose, Edges]:
     """Return (n, 3) true poses of laps round a circle that drifts, and noisy edges: the chain, and closures to earlier laps."""
     angle = 2.0 * np.pi * np.arange(n_poses) / _N_LAP
     radius = _STEP * _N_LAP / (2.0 * np.pi) + np.arange(n_poses) * (_STEP / _N_LAP)
-    truth = np.column_stack(
-        (radius * np.cos(angle), radius * np.sin(angle), se2.wrap(angle + 0.5 * np.pi))
-    )
+    truth = np.column_stack((radius * np.cos(angle), radius * np.sin(angle), se2.wrap(angle + 0.5 * np.pi)))
     k = np.arange(n_poses)
     chain = np.column_stack((k[:-1], k[1:]))
     late = k[_N_LAP + 1 :: _EVERY]

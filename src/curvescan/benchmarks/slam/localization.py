@@ -14,20 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.benchmarks.slam import localization_single as single
-from curvescan.benchmarks.slam.localization_runs import (
-    Checked,
-    carried_away,
-    false_elsewhere,
-    first_fixes,
-    tracked,
-)
-from curvescan.benchmarks.slam.localization_tasks import (
-    PARTS,
-    SHOWN,
-    LocalizationTask,
-    task_of_floor,
-    task_of_log,
-)
+from curvescan.benchmarks.slam.localization_runs import Checked, carried_away, false_elsewhere, first_fixes, tracked
+from curvescan.benchmarks.slam.localization_tasks import PARTS, SHOWN, LocalizationTask, task_of_floor, task_of_log
 from curvescan.types import Bools
 
 
@@ -146,9 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if (given.log is None) != (given.reference is None):
         parser.error("a log needs its reference, and a reference its log")
     if given.log is not None:
-        tasks: Iterator[LocalizationTask] = iter(
-            [task_of_log(given.log, given.reference, stride=given.stride)]
-        )
+        tasks: Iterator[LocalizationTask] = iter([task_of_log(given.log, given.reference, stride=given.stride)])
     else:
         tasks = (
             task_of_floor(seed, n_people=2, moved_share=share, n_closed=given.closed)
@@ -172,9 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if before is not None and not task.name.startswith(before.name):  # not the same floor
             rng = np.random.default_rng(given.seed)
             n_false, n = false_elsewhere(task, before, rng, n_trials=given.trials)
-            sys.stdout.write(
-                f"  scans of {before.name}, which it does not show: {n_false} of {n} found\n"
-            )
+            sys.stdout.write(f"  scans of {before.name}, which it does not show: {n_false} of {n} found\n")
         before = task
 
 

@@ -65,22 +65,8 @@ class Checked:
         return right
 
 
-def run_steps(
-    task: LocalizationTask, localizer: Localizer, numbers: Sequence[int], *, until_found: bool
-) -> Checked:
-    """Return the steps of a localizer over some scans, one after the other whatever their stamps say.
-
-    Parameters
-    ----------
-    task : LocalizationTask
-        Map and log.
-    localizer : Localizer
-        As it is; it is not reset.
-    numbers : sequence of int
-        Scans.
-    until_found : bool
-        Whether to stop at the first pose.
-    """
+def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[int], *, until_found: bool) -> Checked:
+    """Return the steps of a localizer over some scans, one after the other whatever their stamps say."""
     steps: list[LocalizerStep] = []
     spent = []
     for k in numbers:
@@ -107,9 +93,7 @@ def run_steps(
     )
 
 
-def _errors(
-    task: LocalizationTask, k: int, step: LocalizerStep, keyframe: int
-) -> tuple[float, float, float]:
+def _errors(task: LocalizationTask, k: int, step: LocalizerStep, keyframe: int) -> tuple[float, float, float]:
     """Return distance, angle and squared Mahalanobis distance of a step from where its scan was taken.
 
     Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's: the nearer of the two counts.
@@ -144,9 +128,7 @@ def tracked(task: LocalizationTask, n_scans: int) -> Checked:
     return run_steps(task, Localizer(task.slam_map), numbers, until_found=False)
 
 
-def carried_away(
-    task: LocalizationTask, rng: np.random.Generator, *, n_times: int, n_scans: int
-) -> list[Checked]:
+def carried_away(task: LocalizationTask, rng: np.random.Generator, *, n_times: int, n_scans: int) -> list[Checked]:
     """Return for each time that the sensor was carried away the steps since; before each its pose was known and right."""
     usable = np.arange(max(len(task.scans) - n_scans, 0))
     usable = rng.permutation(usable)[: 50 * n_times]

@@ -22,11 +22,7 @@ def lines(scans: list[Checked]) -> Iterator[str]:
     shown, found, right = _judged(scans)
     for least, most, where in PARTS:
         is_here = (shown >= least) & (shown < most)
-        n, n_right, n_false = (
-            is_here.sum(),
-            (is_here & right).sum(),
-            (is_here & found & ~right).sum(),
-        )
+        n, n_right, n_false = (is_here.sum(), (is_here & right).sum(), (is_here & found & ~right).sum())
         share = f"{n_right / n:.0%}" if n else "none tried"
         yield f"  single scans, {where}: {n_right} of {n} right ({share}), {n_false} false"
     median, worst = np.percentile([s.milliseconds[0] for s in scans], [50.0, 99.0])
@@ -48,17 +44,7 @@ def _judged(scans: list[Checked]) -> tuple[Floats, Bools, Bools]:
 
 
 def draw(path: Path, task: LocalizationTask, scans: list[Checked]) -> None:
-    """Save a picture of where single scans are found, and of how much of them the map shows.
-
-    Parameters
-    ----------
-    path : Path
-        The PNG to write.
-    task : LocalizationTask
-        Map and log.
-    scans : list of Checked
-        What was found.
-    """
+    """Save a picture of where single scans are found, and of how much of them the map shows."""
     with drawing(path, 11.0, 5.6) as figure:
         place, bars = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
         _draw_places(place, task, scans)

@@ -25,11 +25,7 @@ from curvescan.types import Bools, Floats, Points, Pose
 SHOWN, PARTLY_SHOWN = 0.8, 0.5
 """A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one does."""
 
-PARTS = (
-    (SHOWN, 1.1, "in the map"),
-    (PARTLY_SHOWN, SHOWN, "partly in the map"),
-    (0.0, PARTLY_SHOWN, "outside"),
-)
+PARTS = ((SHOWN, 1.1, "in the map"), (PARTLY_SHOWN, SHOWN, "partly in the map"), (0.0, PARTLY_SHOWN, "outside"))
 """Shares of a scan that the map shows: from, below, and what it is called."""
 
 _DOOR_M, _WALL_M = (0.6, 1.5), 0.2
@@ -130,12 +126,7 @@ def in_frame_of(anchors: Pose, references: Pose, wanted: Pose) -> tuple[Pose, Fl
 
     A map and its reference bend differently: each pose is carried over by the nearest one that both have.
 
-    Parameters
-    ----------
-    anchors, references : (m, 3) float64
-        Poses of the same scans, in the map and by the reference.
-    wanted : (n, 3) float64
-        Other poses by the reference.
+    anchors, references (m, 3); wanted (n, 3).
     """
     distance, nearest = cKDTree(references[:, :2]).query(wanted[:, :2])
     carried: Pose = se2.compose(anchors[nearest], se2.between(references[nearest], wanted))
@@ -143,15 +134,7 @@ def in_frame_of(anchors: Pose, references: Pose, wanted: Pose) -> tuple[Pose, Fl
 
 
 def task_of_log(log: Path, reference: Path, *, stride: int = 1) -> LocalizationTask:
-    """Return a map of the first half of a log, and its second half.
-
-    Parameters
-    ----------
-    log, reference : Path
-        The log, and poses of the sensor with the stamps of scans: SLAM of the whole log, say.
-    stride : int
-        Take every so many scans.
-    """
+    """Return a map of the first half of a log, and its second half."""
     whole = read_log(log)
     scans = [scan for k, scan in enumerate(whole) if k % stride == 0]
     poses, is_exact = _reference_of(scans, read_poses(reference).trajectory)
@@ -160,15 +143,7 @@ def task_of_log(log: Path, reference: Path, *, stride: int = 1) -> LocalizationT
     for scan in scans[:half]:
         slam.add(scan)
     slam.finish()
-    return _task(
-        whole.name,
-        slam.map,
-        scans[half:],
-        poses[half:],
-        poses[:half],
-        is_exact[half:],
-        is_true=False,
-    )
+    return _task(whole.name, slam.map, scans[half:], poses[half:], poses[:half], is_exact[half:], is_true=False)
 
 
 def _reference_of(scans: Sequence[LaserScan], reference: Trajectory) -> tuple[Pose, Bools]:
@@ -194,23 +169,7 @@ def task_of_floor(
     moved_share: float = 0.0,
     n_closed: int = 0,
 ) -> LocalizationTask:
-    """Return a map of a simulated floor, of one lap, and a drive to random places on it.
-
-    Parameters
-    ----------
-    seed : int
-        Floor and drives.
-    world : str
-        Kind of floor.
-    n_test : int
-        Scans of the drive.
-    n_people : int
-        People who walk there meanwhile.
-    moved_share : float
-        Share of the boxes and cylinders that stand elsewhere by then.
-    n_closed : int
-        Doors that are closed by then, at most.
-    """
+    """Return a map of a simulated floor, of one lap, and a drive to random places on it."""
     built = build_world(world, seed)
     lap = simulate(built, seed=seed, odometry_noise=None)
     slam = Slam()
@@ -219,9 +178,7 @@ def task_of_floor(
     slam.finish()
     later = replace(with_moved_things(built, moved_share, seed), route=np.empty((0, 2)))
     later = with_closed_doors(later, n_closed, seed)
-    drive = simulate(
-        later, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None
-    )
+    drive = simulate(later, seed=seed + 1000, n_scans=n_test, n_people=n_people, odometry_noise=None)
     return _task(
         f"{world} {seed}"
         + f", {moved_share:.0%} moved" * (moved_share > 0.0)
@@ -244,9 +201,7 @@ def with_moved_things(world: World, share: float, seed: int) -> World:
         way, direction = rng.uniform(0.4, 1.0, len(things)), rng.uniform(-np.pi, np.pi, len(things))
         shift = way[:, np.newaxis] * np.column_stack((np.cos(direction), np.sin(direction)))
         things[chosen, :2] += shift[chosen]
-    boxes[:, 4] += np.where(
-        rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0
-    )
+    boxes[:, 4] += np.where(rng.random(len(boxes)) < share, rng.uniform(0.0, np.pi, len(boxes)), 0.0)
     return replace(world, boxes=boxes, circles=circles)
 
 

@@ -53,17 +53,7 @@ class HourResult:
 
 
 def hours(n_hours: int, n_scans: int = 250, seed: int = 0) -> Iterator[HourResult]:
-    """Yield what SLAM holds after each hour.
-
-    Parameters
-    ----------
-    n_hours : int
-        Hours.
-    n_scans : int
-        Scans of half a lap: it leads there and back again.
-    seed : int
-        Of the floor and the way.
-    """
+    """Yield what SLAM holds after each hour."""
     first = simulate("office", seed=seed, n_scans=n_scans, odometry_noise=None)
     lap = np.concatenate((first.truth.poses, first.truth.poses[::-1]))
     rng = np.random.default_rng([seed, 5])

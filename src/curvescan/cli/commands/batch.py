@@ -34,9 +34,7 @@ if TYPE_CHECKING:
     from curvescan.runs.batch.job import Job
     from curvescan.runs.batch.results.manifest import BatchRecord
 
-Patterns: TypeAlias = Annotated[
-    tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")
-]
+Patterns: TypeAlias = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")]
 """Paths of logs, or patterns of them."""
 
 
@@ -132,26 +130,15 @@ def batch(
             command=tuple(sys.argv),
         )
     listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
-    sentence = (
-        f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
-    )
+    sentence = f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
     with reported_as(printable(sentence, 1000)), _display() as display:
         result = run_batch(
-            patterns,
-            out=out,
-            job=job,
-            engine=engine,
-            workers=workers,
-            timeout=timeout,
-            resume=resume,
-            display=display,
+            patterns, out=out, job=job, engine=engine, workers=workers, timeout=timeout, resume=resume, display=display
         )
     OUT.print(_table(result.records))
     for record in result.records:
         if record.is_failed:
-            ERR.print(
-                f"{record.input}: {with_flags(record.sentence)}", markup=False, soft_wrap=True
-            )
+            ERR.print(f"{record.input}: {with_flags(record.sentence)}", markup=False, soft_wrap=True)
     OUT.print(f"wrote {out}/fleet.csv, manifest.jsonl and a folder for each log", markup=False)
     skipped = f" ({result.n_skipped:,} stood from before)" if result.n_skipped else ""
     n_trusted = sum(record.exit == 0 for record in result.records)
@@ -177,14 +164,7 @@ def _table(records: tuple[BatchRecord, ...]) -> object:
 @contextmanager
 def _display() -> Iterator[BatchDisplay]:
     """Yield what shows a batch: one bar for the whole, and what has failed so far."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from curvescan.cli.console import ERR
 

@@ -48,9 +48,7 @@ def calibrate(
     """
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
-    from curvescan.paper.calibration import (
-        calibrate as find_parameters,
-    )
+    from curvescan.paper.calibration import calibrate as find_parameters
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
     from curvescan.paper.calibration_figure import (
         calibration_table,
@@ -79,14 +77,7 @@ def calibrate(
         draw_geometry(folder / "geometry.png")
         draw_curvature(folder / "curvature.png")
         tables = tuple(
-            table(found)
-            for table in (
-                calibration_table,
-                wall_table,
-                peak_table,
-                neighbour_table,
-                similarity_table,
-            )
+            table(found) for table in (calibration_table, wall_table, peak_table, neighbour_table, similarity_table)
         )
         text = "\n".join(table.markdown() for table in tables)
         (folder / "calibration.md").write_text(text, encoding="utf-8", newline="\n")

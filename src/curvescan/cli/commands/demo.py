@@ -5,13 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
-    MethodConfigs,
-    SlamConfigs,
-    SlamFlags,
-)
+from curvescan.cli.options import ConfigFile, Configs, MethodConfigs, SlamConfigs, SlamFlags
 from curvescan.matchers.registry import Method
 
 
@@ -72,10 +66,7 @@ def demo(
         with progress_bar("SLAM", len(log)) as advance:
             run = run_slam(log, slam, on_step=advance)
         truth = log.truth.poses[: len(run.revised.outcomes)]
-        tracks = {
-            "laser odometry": run.odometry.poses,
-            "SLAM, loops closed": run.revised.trajectory.poses,
-        }
+        tracks = {"laser odometry": run.odometry.poses, "SLAM, loops closed": run.revised.trajectory.poses}
         with ERR.status("drawing the maps"):
             left_out = save_slam_run(folder, run, log, command=sys.argv, truth=truth)
             draw_side_by_side(folder / "loop.png", log, tracks, truth)

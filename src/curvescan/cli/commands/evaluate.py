@@ -80,14 +80,9 @@ def evaluate(
         if relations is not None:
             known = find_benchmark(benchmark, relations.name)
             errors = relation_errors(own, read_relations(relations), mount, near=near)
-            notes, tables = (
-                tables_of.relation_notes(errors),
-                tables_of.relation_tables(errors, known),
-            )
+            notes, tables = (tables_of.relation_notes(errors), tables_of.relation_tables(errors, known))
             if folder is not None:
-                view.save_relation_evaluation(
-                    folder, errors, own, benchmark=known, about=about | {"near_s": near}
-                )
+                view.save_relation_evaluation(folder, errors, own, benchmark=known, about=about | {"near_s": near})
         elif reference is not None:
             source = read_poses(reference)
             if source.is_of_sensor and np.any(mount):
@@ -102,7 +97,5 @@ def evaluate(
     for table in tables:
         show(table)
     if out is not None:
-        OUT.print(
-            f"wrote {out}/evaluation.md, evaluation.json, errors.png, trajectory.png", markup=False
-        )
+        OUT.print(f"wrote {out}/evaluation.md, evaluation.json, errors.png, trajectory.png", markup=False)
     return 0

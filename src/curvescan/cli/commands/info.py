@@ -80,14 +80,8 @@ def _rows(report: LogReport) -> list[tuple[str, str]]:
             f"in steps of {report.angle_step_deg:.4g} deg",
         ),
         ("valid range", f"{report.range_min:g} to {report.range_max:g} m"),
-        (
-            "valid readings",
-            f"{100 * report.valid_share:.1f} %, the farthest {report.largest_reading:g} m",
-        ),
-        (
-            "no-return codes",
-            ", ".join(f"{c.value:g} ({100 * c.share:.1f} %)" for c in report.codes) or "none",
-        ),
+        ("valid readings", f"{100 * report.valid_share:.1f} %, the farthest {report.largest_reading:g} m"),
+        ("no-return codes", ", ".join(f"{c.value:g} ({100 * c.share:.1f} %)" for c in report.codes) or "none"),
         (
             "wheel odometry",
             "none"

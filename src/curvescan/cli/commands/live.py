@@ -129,18 +129,12 @@ def live(
     if driver is not None:
         source = _laser(driver, port, laser)
     elif log is not None:
-        source = LogSource(
-            open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed
-        )
+        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
     saved = None if map is None else _saved_map(map)
-    maps: dict[str, Any] = {
-        "mode": mode,
-        "occupancy": occupancy,
-        "is_lossless": not source.is_live,
-    }
+    maps: dict[str, Any] = {"mode": mode, "occupancy": occupancy, "is_lossless": not source.is_live}
     with ExitStack() as pages:
         viewer = None
         if not no_page:
@@ -152,9 +146,7 @@ def live(
                 _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
         if foxglove:
-            served = live_package.FoxgloveSink(
-                source.name, host=host, port=foxglove_port, saved_map=saved, **maps
-            )
+            served = live_package.FoxgloveSink(source.name, host=host, port=foxglove_port, saved_map=saved, **maps)
             pages.callback(served.stop)
             sinks.append(served)
             ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
@@ -196,10 +188,7 @@ def summary(report: LiveReport, name: str) -> str:
     if report.n_closures:
         lines.append(f"  {report.n_closures:,} loop closures")
     lines.append(f"  {report.n_dropped:,} scans dropped because tracking was too slow")
-    for what, values in (
-        ("time a scan", report.seconds),
-        ("from scan to pose", report.latencies),
-    ):
+    for what, values in (("time a scan", report.seconds), ("from scan to pose", report.latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
         lines.append(f"  {what}: {median:.2f} ms median, {p99:.2f} ms p99, {worst:.1f} ms worst")
     return "\n".join(lines)
@@ -248,12 +237,7 @@ def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(
-        driver,
-        port,
-        is_mirrored=laser.upside_down != laser.clockwise,
-        ignore_beams=laser.ignore_beams,
-    )
+    return open_driver(driver, port, is_mirrored=laser.upside_down != laser.clockwise, ignore_beams=laser.ignore_beams)
 
 
 def _preview(source: ScanSource, viewer: Viewer) -> None:
@@ -264,9 +248,7 @@ def _preview(source: ScanSource, viewer: Viewer) -> None:
         viewer.preview(first)
 
 
-def _engine(
-    mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool
-) -> Engine:
+def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool) -> Engine:
     """Return the odometry, SLAM or localizer, its kernels compiled."""
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
@@ -288,9 +270,7 @@ def _engine(
     return new()
 
 
-def _track(
-    source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]
-) -> LiveReport:
+def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]) -> LiveReport:
     """Run and show; every sink has finished when this returns."""
     from curvescan.live import run_live
 

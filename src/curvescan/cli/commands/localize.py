@@ -9,16 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from curvescan.cli.options import (
-    ConfigFile,
-    Laser,
-    LogPath,
-    SensorFlags,
-    SlamConfigs,
-    SlamFlags,
-    Topic,
-    open_log,
-)
+from curvescan.cli.options import ConfigFile, Laser, LogPath, SensorFlags, SlamConfigs, SlamFlags, Topic, open_log
 
 
 def localize(
@@ -78,9 +69,7 @@ def localize(
         odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
         localizer = Localizer(slam_map, config=rules)
         with progress_bar("localization", len(source)) as advance:
-            run = run_localizer(
-                source, localizer, odometry_poses=odometry_poses, on_step=lambda _: advance()
-            )
+            run = run_localizer(source, localizer, odometry_poses=odometry_poses, on_step=lambda _: advance())
         save_localizer_run(folder, run, name=source.name, command=tuple(sys.argv))
     result = table(f"{len(run.outcomes):,} scans in {slam_map!r}", "", "count", "share")
     for outcome in LocalizerOutcome:

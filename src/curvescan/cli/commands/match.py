@@ -80,13 +80,7 @@ def match(
     with output_folder(out) as folder:
         load_kernels(method)
         result = match_scans(reference, current, method=method, config=configs.of(method))
-        save_match(
-            folder,
-            result,
-            scans=(reference, current),
-            names=(f"scan {i}", f"scan {j}"),
-            cfsma=configs.cfsma,
-        )
+        save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=configs.cfsma)
     OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)
     if result.ok:
         x, y, theta = result.pose

@@ -58,28 +58,10 @@ class _BrokenLineError(LogFormatError):
     """A line breaks the rule that the message names; the message holds no value of the line."""
 
 
-def open_coreslam(
-    path: Path, *, range_max: float | None = None, topic: str | None = None
-) -> StreamLog:
+def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CoreSLAM log, with odometry from its wheel encoders.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed.
-    range_max : float or None
-        Upper limit of a valid reading, metres, in place of the laser's 5.6.
-    topic : None
-        Only None: such a log has no topics.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When no scan can be read.
-    InvalidArgumentError
-        When a `topic` is given.
+    topic: Only None: such a log has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
     """
     refuse_topic(path, FORMAT, topic)
     limit = RANGE_MAX if range_max is None else range_max
@@ -106,9 +88,7 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
             pose = wheels.move(int(fields[2]), int(fields[3]))
         except (_BrokenLineError, ValueError, OverflowError) as error:
             is_ours = isinstance(error, _BrokenLineError)
-            read_errors.add(
-                str(error) if is_ours else "line with a field that is no number", number
-            )
+            read_errors.add(str(error) if is_ours else "line with a field that is no number", number)
             continue
         yield Record(scan, pose, (mark.offset,))
 

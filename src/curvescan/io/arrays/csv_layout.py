@@ -67,9 +67,7 @@ def check_header(names: tuple[str, ...], path: object) -> None:
     rule = f"{path} is a CSV file whose first line must name the columns"
     known = (*COLUMNS, *POSE_COLUMNS)
     if names[-1] != RANGES:
-        raise LogFormatError(
-            f"{rule}, the last of them {RANGES!r}: it holds {printable(', '.join(names[:9]), 200)}"
-        )
+        raise LogFormatError(f"{rule}, the last of them {RANGES!r}: it holds {printable(', '.join(names[:9]), 200)}")
     for name in names[:-1]:
         if name not in known:
             raise LogFormatError(f"{rule}: {name[:40]!r} is none of {', '.join(known)}")
@@ -82,10 +80,7 @@ def check_header(names: tuple[str, ...], path: object) -> None:
 def parse_numbers(fields: list[bytes]) -> Floats:
     """Return the numbers of fields, NaN for an empty one.
 
-    Raises
-    ------
-    BrokenRowError
-        When one is no number.
+    Raises BrokenRowError.
     """
     try:
         return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
@@ -97,26 +92,10 @@ def parse_numbers(fields: list[bytes]) -> Floats:
         raise BrokenRowError("line with a field that is not a number") from None
 
 
-def parse_scan(
-    fields: list[bytes], names: tuple[str, ...], before: Beams, range_max: float | None
-) -> Record:
+def parse_scan(fields: list[bytes], names: tuple[str, ...], before: Beams, range_max: float | None) -> Record:
     """Return the scan of a line.
 
-    Parameters
-    ----------
-    fields : list of bytes
-        Of the line.
-    names : tuple of str
-        Of the columns, ``ranges`` last.
-    before : Beams
-        What the lines before say.
-    range_max : float or None
-        Metres, in place of the line's.
-
-    Raises
-    ------
-    BrokenRowError
-        When the line makes no sense. Bad *readings* never raise.
+    Raises BrokenRowError.
     """
     n_columns = len(names) - 1
     if len(fields) < n_columns:

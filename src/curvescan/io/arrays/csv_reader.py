@@ -32,38 +32,14 @@ _NOWHERE = -1
 def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of a CSV file; a line that breaks the layout is skipped and counted.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed.
-    range_max : float or None
-        Upper limit of a valid reading, metres, in place of what the file says.
-    topic : None
-        Only None: a CSV file has no topics.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When the first line does not name the columns of scans, or no scan can be read.
-    InvalidArgumentError
-        When a `topic` is given.
+    topic: Only None: a CSV file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
     """
     refuse_topic(path, FORMAT, topic)
     read = partial(_records, path, range_max)
-    return StreamLog(
-        str(path),
-        name=path.name,
-        kind=FORMAT,
-        read=read,
-        read_one=partial(_one, path, range_max),
-    )
+    return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, read_one=partial(_one, path, range_max))
 
 
-def _records(
-    path: Path, range_max: float | None, read_errors: ReadErrorCounter
-) -> Iterator[Record]:
+def _records(path: Path, range_max: float | None, read_errors: ReadErrorCounter) -> Iterator[Record]:
     names: tuple[str, ...] = ()
     before, mark = Beams(), LineMark()
     angles_at = intensities_at = _NOWHERE
@@ -78,10 +54,7 @@ def _records(
         tag = fields[0].strip()
         try:
             if tag == ANGLES.encode():
-                before, angles_at = (
-                    before._replace(angles=None),
-                    _NOWHERE,
-                )  # a broken line leaves none
+                before, angles_at = (before._replace(angles=None), _NOWHERE)  # a broken line leaves none
                 before = before._replace(angles=parse_numbers(fields[1:]))
                 angles_at = mark.offset
             elif tag == INTENSITIES.encode():

@@ -47,8 +47,7 @@ def is_on_grid(scan: LaserScan) -> bool:
 def _head(scan: LaserScan, is_even: bool) -> str:
     directions = f"{scan.angle_min!r},{scan.angle_increment!r}" if is_even else ","
     return (
-        f"{scan.stamp!r},{directions},{scan.range_min!r},{scan.range_max!r},"
-        f"{scan.time_increment!r},{scan.scan_time!r}"
+        f"{scan.stamp!r},{directions},{scan.range_min!r},{scan.range_max!r},{scan.time_increment!r},{scan.scan_time!r}"
     )
 
 

@@ -122,8 +122,6 @@ def _trajectory(scans: list[LaserScan], odometry: ArrayLike | None) -> Trajector
         return None
     poses = np.array(odometry, dtype=np.float64)
     if poses.shape != (len(scans), 3):
-        raise InvalidArgumentError(
-            f"odometry must be of shape ({len(scans)}, 3), a pose a scan, got {poses.shape}"
-        )
+        raise InvalidArgumentError(f"odometry must be of shape ({len(scans)}, 3), a pose a scan, got {poses.shape}")
     poses[:, 2] = se2.wrap(poses[:, 2])
     return Trajectory(stamps=np.array([scan.stamp for scan in scans]), poses=poses)

@@ -65,10 +65,7 @@ class NpyHeader:
 class NpzFile:
     """The arrays of an .npz file; no file stays open between the readings.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed. A compressed one is unpacked to a temporary folder, which goes with this object.
+    Raises LogFileError, LogFormatError.
 
     Attributes
     ----------
@@ -76,13 +73,6 @@ class NpzFile:
         Of every array, by its name.
     n_given : int
         Size of the file, bytes.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When it is damaged, or an array is not what its header says.
     """
 
     def __init__(self, path: Path) -> None:
@@ -109,10 +99,7 @@ class NpzFile:
 
         An array in Fortran's order, which has no rows, is read whole.
 
-        Raises
-        ------
-        LogFormatError
-            Where the data are damaged, after what stands before.
+        Raises LogFormatError.
         """
         header = self.headers[name]
         n_rows, *rest = header.shape or (1,)
@@ -155,9 +142,7 @@ class NpzFile:
             if not name.endswith(".npy"):
                 raise self._unreadable(f"it holds {name[:40]!r}, which is no array")
             if info.compress_type not in _METHODS or info.flag_bits & 1:
-                raise self._unreadable(
-                    f"array {name[:40]!r} is packed in another way than NumPy does"
-                )
+                raise self._unreadable(f"array {name[:40]!r} is packed in another way than NumPy does")
         if len({info.filename for info in members}) < len(members):
             raise self._unreadable("two arrays have the same name")
         limit = unpacked_limit(self._file)
@@ -173,9 +158,7 @@ class NpzFile:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # NumPy warns of headers that Python 2 wrote
                 version = npy.read_magic(member)
-                shape, is_fortran, dtype = _HEADER_READERS[version](
-                    member, max_header_size=_MAX_HEADER_BYTES
-                )
+                shape, is_fortran, dtype = _HEADER_READERS[version](member, max_header_size=_MAX_HEADER_BYTES)
         except KeyError:
             raise self._unreadable(
                 f"array {name!r} is of a version of the NPY format that holds no plain numbers"
@@ -194,9 +177,7 @@ class NpzFile:
             raise self._unreadable(
                 f"array {name!r} says that it is {shape} of {dtype}, {n_claimed:,} bytes, and has {n_there:,}"
             )
-        return NpyHeader(
-            shape=tuple(shape), dtype=dtype, is_fortran=is_fortran, n_bytes=member.tell()
-        )
+        return NpyHeader(shape=tuple(shape), dtype=dtype, is_fortran=is_fortran, n_bytes=member.tell())
 
     def _read(self, member: IO[bytes], n_bytes: int) -> bytes:
         with self._own_errors():

@@ -53,23 +53,7 @@ _DAMAGED = "file damaged from here on: what stands before is read"
 def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
     """Return the scans of an .npz file, read from it a block of rows at a time.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed.
-    range_max : float or None
-        Upper limit of a valid reading, metres, in place of what the file says.
-    topic : None
-        Only None: such a file has no topics.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When arrays are missing or of other shapes than said above, or the file is damaged.
-    InvalidArgumentError
-        When a `topic` is given.
+    topic: Only None: such a file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
     """
     refuse_topic(path, FORMAT, topic)
     file = NpzFile(path)
@@ -98,9 +82,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
             f"{printable(', '.join(shapes), 200)}"
         )
     if len(shapes["ranges"]) != 2:
-        raise LogFormatError(
-            f"{file.path}: 'ranges' must be of shape (scans, beams), got {shapes['ranges']}"
-        )
+        raise LogFormatError(f"{file.path}: 'ranges' must be of shape (scans, beams), got {shapes['ranges']}")
     n, m = shapes["ranges"]
     if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
         raise LogFormatError(
@@ -124,14 +106,9 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     return n, m
 
 
-def _columns(
-    file: NpzFile, n: int, m: int, range_max: float | None
-) -> tuple[dict[str, Floats], Floats]:
+def _columns(file: NpzFile, n: int, m: int, range_max: float | None) -> tuple[dict[str, Floats], Floats]:
     """Return the numbers of each scan by their names, (n,) each, and (n,) its beams."""
-    columns = {
-        name: file.read(name) if name in file.headers else value
-        for name, value in _DEFAULTS.items()
-    }
+    columns = {name: file.read(name) if name in file.headers else value for name, value in _DEFAULTS.items()}
     if range_max is not None:
         columns["range_max"] = range_max
     columns["stamp"] = file.read("stamps")
@@ -152,13 +129,7 @@ class _RowReader:
             self._columns = _columns(*self._arguments)
         columns, counts = self._columns
         value = {name: column[i].item() for name, column in columns.items()}
-        return _scan(
-            value,
-            counts[i],
-            file.row("ranges", i),
-            self._row("angles", i),
-            self._row("intensities", i),
-        )
+        return _scan(value, counts[i], file.row("ranges", i), self._row("angles", i), self._row("intensities", i))
 
     def _row(self, name: str, i: int) -> Floats | None:
         file = self._arguments[0]
@@ -167,9 +138,7 @@ class _RowReader:
         return file.read(name) if len(file.headers[name].shape) == 1 else file.row(name, i)
 
 
-def _records(
-    file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter
-) -> Iterator[Record]:
+def _records(file: NpzFile, n: int, m: int, range_max: float | None, read_errors: ReadErrorCounter) -> Iterator[Record]:
     columns, counts = _columns(file, n, m, range_max)
     wide = list(columns.values())
     odometry = file.read("odometry") if "odometry" in file.headers else None
@@ -211,11 +180,7 @@ def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:
 
 
 def _scan(
-    value: dict[str, float],
-    count: float,
-    ranges: Floats,
-    angles: Floats | None,
-    intensities: Floats | None,
+    value: dict[str, float], count: float, ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     if not 0.0 <= count <= ranges.size:
         raise InvalidArgumentError("count beyond the row")
@@ -226,9 +191,7 @@ def _scan(
     if angles is not None and n and not math.isnan(angles[0]):
         del fields["angle_min"], fields["angle_increment"]
         fields["angles"] = angles[:n]
-    return LaserScan(
-        ranges[:n], intensities=None if intensities is None else intensities[:n], **fields
-    )
+    return LaserScan(ranges[:n], intensities=None if intensities is None else intensities[:n], **fields)
 
 
 def _fault(value: dict[str, float], count: float, m: int) -> str:

@@ -38,9 +38,7 @@ def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str,
             return _write(path, log, on_scan)
         except _ShrunkError:
             path.unlink()
-    raise OutputError(
-        f"cannot write {path.name}: {log.name} changes while it is read; try again when it is whole"
-    )
+    raise OutputError(f"cannot write {path.name}: {log.name} changes while it is read; try again when it is whole")
 
 
 class _ShrunkError(Exception):
@@ -129,11 +127,7 @@ def _padded(values: Floats | None, m: int) -> Floats:
 
 
 def _write_rows(
-    archive: zipfile.ZipFile,
-    name: str,
-    shape: tuple[int, ...],
-    kind: str,
-    rows: Iterator[NDArray[np.generic]],
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], kind: str, rows: Iterator[NDArray[np.generic]]
 ) -> None:
     info = zipfile.ZipInfo(f"{name}.npy", date_time=_YEAR_ZERO)
     with archive.open(info, "w", force_zip64=True) as member:

@@ -59,29 +59,7 @@ class StreamLog(ScanAccess):
 
     The source is read through once on opening, to count scans and read errors; memory grows by 40 to 56 bytes a scan.
 
-    Parameters
-    ----------
-    path : str
-        Where the scans are from, for messages.
-    name : str
-        Name for titles.
-    kind : str
-        The format, in words.
-    read : callable
-        Reads the source.
-    read_one : callable or None
-        Reads one scan by its place; None to read all that stand before it.
-    unit : str
-        What the source is numbered in.
-    notes : tuple of str
-        What was left out or assumed, a sentence each.
-    mount : (3,) tuple of float
-        Pose of the laser on the robot that the odometry has applied.
-
-    Raises
-    ------
-    LogFormatError
-        When it holds no scan that can be read; the message gives the most frequent read error.
+    read_one: Reads one scan by its place; None to read all that stand before it; mount (3,). Raises LogFormatError.
     """
 
     def __init__(
@@ -176,9 +154,7 @@ class StreamLog(ScanAccess):
 def refuse_topic(path: object, kind: str, topic: str | None) -> None:
     """Raise InvalidArgumentError when a topic is given for a format that has none."""
     if topic is not None:
-        raise InvalidArgumentError(
-            f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out"
-        )
+        raise InvalidArgumentError(f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out")
 
 
 def _no_scan_message(path: str, kind: str, read_errors: tuple[ReadError, ...]) -> str:

@@ -102,15 +102,7 @@ class Index:
 def build_index(path: Path) -> Index:
     """Return what one pass over the file finds; memory grows by 64 bytes a sweep.
 
-    Parameters
-    ----------
-    path : Path
-        A text file, plain or gzip-compressed.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
+    Raises LogFileError.
     """
     read_errors = ReadErrorCounter()
     counts: dict[bytes, int] = {}

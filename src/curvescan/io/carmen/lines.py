@@ -79,18 +79,8 @@ def tag_of(line: bytes) -> bytes:
 def flaser_angle_increment(n: int) -> float:
     """Return the angle between the beams of a FLASER line, radians, which the line itself does not give.
 
-    A front laser sees 180 deg from -90 deg on. A SICK LMS with an odd number of beams has one at either end; with
-    an even number the last is left out, so that 180 beams are exactly 1.0 deg apart and end at +89 deg.
-
-    Parameters
-    ----------
-    n : int
-        Number of beams, at least 1.
-
-    Returns
-    -------
-    float
-        Radians: pi / (n - 1) for odd n, pi / n for even n, pi for a single beam.
+    A front laser sees 180 deg from -90 deg on. A SICK LMS with an odd number of beams has one at either end; with an
+    even number the last is left out, so that 180 beams are exactly 1.0 deg apart and end at +89 deg.
     """
     return math.pi / (n if n % 2 == 0 else max(n - 1, 1))
 
@@ -98,10 +88,7 @@ def flaser_angle_increment(n: int) -> float:
 def parse_flaser(line: bytes) -> ScanRecord:
     """Return the sweep of a FLASER line with the pose of the laser.
 
-    Raises
-    ------
-    BrokenLineError
-        When the line breaks the format.
+    Raises BrokenLineError.
     """
     fields = line.split()
     n = _count(fields, 1, "FLASER")
@@ -123,10 +110,7 @@ def parse_flaser(line: bytes) -> ScanRecord:
 def parse_robotlaser1(line: bytes) -> ScanRecord:
     """Return the sweep of a ROBOTLASER1 line with the pose of the laser.
 
-    Raises
-    ------
-    BrokenLineError
-        When the line breaks the format.
+    Raises BrokenLineError.
     """
     return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
 
@@ -134,10 +118,7 @@ def parse_robotlaser1(line: bytes) -> ScanRecord:
 def parse_rawlaser1(line: bytes) -> ScanRecord:
     """Return the sweep of a RAWLASER1 line, which gives no pose.
 
-    Raises
-    ------
-    BrokenLineError
-        When the line breaks the format.
+    Raises BrokenLineError.
     """
     return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
 
@@ -153,10 +134,7 @@ SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
 def parse_odom(line: bytes) -> PoseRow:
     """Return the pose of the robot on an ODOM line.
 
-    Raises
-    ------
-    BrokenLineError
-        When the line is cut short or its pose is not finite.
+    Raises BrokenLineError.
     """
     fields = line.split(None, 10)
     if len(fields) < 7 + _N_TAIL:
@@ -168,10 +146,7 @@ def parse_odom(line: bytes) -> PoseRow:
 def parse_max_range(line: bytes) -> float | None:
     """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters.
 
-    Raises
-    ------
-    BrokenLineError
-        When the value is missing or not a positive number.
+    Raises BrokenLineError.
     """
     fields = line.split(None, 3)
     if len(fields) < 2 or fields[1] != MAX_RANGE_PARAM:

@@ -50,32 +50,16 @@ _OTHER_LASERS = {
 class CarmenLog(ScanAccess):
     """The sweeps of a CARMEN log's front laser, in file order; a Log.
 
-    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
-    memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any value
-    (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
+    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep
+    in memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any
+    value (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not
+    read.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed.
-    range_max : float or None
-        Upper limit of a valid reading, metres, in place of that of the log; None to use the log's.
-    topic : None
-        Only None: a CARMEN log has no topics.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When it holds no sweep that can be read; the message gives the most frequent read error.
-    InvalidArgumentError
-        When a `topic` is given.
+    range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic: Only
+    None: a CARMEN log has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
     """
 
-    def __init__(
-        self, path: Path, *, range_max: float | None = None, topic: str | None = None
-    ) -> None:
+    def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         if topic is not None:
             raise InvalidArgumentError(
                 f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
@@ -228,7 +212,4 @@ def _no_scan_message(path: Path, index: Index) -> str:
             f"({read_error.count} times, first in {read_error.first})"
         )
     tags = printable(", ".join(index.tag_counts), 300) or "none"
-    return (
-        f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, "
-        f"and holds {tags}"
-    )
+    return f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds {tags}"

@@ -27,10 +27,7 @@ from curvescan.types import Floats, Pose
 def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
     """Write a log as CARMEN text; a LogWriter.
 
-    Raises
-    ------
-    OutputError
-        When the beams of a scan are not evenly spaced.
+    Raises OutputError.
     """
     odometry = log.odometry
     is_posed = odometry is not None and bool(np.isfinite(odometry.poses).all())
@@ -79,9 +76,7 @@ def _losses(scan: LaserScan) -> list[str]:
     if scan.time_increment or scan.scan_time:
         lost.append("time_increment and scan_time: a CARMEN log does not give them")
     if scan.angle_increment < 0.0:
-        lost.append(
-            "the direction of the sweep: beams are written counter-clockwise, at the same angles"
-        )
+        lost.append("the direction of the sweep: beams are written counter-clockwise, at the same angles")
     return lost
 
 

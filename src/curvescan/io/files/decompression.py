@@ -52,19 +52,7 @@ class Unpacker:
     def unpack(self, data: bytes, kind: str) -> bytes:
         """Return what a chunk unpacks to.
 
-        Parameters
-        ----------
-        data : bytes
-            Of the chunk.
-        kind : str
-            ``"bz2"``, ``"lz4"`` or ``"zstd"``.
-
-        Raises
-        ------
-        LogFormatError
-            When it is more than a chunk of its size would, or all so far are.
-        Exception
-            Whatever the decompressor raises on damaged data.
+        Raises LogFormatError, Exception.
         """
         self._n_packed += len(data)
         left = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_packed - self._n_unpacked

@@ -17,19 +17,7 @@ from curvescan.io.files.lines import GZIP_MAGIC, BrokenGzipError, read_chunks
 def unpack(path: Path, target: Path) -> bool:
     """Write what a gzip-compressed file unpacks to, and return whether it was whole.
 
-    Parameters
-    ----------
-    path : Path
-        A gzip-compressed file.
-    target : Path
-        Where to; holds all that could be unpacked when the compressed data break off.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read, or the target not be written.
-    LogFormatError
-        When it unpacks to more than a log would.
+    Raises LogFileError, LogFormatError.
     """
     try:
         with target.open("wb") as file:
@@ -51,10 +39,7 @@ def unpack(path: Path, target: Path) -> bool:
 def is_packed(path: Path) -> bool:
     """Return whether a file begins like gzip-compressed data.
 
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
+    Raises LogFileError.
     """
     try:
         with path.open("rb") as file:

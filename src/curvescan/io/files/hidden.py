@@ -26,10 +26,7 @@ def hidden_folder(parent: Path) -> Iterator[Path]:
 
     Those that killed processes left in `parent` are removed first.
 
-    Raises
-    ------
-    OSError
-        When none can be made there.
+    Raises OSError.
     """
     sweep(parent)
     path, lock = _make_locked(parent)

@@ -24,18 +24,7 @@ _RECORD_READ = 2
 
 
 class CheckedPath:
-    """A path as rosbags takes them (its protocol RPath), whose file never reads beyond its end.
-
-    Parameters
-    ----------
-    path : Path
-        A regular file.
-    look : callable or None
-        Is shown each piece of more than 8 bytes that is read, before the reader is; what it raises, the reader meets.
-    rewrite : callable or None
-        Is given each record, the second piece that is read after a single byte, with that byte, the record's kind; returns
-        what the reader is given in its place, of the same length.
-    """
+    """A path as rosbags takes them (its protocol RPath), whose file never reads beyond its end."""
 
     def __init__(
         self,
@@ -86,10 +75,7 @@ class CheckedPath:
 
 class _CheckedFile(io.BufferedReader):
     def __init__(
-        self,
-        raw: io.FileIO,
-        look: Callable[[bytes], None] | None,
-        rewrite: Callable[[int, bytes], bytes] | None,
+        self, raw: io.FileIO, look: Callable[[bytes], None] | None, rewrite: Callable[[int, bytes], bytes] | None
     ) -> None:
         super().__init__(raw)
         self._look, self._rewrite = look, rewrite

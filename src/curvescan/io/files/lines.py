@@ -37,24 +37,7 @@ class BrokenGzipError(LogFormatError):
 def read_head(path: Path, n_bytes: int) -> bytes:
     """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter.
 
-    Parameters
-    ----------
-    path : Path
-        A regular file.
-    n_bytes : int
-        At least 1.
-
-    Returns
-    -------
-    bytes
-        Empty when the file, or what it unpacks to, is empty.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened or read.
-    BrokenGzipError
-        When the file is compressed and not one byte of it can be unpacked.
+    Raises LogFileError, BrokenGzipError.
     """
     head = b""
     try:
@@ -88,17 +71,7 @@ def read_line_at(path: Path, offset: int) -> bytes:
 
     A plain file is not read up to there; a compressed one is unpacked.
 
-    Parameters
-    ----------
-    path : Path
-        A regular file, plain or gzip-compressed.
-    offset : int
-        As a :class:`LineMark` of an earlier reading has it.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened or read, or is no longer what it was.
+    Raises LogFileError.
     """
     with _opened(path) as raw:
         try:
@@ -112,9 +85,7 @@ def read_line_at(path: Path, offset: int) -> bytes:
     return line.removesuffix(b"\n")
 
 
-def read_lines(
-    path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None
-) -> Iterator[tuple[int, bytes]]:
+def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None) -> Iterator[tuple[int, bytes]]:
     r"""Yield the number, from 1, and the bytes of each line, without its newline.
 
     Parameters
@@ -166,19 +137,7 @@ def read_lines(
 def read_chunks(path: Path) -> Iterator[bytes]:
     """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed.
 
-    Parameters
-    ----------
-    path : Path
-        A regular file, opened anew by each call and closed when the iteration ends or is given up.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened or read.
-    BrokenGzipError
-        Where compressed data break off or are damaged, after what stands before.
-    LogFormatError
-        Where they unpack to more than a log would.
+    Raises LogFileError, BrokenGzipError, LogFormatError.
     """
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
@@ -209,9 +168,7 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise LogFileError(
-                f"a log must be a file, and {path} is a folder: give the path of a log inside it"
-            )
+            raise LogFileError(f"a log must be a file, and {path} is a folder: give the path of a log inside it")
         if not stat.S_ISREG(mode):
             raise LogFileError(
                 f"a log is read more than once and must be a regular file, and {path} is a pipe or "

@@ -22,9 +22,7 @@ __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
 
 @contextmanager
-def output_folder(
-    path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()
-) -> Iterator[Path]:
+def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `path` when the block ends without an error.
 
     The temporary folder is hidden, on the file system of the target and beside it (inside it where the target is a
@@ -64,23 +62,10 @@ def output_folder(
 def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path; the file that the block writes there replaces `path` in one step when the block ends.
 
-    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to is
-    replaced. Missing parent folders are made.
+    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to
+    is replaced. Missing parent folders are made.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Yields
-    ------
-    Path
-        A file of the same name that does not yet exist, in a hidden folder beside `path`.
-
-    Raises
-    ------
-    OutputError
-        When the file cannot be written there.
+    Raises OutputError.
     """
     with _temporary(path, _check_takes_file, _hidden_beside) as (temporary, target):
         yield temporary / target.name
@@ -92,9 +77,7 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def _temporary(
-    path: str | os.PathLike[str],
-    check: Callable[[Path], None],
-    hidden: Callable[[Path], AbstractContextManager[Path]],
+    path: str | os.PathLike[str], check: Callable[[Path], None], hidden: Callable[[Path], AbstractContextManager[Path]]
 ) -> Iterator[tuple[Path, Path]]:
     """Yield a temporary folder, gone when the block ends, and the target; an error takes the new parents along."""
     made: list[Path] = []

@@ -28,11 +28,6 @@ class ReadErrorCounter:
     """Counts read errors by rule and remembers the place where each was met first.
 
     Its size grows with the number of rules, not with their number.
-
-    Parameters
-    ----------
-    unit : str
-        What a log of this format is numbered in: ``"line"``, ``"message"``.
     """
 
     def __init__(self, unit: str = "line") -> None:
@@ -41,15 +36,7 @@ class ReadErrorCounter:
         self._first_numbers: dict[str, int] = {}
 
     def add(self, rule: str, number: int) -> None:
-        """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``.
-
-        Parameters
-        ----------
-        rule : str
-            What was broken; one of a bounded set of phrases, without values taken from the line.
-        number : int
-            Number of the line (or message) in the (unpacked) file, from 1.
-        """
+        """Count one breach of `rule`, a phrase such as ``"FLASER line cut short"``."""
         self._counts[rule] = self._counts.get(rule, 0) + 1
         self._first_numbers.setdefault(rule, number)
 
@@ -57,10 +44,6 @@ class ReadErrorCounter:
         """Return one ReadError a rule, most frequent first, then in the order they were met."""
         rules = sorted(self._counts, key=lambda rule: -self._counts[rule])
         return tuple(
-            ReadError(
-                rule=rule,
-                count=self._counts[rule],
-                first=f"{self._unit} {self._first_numbers[rule]}",
-            )
+            ReadError(rule=rule, count=self._counts[rule], first=f"{self._unit} {self._first_numbers[rule]}")
             for rule in rules
         )

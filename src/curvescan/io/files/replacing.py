@@ -27,21 +27,7 @@ def move_results(temporary: Path, target: Path, inputs: Sequence[Path] = ()) -> 
 
     Of the run before are the files that its record lists; those that the new record lists too stay.
 
-    Parameters
-    ----------
-    temporary : Path
-        On the same file system. It may hold the old files afterwards.
-    target : Path
-        A folder, or a path where nothing is.
-    inputs : sequence of Path
-        Files and folders that stay in any case: what the results were made from.
-
-    Raises
-    ------
-    OutputError
-        When a folder has the name of a result.
-    OSError
-        When a file cannot be moved; all is then as before.
+    Raises OutputError, OSError.
     """
     new = {file.relative_to(temporary) for file in _files(temporary)}
     _check_goals([target / name for name in sorted(new)], target)
@@ -67,13 +53,8 @@ def _swap_files(temporary: Path, target: Path, old: set[Path], new: set[Path]) -
     moves = [(target / name, retired / name) for name in sorted(old, key=_records_first)]
     whole = [entry for entry in temporary.iterdir() if not (target / entry.name).exists()]
     moves += [(entry, target / entry.name) for entry in whole if entry.is_dir()]
-    apart = [
-        name for name in new if not any((temporary / name).is_relative_to(e) for e, _ in moves)
-    ]
-    moves += [
-        (temporary / name, target / name)
-        for name in sorted(apart, key=_records_first, reverse=True)
-    ]
+    apart = [name for name in new if not any((temporary / name).is_relative_to(e) for e, _ in moves)]
+    moves += [(temporary / name, target / name) for name in sorted(apart, key=_records_first, reverse=True)]
     done: list[tuple[Path, Path]] = []
     try:
         for source, goal in moves:
@@ -94,9 +75,7 @@ def _records_first(name: Path) -> tuple[bool, Path]:
     return name.name not in RECORDS, name
 
 
-def _results_before(
-    temporary: Path, target: Path, new: set[Path], inputs: Sequence[Path]
-) -> set[Path]:
+def _results_before(temporary: Path, target: Path, new: set[Path], inputs: Sequence[Path]) -> set[Path]:
     """Return the files of the run before that the new one does not have."""
     before: set[Path] = set()
     for record in RECORDS:
@@ -106,8 +85,7 @@ def _results_before(
     return {
         name
         for name in before - new
-        if (target / name).is_file()
-        and not any((target / name).is_relative_to(path) for path in kept)
+        if (target / name).is_file() and not any((target / name).is_relative_to(path) for path in kept)
     }
 
 

@@ -32,12 +32,10 @@ def make_temporary(prefix: str, parent: Path) -> Path:
 def replace(source: Path, goal: Path) -> None:
     """Move a file or folder to where a file may be, in one step.
 
-    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a second.
+    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a
+    second.
 
-    Raises
-    ------
-    OSError
-        When it cannot be moved.
+    Raises OSError.
     """
     for wait in _WAITS_S if IS_WINDOWS else ():
         try:

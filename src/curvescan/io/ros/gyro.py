@@ -17,19 +17,8 @@ def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
 
     Of several the one with the most messages is read. Its z axis is taken to point up, as REP-103 has it.
 
-    Parameters
-    ----------
-    bag : Bag
-        Any bag.
-    stamps : (n,) float64
-        Of the scans, seconds.
-    is_unstamped : bool
-        Whether the scans' stamps are times of reception; those of the gyroscope then are, too.
-
-    Returns
-    -------
-    (n,) float64 or None
-        Radians if the driver gives radians a second; NaN outside the time it covers. None without a gyroscope.
+    stamps (n,); result (n,): Radians if the driver gives radians a second; NaN outside the time it covers. None
+    without a gyroscope.
     """
     counts = {name: topic.count for name, topic in bag.topics.items() if topic.msgtype == IMU}
     if not any(counts.values()):

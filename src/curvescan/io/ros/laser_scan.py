@@ -14,24 +14,10 @@ BAD_ANGLES = "LaserScan header whose angle_min or angle_increment is not finite,
 BAD_LIMITS = "LaserScan header whose range limits break 0 <= range_min < range_max"
 
 
-def scan_of(
-    message: Any, *, stamp: float | None = None, range_max: float | None = None
-) -> LaserScan:
+def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None = None) -> LaserScan:
     """Return the LaserScan of a sensor_msgs/LaserScan message.
 
-    Parameters
-    ----------
-    message : object
-        With the fields of the message as attributes.
-    stamp : float or None
-        Seconds, in place of the header's stamp.
-    range_max : float or None
-        Metres, in place of the message's.
-
-    Raises
-    ------
-    BrokenMessageError
-        When the header makes no sense. Bad *readings* never raise; times that make no sense are not known, so 0.
+    Raises BrokenMessageError.
     """
     try:
         angle_min, step = float(message.angle_min), float(message.angle_increment)

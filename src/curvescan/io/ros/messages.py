@@ -37,15 +37,8 @@ class BrokenMessageError(LogFormatError):
 class Decoder:
     """Decodes the messages of one bag.
 
-    A definition that the bag carries is used where it differs from the bundled one, and the bundled one (ROS 1 Noetic,
-    ROS 2 Humble) where the bag carries none, or none that can be understood.
-
-    Parameters
-    ----------
-    connections : sequence of Connection
-        All of the bag.
-    is_ros1 : bool
-        Whether messages are serialised as in ROS 1; else they are CDR.
+    A definition that the bag carries is used where it differs from the bundled one, and the bundled one (ROS 1
+    Noetic, ROS 2 Humble) where the bag carries none, or none that can be understood.
     """
 
     def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
@@ -62,10 +55,7 @@ class Decoder:
     def decode(self, data: bytes, msgtype: str) -> Any:
         """Return a message of one of the types above with its fields as attributes.
 
-        Raises
-        ------
-        BrokenMessageError
-            When the bytes do not follow the type.
+        Raises BrokenMessageError.
         """
         if len(data) > MAX_MESSAGE_BYTES:
             raise BrokenMessageError(f"{short_name(msgtype)} message longer than 8 MiB")
@@ -76,9 +66,7 @@ class Decoder:
         except Exception as error:  # generated code on hostile bytes: any builtin error
             rule = f"{short_name(msgtype)} message that cannot be decoded"
             if bytes(data[:4]) == ZSTD_MAGIC:
-                rule += (
-                    " (zstd-compressed message by message: convert the bag to an uncompressed one)"
-                )
+                rule += " (zstd-compressed message by message: convert the bag to an uncompressed one)"
             raise BrokenMessageError(rule) from error
 
     def _use_definition(self, connection: Connection) -> None:
@@ -113,10 +101,7 @@ def bundled_types(is_ros1: bool) -> Typestore:
 def stamp_of(header: Any) -> float:
     """Return the stamp of a std_msgs/Header, seconds, correctly rounded.
 
-    Raises
-    ------
-    AttributeError, TypeError, OverflowError
-        When the bag's own definition of the header is another.
+    Raises AttributeError, TypeError, OverflowError.
     """
     return float((header.stamp.sec * 10**9 + header.stamp.nanosec) / 10**9)
 

@@ -22,24 +22,14 @@ _TILTED = math.radians(5.0)
 
 
 def laser_tilt(bag: Bag, frame: str) -> float:
-    """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is unknown.
-
-    Parameters
-    ----------
-    bag : Bag
-        Any bag.
-    frame : str
-        The scans' frame_id.
-    """
+    """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is unknown."""
     tree = FrameTree()
     for name, topic in bag.topics.items():
         if topic.msgtype in TRANSFORMS and topic.count:
             _read_first(bag, name, tree)
     frame = frame_name(frame)
     for level in _LEVEL:
-        known = {
-            name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level
-        }
+        known = {name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level}
         for start in sorted(known):
             way = tree.path(start, frame, avoid="")
             if way is not None:
@@ -55,9 +45,7 @@ def tilt_notes(tilt: float) -> tuple[str, ...]:
         notes.append("by the transforms the laser hangs upside down")
     lean = min(tilt, math.pi - tilt)
     if lean > _TILTED:
-        notes.append(
-            f"by the transforms the laser leans by {math.degrees(lean):.0f} deg: its scans are taken as level"
-        )
+        notes.append(f"by the transforms the laser leans by {math.degrees(lean):.0f} deg: its scans are taken as level")
     return tuple(notes)
 
 

@@ -12,22 +12,8 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFormatError
 from curvescan.io.ros.bags.bag import Bag, Message
-from curvescan.io.ros.messages import (
-    ODOMETRY,
-    TRANSFORMS,
-    BrokenMessageError,
-    shown,
-    stamp_of,
-)
-from curvescan.io.ros.transforms import (
-    FARTHEST,
-    Edge,
-    FrameTree,
-    Transform,
-    frame_name,
-    planar,
-    seven,
-)
+from curvescan.io.ros.messages import ODOMETRY, TRANSFORMS, BrokenMessageError, shown, stamp_of
+from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, Transform, frame_name, planar, seven
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
 
@@ -66,21 +52,7 @@ class _Motion:
 def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -> BagOdometry:
     """Return the odometry of a bag, from one pass over its odometry and its transforms.
 
-    Parameters
-    ----------
-    bag : Bag
-        Any bag.
-    stamps : (n,) float64
-        Of the scans, seconds.
-    frame : str
-        The scans' frame_id.
-    is_unstamped : bool
-        Whether the scans' stamps are times of reception; those of the odometry then are, too.
-
-    Returns
-    -------
-    BagOdometry
-        Memory grows by 32 bytes a message while it is read.
+    stamps (n,).
     """
     odometry_topics = [n for n, t in bag.topics.items() if t.msgtype == ODOMETRY and t.count]
     transform_topics = [n for n, t in bag.topics.items() if t.msgtype in TRANSFORMS and t.count]
@@ -92,9 +64,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
     reader = _Reader(bag, is_unstamped=is_unstamped)
     reader.read([*transform_topics, *([chosen] if chosen else [])])
     if reader.n_broken:
-        notes.append(
-            f"{reader.n_broken:,} odometry or transform messages cannot be decoded: they are left out"
-        )
+        notes.append(f"{reader.n_broken:,} odometry or transform messages cannot be decoded: they are left out")
     if reader.odometry.rows:
         edge, motion, source = reader.odometry_edge, reader.odometry, shown(chosen or "")
     else:
@@ -145,10 +115,7 @@ class _Reader:
         decoded = self._bag.decode(message)
         pose = decoded.pose.pose
         if not self.odometry.rows:
-            self.odometry_edge = (
-                frame_name(decoded.header.frame_id),
-                frame_name(decoded.child_frame_id),
-            )
+            self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
         stamp = message.received / 10**9 if self._is_unstamped else stamp_of(decoded.header)
         self.odometry.add(stamp, seven(pose.position, pose.orientation))
 
@@ -210,9 +177,6 @@ def _at(stamps: Floats, rows: Floats) -> Pose:
         return np.full((stamps.size, 3), np.nan)
     _, first_idx = np.unique(rows[:, 0], return_index=True)  # sorted, and one row a stamp
     times, x, y, theta = rows[first_idx].T
-    columns = [
-        np.interp(stamps, times, column, left=np.nan, right=np.nan)
-        for column in (x, y, np.unwrap(theta))
-    ]
+    columns = [np.interp(stamps, times, column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))]
     columns[2] = se2.wrap(columns[2])
     return np.stack(columns, axis=-1)

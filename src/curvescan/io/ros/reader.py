@@ -26,13 +26,7 @@ from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
-from curvescan.io.ros.messages import (
-    LASER_SCAN,
-    BrokenMessageError,
-    short_name,
-    shown,
-    stamp_of,
-)
+from curvescan.io.ros.messages import LASER_SCAN, BrokenMessageError, short_name, shown, stamp_of
 from curvescan.io.ros.mount import laser_tilt, tilt_notes
 from curvescan.io.ros.odometry import BagOdometry, read_odometry
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -63,31 +57,16 @@ class _Survey:
 class RosbagLog(ScanAccess):
     """The scans of one laser of a ROS bag, in the order they were received; a Log.
 
-    Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known after
-    one reading of all scans: that of the first complete iteration, or one of its own where they are needed earlier.
+    Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known
+    after one reading of all scans: that of the first complete iteration, or one of its own where they are needed
+    earlier.
 
-    Parameters
-    ----------
-    path : Path
-        The file, plain or gzip-compressed, or the folder of a ROS 2 bag.
-    range_max : float or None
-        Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs.
-    topic : str or None
-        Topic of sensor_msgs/LaserScan messages; None for the only one.
-
-    Raises
-    ------
-    LogFileError
-        When a file cannot be read.
-    LogFormatError
-        When the bag is damaged or holds no scan that can be read.
-    InvalidArgumentError
-        When `topic` is None and there are several, or has no laser scans.
+    range_max: Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs; topic:
+    Topic of sensor_msgs/LaserScan messages; None for the only one. Raises LogFileError, LogFormatError,
+    InvalidArgumentError.
     """
 
-    def __init__(
-        self, path: Path, *, range_max: float | None = None, topic: str | None = None
-    ) -> None:
+    def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         self._bag = Bag(path)
         self._topic = _choose_topic(self._bag, topic)
         self._range_max = range_max
@@ -139,14 +118,9 @@ class RosbagLog(ScanAccess):
     def notes(self) -> tuple[str, ...]:
         """What was left out or assumed."""
         others = [name for name in _laser_topics(self._bag) if name != self._topic]
-        notes = [
-            f"laser scans on {shown(name)} are not read: the topic is another"
-            for name in others[:_MAX_LISTED]
-        ]
+        notes = [f"laser scans on {shown(name)} are not read: the topic is another" for name in others[:_MAX_LISTED]]
         if self._is_unstamped:
-            notes.append(
-                "the scans are not stamped (all zeros): the time they were received stands for it"
-            )
+            notes.append("the scans are not stamped (all zeros): the time they were received stands for it")
         if self._surveyed().n_bad_times:
             notes.append(
                 f"{self._surveyed().n_bad_times:,} scans have a time_increment or scan_time that is negative or no "
@@ -189,9 +163,7 @@ class RosbagLog(ScanAccess):
                 read_errors.add(CUT_BAG, number + 1)
         except LogFormatError:
             read_errors.add(BROKEN_BAG, number + 1)
-        self._survey = self._survey or _Survey(
-            stamps, received, read_errors.read_errors(), n_bad_times
-        )
+        self._survey = self._survey or _Survey(stamps, received, read_errors.read_errors(), n_bad_times)
 
     def __repr__(self) -> str:
         # to count the scans that can be read may take long: the bag's own count will do
@@ -265,20 +237,14 @@ class RosbagLog(ScanAccess):
 
 
 def _laser_topics(bag: Bag) -> dict[str, int]:
-    return {
-        name: topic.count
-        for name, topic in bag.topics.items()
-        if topic.msgtype == LASER_SCAN and topic.count
-    }
+    return {name: topic.count for name, topic in bag.topics.items() if topic.msgtype == LASER_SCAN and topic.count}
 
 
 def _choose_topic(bag: Bag, topic: str | None) -> str:
     lasers = _laser_topics(bag)
     if not lasers:
         raise LogFormatError(_no_laser_message(bag))
-    listed = ", ".join(
-        f"{shown(name)} ({n:,} scans)" for name, n in list(lasers.items())[:_MAX_LISTED]
-    )
+    listed = ", ".join(f"{shown(name)} ({n:,} scans)" for name, n in list(lasers.items())[:_MAX_LISTED])
     if topic is None:
         if len(lasers) == 1:
             return next(iter(lasers))
@@ -300,10 +266,7 @@ def _choose_topic(bag: Bag, topic: str | None) -> str:
 
 
 def _no_laser_message(bag: Bag) -> str:
-    held = [
-        f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})"
-        for name, topic in bag.topics.items()
-    ]
+    held = [f"{shown(name)} ({topic.count:,} {short_name(topic.msgtype)})" for name, topic in bag.topics.items()]
     more = f" and {len(held) - _MAX_LISTED} more" if len(held) > _MAX_LISTED else ""
     return (
         f"{bag.path} is a {bag.kind.value} without a laser scan: it needs sensor_msgs/LaserScan messages, and "

@@ -22,17 +22,7 @@ def column_rows(path: str | os.PathLike[str]) -> PoseRows:
 
     Blank lines and lines that start with ``#`` are skipped; the first other line names the columns.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file; metres, radians, seconds.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When a column is missing, a line does not fit the header or holds no numbers, or there is no pose.
+    Raises LogFileError, LogFormatError.
     """
     try:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
@@ -77,6 +67,4 @@ def _row(row: list[str], n: int, columns: list[int], where: str) -> list[float]:
     try:
         return [float(row[k]) for k in columns]
     except ValueError as error:
-        raise LogFormatError(
-            f"{where}: a field is not a number ({printable(str(error), 120)})"
-        ) from None
+        raise LogFormatError(f"{where}: a field is not a number ({printable(str(error), 120)})") from None

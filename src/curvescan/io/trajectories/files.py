@@ -17,12 +17,7 @@ from curvescan.io.trajectories.tum_csv import CSV_HEADER, csv_rows, tum_rows, wr
 TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]
 """Formats in which a trajectory is written and read."""
 
-_ENDINGS: dict[str, TrajectoryFormat] = {
-    ".tum": "tum",
-    ".txt": "tum",
-    ".csv": "csv",
-    ".kitti": "kitti",
-}
+_ENDINGS: dict[str, TrajectoryFormat] = {".tum": "tum", ".txt": "tum", ".csv": "csv", ".kitti": "kitti"}
 
 _HEAD_BYTES = 1 << 12
 
@@ -48,18 +43,14 @@ def write_poses(
     elif kind == "kitti":
         write_kitti(path, trajectory)
     else:
-        raise InvalidArgumentError(
-            f"format must be one of {', '.join(get_args(TrajectoryFormat))}, got {kind!r}"
-        )
+        raise InvalidArgumentError(f"format must be one of {', '.join(get_args(TrajectoryFormat))}, got {kind!r}")
 
 
 def read_rows(path: str | os.PathLike[str]) -> PoseRows:
     """Return the poses in a file; see :meth:`curvescan.Trajectory.read`."""
     file = results_file(path)
     if file.is_dir():
-        raise LogFileError(
-            f"{path} is a folder without a trajectory.csv: give the results of a run, or a file"
-        )
+        raise LogFileError(f"{path} is a folder without a trajectory.csv: give the results of a run, or a file")
     if not file.exists():
         raise LogFileError(f"trajectory {path} does not exist: check the path")
     first = first_line(read_head(file, _HEAD_BYTES))
@@ -73,19 +64,7 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
 def plain_rows(path: Path, first: str) -> PoseRows:
     """Return the poses of TUM text, or of CSV whose columns have names.
 
-    Parameters
-    ----------
-    path : Path
-        A file.
-    first : str
-        Its first line; see :func:`first_line`.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When it holds no poses, or is of no such format.
+    Raises LogFileError, LogFormatError.
     """
     if not first:
         raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")

@@ -20,9 +20,7 @@ from curvescan.types import Bools, Cov, PoseEdge
 _UPPER = np.triu_indices(3)
 
 
-def write_g2o(
-    path: str | os.PathLike[str], trajectory: Trajectory, edges: Iterable[PoseEdge]
-) -> None:
+def write_g2o(path: str | os.PathLike[str], trajectory: Trajectory, edges: Iterable[PoseEdge]) -> None:
     """Write a pose graph: a vertex a pose, by its number, and an edge a measurement; vertex 0 is fixed.
 
     Parameters
@@ -52,9 +50,7 @@ def write_g2o(
                         f"an edge must join known poses, got {edge.i} to {edge.j} of {len(known)}"
                     )
             information = information_of(edge)[_UPPER].tolist()
-            file.write(
-                f"EDGE_SE2 {edge.i} {edge.j} {_row(edge.pose.tolist())} {_row(information)}\n"
-            )
+            file.write(f"EDGE_SE2 {edge.i} {edge.j} {_row(edge.pose.tolist())} {_row(information)}\n")
         # last: some readers of the format stop at a word that they do not know
         if known.any():
             file.write(f"FIX {int(np.argmax(known))}\n")
@@ -63,10 +59,7 @@ def write_g2o(
 def information_of(edge: PoseEdge) -> Cov:
     """Return the (3, 3) information matrix of an edge in the frame of its measured pose.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When the covariance is not positive definite.
+    Raises InvalidArgumentError.
     """
     cos, sin = np.cos(edge.pose[2]), np.sin(edge.pose[2])
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])

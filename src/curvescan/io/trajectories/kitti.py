@@ -7,13 +7,7 @@ import os
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.trajectories.rows import (
-    PoseRows,
-    PosesInTime,
-    numbers_of,
-    reading_text,
-    writing_text,
-)
+from curvescan.io.trajectories.rows import PoseRows, PosesInTime, numbers_of, reading_text, writing_text
 
 N_NUMBERS = 12
 """Numbers a line: three rows of four."""
@@ -57,9 +51,7 @@ def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
                 continue
             where = f"{path}, line {number}"
             if len(fields) != N_NUMBERS:
-                raise LogFormatError(
-                    f"{where}: a KITTI line has {N_NUMBERS} numbers (3x4), got {len(fields)}"
-                )
+                raise LogFormatError(f"{where}: a KITTI line has {N_NUMBERS} numbers (3x4), got {len(fields)}")
             row = numbers_of(fields, where)
             if row[10] < _LEAST_UPRIGHT:  # False for NaN, a missing pose
                 raise LogFormatError(
@@ -71,6 +63,4 @@ def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
         raise LogFormatError(f"{path} holds no pose: a KITTI line is a matrix of 3x4 numbers")
     table = np.array(rows)
     theta = np.arctan2(table[:, 4], table[:, 0])
-    return PoseRows(
-        np.arange(len(rows), dtype=np.float64), np.column_stack([table[:, 3], table[:, 7], theta])
-    )
+    return PoseRows(np.arange(len(rows), dtype=np.float64), np.column_stack([table[:, 3], table[:, 7], theta]))

@@ -91,9 +91,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     for read_error in read_errors.read_errors():
         raise LogFormatError(f"{path}, {read_error.first}: {read_error.rule}")
     if not rows:
-        raise LogFormatError(
-            f"{path} holds no relation: a line is t1 t2 x y z roll pitch yaw (s, m, rad)"
-        )
+        raise LogFormatError(f"{path} holds no relation: a line is t1 t2 x y z roll pitch yaw (s, m, rad)")
     table = np.array(rows).reshape(-1, 8)
     return Relations(
         first_stamps=table[:, 0],
@@ -104,9 +102,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
 
 def _numbers(fields: list[bytes], where: str) -> list[float]:
     if len(fields) != 8:
-        raise LogFormatError(
-            f"{where}: a relation has 8 fields (t1 t2 x y z roll pitch yaw), got {len(fields)}"
-        )
+        raise LogFormatError(f"{where}: a relation has 8 fields (t1 t2 x y z roll pitch yaw), got {len(fields)}")
     try:
         values = [float(field) for field in fields]
     except ValueError:

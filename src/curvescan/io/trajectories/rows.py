@@ -57,9 +57,7 @@ def numbers_of(fields: Iterable[str], where: str) -> list[float]:
     try:
         return [float(field) for field in fields]
     except ValueError as error:
-        raise LogFormatError(
-            f"{where}: a field is not a number ({printable(str(error), 120)})"
-        ) from None
+        raise LogFormatError(f"{where}: a field is not a number ({printable(str(error), 120)})") from None
 
 
 @contextmanager

@@ -47,8 +47,7 @@ class Trajectory:
         poses = np.ascontiguousarray(self.poses, dtype=np.float64)
         if stamps.ndim != 1 or poses.shape != (stamps.size, 3):
             raise InvalidArgumentError(
-                "a trajectory has stamps of shape (n,) and poses of shape (n, 3), "
-                f"got {stamps.shape} and {poses.shape}"
+                f"a trajectory has stamps of shape (n,) and poses of shape (n, 3), got {stamps.shape} and {poses.shape}"
             )
         object.__setattr__(self, "stamps", stamps)
         object.__setattr__(self, "poses", poses)

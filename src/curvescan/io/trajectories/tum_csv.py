@@ -17,13 +17,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.trajectories.rows import (
-    PoseRows,
-    PosesInTime,
-    numbers_of,
-    reading_text,
-    writing_text,
-)
+from curvescan.io.trajectories.rows import PoseRows, PosesInTime, numbers_of, reading_text, writing_text
 
 CSV_HEADER = (
     "stamp", "x", "y", "theta",
@@ -68,9 +62,7 @@ def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
                 continue
             where = f"{path}, line {number}"
             if len(fields) != 8:
-                raise LogFormatError(
-                    f"{where}: a TUM line has 8 fields (stamp x y z qx qy qz qw), got {len(fields)}"
-                )
+                raise LogFormatError(f"{where}: a TUM line has 8 fields (stamp x y z qx qy qz qw), got {len(fields)}")
             stamp, x, y, _, *quaternion = numbers_of(fields, where)
             stamps.append(stamp)
             poses.append((x, y, _yaw(quaternion, where)))
@@ -79,9 +71,7 @@ def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
     return PoseRows(np.array(stamps), np.array(poses))
 
 
-def write_csv(
-    path: str | os.PathLike[str], trajectory: PosesInTime, outcomes: Sequence[str]
-) -> None:
+def write_csv(path: str | os.PathLike[str], trajectory: PosesInTime, outcomes: Sequence[str]) -> None:
     """Write a trajectory with covariances and outcomes as CSV, one line a pose, in its own order.
 
     Parameters
@@ -124,15 +114,11 @@ def csv_rows(path: str | os.PathLike[str]) -> tuple[PoseRows, tuple[str, ...]]:
     with reading_text(path) as file:
         reader = csv.reader(file)
         if tuple(next(reader, ())) != CSV_HEADER:
-            raise LogFormatError(
-                f"{path} is not a trajectory: its first line must be {','.join(CSV_HEADER)!r}"
-            )
+            raise LogFormatError(f"{path} is not a trajectory: its first line must be {','.join(CSV_HEADER)!r}")
         for row in reader:
             where = f"{path}, line {reader.line_num}"
             if len(row) != len(CSV_HEADER):
-                raise LogFormatError(
-                    f"{where}: a row has {len(CSV_HEADER)} fields, as the header has, got {len(row)}"
-                )
+                raise LogFormatError(f"{where}: a row has {len(CSV_HEADER)} fields, as the header has, got {len(row)}")
             has_cov = any(row[4:10])
             numbers.append(numbers_of(row[:10] if has_cov else [*row[:4], *["nan"] * 6], where))
             is_any_cov |= has_cov

@@ -25,32 +25,16 @@ _END = b"\n\n"
 class HokuyoSource:
     """A Hokuyo on the network.
 
-    Parameters
-    ----------
-    port : str
-        ``HOST:PORT`` or ``HOST``.
-    is_mirrored : bool
-        Whether it hangs upside down.
-    ignore_beams : (int, int)
-        Beams at the beginning and at the end of each sweep that give no reading.
-
-    Raises
-    ------
-    MissingPackageError
-        When hokuyolx is not installed.
+    ignore_beams (int, int). Raises MissingPackageError.
     """
 
     is_live = True
 
-    def __init__(
-        self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
-    ) -> None:
+    def __init__(self, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)) -> None:
         try:
             import hokuyolx
         except ImportError as error:
-            raise MissingPackageError(
-                f"the driver hokuyo is the package hokuyolx: {PIP_COMMAND}"
-            ) from error
+            raise MissingPackageError(f"the driver hokuyo is the package hokuyolx: {PIP_COMMAND}") from error
         self._package: Any = hokuyolx
         host, _, number = port.partition(":")
         if not host or (number and not number.isdecimal()):
@@ -69,9 +53,7 @@ class HokuyoSource:
         try:
             # its clock is not queried: that takes a second, and we stamp what arrives
             self._laser = self._package.HokuyoLX.__new__(self._package.HokuyoLX)
-            self._laser.__init__(
-                addr=self._address, tsync=False, convert_time=False, timeout=SILENCE
-            )
+            self._laser.__init__(addr=self._address, tsync=False, convert_time=False, timeout=SILENCE)
             self._laser._sock = _Socket(self._laser._sock)
         except Exception as error:
             self._laser.close()
@@ -79,10 +61,7 @@ class HokuyoSource:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._is_closed = True
         if self._laser is not None:
@@ -118,9 +97,7 @@ class HokuyoSource:
         except Exception as error:
             if self._is_closed:
                 return
-            raise SourceError(
-                f"the {self.name} is gone or sends what its driver cannot read: {error}"
-            ) from error
+            raise SourceError(f"the {self.name} is gone or sends what its driver cannot read: {error}") from error
 
 
 class _Socket:

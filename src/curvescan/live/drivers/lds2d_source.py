@@ -42,25 +42,8 @@ _SHORTEST = 0.6
 class Lds2dSource:
     """A laser that lds2d reads.
 
-    Parameters
-    ----------
-    model : str
-        A name of ``lds2d.available_models()``: ``"LDROBOT-LD19"``.
-    port : str
-        See :func:`curvescan.live.drivers.opening.open_driver`.
-    baud : int or None
-        Bits a second; None for the model's.
-    is_mirrored : bool
-        Whether it turns against what the model does, or hangs upside down.
-    ignore_beams : (int, int)
-        Points at the beginning and at the end of each turn that are left out.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When lds2d has no such model.
-    MissingPackageError
-        When lds2d is not installed.
+    baud: Bits a second; None for the model's; ignore_beams (int, int). Raises InvalidArgumentError,
+    MissingPackageError.
     """
 
     is_live = True
@@ -87,9 +70,7 @@ class Lds2dSource:
         self.model, self.port = model.upper(), port
         self._baud = baud or int(self._driver_class.DEFAULT_BAUD)
         self._is_clockwise = (self.model not in COUNTER_CLOCKWISE) != is_mirrored
-        self._limits = next(
-            (v for k, v in LIMITS.items() if self.model.startswith(k)), (0.05, 12.0)
-        )
+        self._limits = next((v for k, v in LIMITS.items() if self.model.startswith(k)), (0.05, 12.0))
         self._ignore_beams = ignore_beams
         self._transport: Transport | None = None
         self._laser: Any = None
@@ -114,10 +95,7 @@ class Lds2dSource:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if self._transport is not None:
             self._transport.close()
@@ -130,9 +108,7 @@ class Lds2dSource:
             if isinstance(end, SourceError):
                 raise
         except Exception as error:  # what the package does not expect of its bytes
-            raise SourceError(
-                f"the {self.name} sends what its driver cannot read: {error}"
-            ) from error
+            raise SourceError(f"the {self.name} sends what its driver cannot read: {error}") from error
 
     def _turns(self) -> Iterator[LaserScan]:
         transport, clock = self._transport, TurnClock()

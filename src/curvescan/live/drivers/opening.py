@@ -14,32 +14,11 @@ DRIVERS = ("lds2d", "rplidar", "hokuyo")
 
 
 def open_driver(
-    driver: str,
-    port: str,
-    *,
-    is_mirrored: bool = False,
-    ignore_beams: tuple[int, int] = (0, 0),
+    driver: str, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
 ) -> ScanSource:
     """Return the source of a laser; it is opened when its context is entered.
 
-    Parameters
-    ----------
-    driver : str
-        ``"lds2d:MODEL"`` (see ``lds2d.available_models()``), ``"rplidar"`` or ``"hokuyo"``.
-    port : str
-        A serial port (``/dev/ttyUSB0``, ``COM3``), a URL of pyserial (``socket://HOST:PORT``, ``rfc2217://HOST:PORT``)
-        or ``recording://FILE`` of raw bytes; for hokuyo ``HOST:PORT``.
-    is_mirrored : bool
-        Whether the laser turns against what its model does, or hangs upside down.
-    ignore_beams : (int, int)
-        Readings at the beginning and at the end of each turn that are left out.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When there is no such driver or model.
-    MissingPackageError
-        When the driver's package is not installed.
+    ignore_beams (int, int). Raises InvalidArgumentError, MissingPackageError.
     """
     name, _, model = driver.partition(":")
     if name == "lds2d" and model:

@@ -20,39 +20,18 @@ _N_BUFFERED = 4096
 class RplidarSource:
     """An RPLIDAR A1, A2 or A3 on a serial port.
 
-    Parameters
-    ----------
-    port : str
-        See :func:`curvescan.live.drivers.opening.open_driver`.
-    baud : int
-        Bits a second; 256000 for the A3.
-    is_mirrored : bool
-        Whether it hangs upside down.
-    ignore_beams : (int, int)
-        Points at the beginning and at the end of each turn that are left out.
-
-    Raises
-    ------
-    MissingPackageError
-        When rplidar-roboticia is not installed.
+    ignore_beams (int, int). Raises MissingPackageError.
     """
 
     is_live = True
 
     def __init__(
-        self,
-        port: str,
-        *,
-        baud: int = BAUD,
-        is_mirrored: bool = False,
-        ignore_beams: tuple[int, int] = (0, 0),
+        self, port: str, *, baud: int = BAUD, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
     ) -> None:
         try:
             import rplidar
         except ImportError as error:
-            raise MissingPackageError(
-                f"the driver rplidar is the package rplidar-roboticia: {PIP_COMMAND}"
-            ) from error
+            raise MissingPackageError(f"the driver rplidar is the package rplidar-roboticia: {PIP_COMMAND}") from error
         self._package: Any = rplidar
         self.port = port
         self._baud, self._is_mirrored, self._ignore_beams = baud, is_mirrored, ignore_beams
@@ -87,10 +66,7 @@ class RplidarSource:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if self._transport is not None:
             self._transport.close()
@@ -103,9 +79,7 @@ class RplidarSource:
             if isinstance(end, SourceError):
                 raise
         except Exception as error:  # what the package does not expect of its bytes
-            raise SourceError(
-                f"the {self.name} sends what its driver cannot read: {error}"
-            ) from error
+            raise SourceError(f"the {self.name} sends what its driver cannot read: {error}") from error
 
     def _turns(self) -> Iterator[LaserScan]:
         if self._transport is None:
@@ -115,9 +89,7 @@ class RplidarSource:
         ranges: list[float] = []
         strengths: list[float] = []
         n_turns = 0
-        for is_new, quality, angle_deg, distance_mm in self._laser.iter_measures(
-            max_buf_meas=False
-        ):
+        for is_new, quality, angle_deg, distance_mm in self._laser.iter_measures(max_buf_meas=False):
             if is_new:
                 begin, end = clock.turn(self._transport.arrival)
                 self._transport.turn_done()

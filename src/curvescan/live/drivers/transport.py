@@ -34,24 +34,12 @@ class EndOfSource(Exception):  # noqa: N818 - an end, not an error
 class Transport:
     """Bytes of a laser.
 
-    Parameters
-    ----------
-    port : str
-        A serial port, a URL of pyserial or ``recording://FILE``.
-    baud : int
-        Bits a second of a serial port.
+    Raises SourceError, MissingPackageError.
 
     Attributes
     ----------
     arrival : float or None
         When the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times.
-
-    Raises
-    ------
-    SourceError
-        When the port cannot be opened.
-    MissingPackageError
-        When pyserial is not installed.
     """
 
     def __init__(self, port: str, baud: int) -> None:
@@ -66,12 +54,7 @@ class Transport:
     def read(self, size: int = 1) -> bytes:
         """Return between 1 and `size` bytes, as soon as there are any.
 
-        Raises
-        ------
-        SourceError
-            When the port is gone, nothing came for 2 s, or what came makes no turn for 5 s.
-        EndOfSource
-            When the recording has ended or the transport was closed.
+        Raises SourceError, EndOfSource.
         """
         # only the time spent waiting here counts: the caller may have been busy
         started = time.monotonic()

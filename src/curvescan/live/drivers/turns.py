@@ -38,12 +38,7 @@ class TurnClock:
     def turn(self, arrival: float | None, rate_hz: float = 0.0) -> tuple[float, float]:
         """Return begin and end of the turn whose last point has just come, seconds.
 
-        Parameters
-        ----------
-        arrival : float or None
-            When its last bytes came, seconds; None where that is not known, and turns follow each other.
-        rate_hz : float
-            Turns a second as the sensor says; 0: it does not say.
+        arrival: When its last bytes came, seconds; None where that is not known, and turns follow each other.
         """
         if arrival is not None and self._last_arrival is not None and arrival > self._last_arrival:
             self._periods.append(arrival - self._last_arrival)
@@ -100,23 +95,9 @@ def scan_of_turn(
 ) -> LaserScan | None:
     """Return a turn as a scan; None where it has no two directions.
 
-    Parameters
-    ----------
-    angles_rad, ranges_m, intensities : sequence of float
-        The points in the order they came: angles rise from 0 to a full turn, jitter and may repeat; a range of 0 is no
-        reading.
-    begin, end : float
-        When the turn began and ended, seconds.
-    is_clockwise : bool
-        Whether the angles count clockwise, seen from above.
-    range_min, range_max : float
-        Limits of a valid reading, metres.
-    ignore_beams : (int, int)
-        Points at the beginning and at the end that are left out.
+    ignore_beams (int, int).
     """
-    angles, order = np.unique(
-        np.mod(np.asarray(angles_rad, dtype=np.float64), 2.0 * np.pi), return_index=True
-    )
+    angles, order = np.unique(np.mod(np.asarray(angles_rad, dtype=np.float64), 2.0 * np.pi), return_index=True)
     n = angles.size
     used = slice(ignore_beams[0], n - ignore_beams[1])
     angles, order = angles[used], order[used]
@@ -128,9 +109,7 @@ def scan_of_turn(
         range_min=range_min,
         range_max=range_max,
         stamp=begin + ignore_beams[0] / n * (end - begin),
-        intensities=None
-        if intensities is None
-        else np.asarray(intensities, dtype=np.float64)[order],
+        intensities=None if intensities is None else np.asarray(intensities, dtype=np.float64)[order],
         time_increment=(end - begin) / n,
         scan_time=end - begin,
     )

@@ -41,11 +41,7 @@ class ShrinkConfig:
     """Iteration t has first * exp(-decay * t)."""
 
     def __post_init__(self) -> None:
-        require(
-            0.0 < self.last <= self.first,
-            "limits must satisfy 0 < last <= first",
-            (self.last, self.first),
-        )
+        require(0.0 < self.last <= self.first, "limits must satisfy 0 < last <= first", (self.last, self.first))
         require(self.decay > 0.0, "decay must be > 0", self.decay)
 
     def at(self, iteration: int) -> float:
@@ -82,14 +78,10 @@ class IdcConfig:
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     """When to stop."""
     window: ShrinkConfig = field(
-        default_factory=lambda: ShrinkConfig(
-            first=math.radians(60.0), last=math.radians(2.0), decay=0.2
-        )
+        default_factory=lambda: ShrinkConfig(first=math.radians(60.0), last=math.radians(2.0), decay=0.2)
     )
     """Half width of the rotation window B(t) = B(0) exp(-alpha t), radians. Measured."""
-    gate: ShrinkConfig = field(
-        default_factory=lambda: ShrinkConfig(first=4.0, last=0.15, decay=0.15)
-    )
+    gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=4.0, last=0.15, decay=0.15))
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.9
     """Share of the pairs, the closest, that take part, in (0, 1]; the rest counts as outliers."""
@@ -117,9 +109,7 @@ class CoxConfig:
     """When to stop."""
     lines: LinesConfig = field(default_factory=LinesConfig)
     """The reference's lines."""
-    gate: ShrinkConfig = field(
-        default_factory=lambda: ShrinkConfig(first=2.0, last=0.05, decay=0.1)
-    )
+    gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=2.0, last=0.05, decay=0.1))
     """Greatest distance of a point from its line, metres. Measured."""
     median_readings: int = 1
     """Readings the median filter looks at, odd; 1 for none. Gutmann's is 5; it rounds corners."""
@@ -161,11 +151,7 @@ class HistogramConfig:
     def __post_init__(self) -> None:
         require(self.angle_bins >= 36, "angle_bins must be at least 36", self.angle_bins)
         require(self.angle_smoothing > 0.0, "angle_smoothing must be > 0 rad", self.angle_smoothing)
-        require(
-            0.0 < self.max_rotation <= math.pi,
-            "max_rotation must lie in (0, pi] rad",
-            self.max_rotation,
-        )
+        require(0.0 < self.max_rotation <= math.pi, "max_rotation must lie in (0, pi] rad", self.max_rotation)
         require(self.bin_width > 0.0, "bin_width must be > 0 m", self.bin_width)
         require(self.smoothing > 0.0, "smoothing must be > 0 m", self.smoothing)
         require(self.max_translation > 0.0, "max_translation must be > 0 m", self.max_translation)
@@ -178,9 +164,7 @@ class IcpConfig:
 
     convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
     """When to stop."""
-    gate: ShrinkConfig = field(
-        default_factory=lambda: ShrinkConfig(first=4.0, last=0.1, decay=0.15)
-    )
+    gate: ShrinkConfig = field(default_factory=lambda: ShrinkConfig(first=4.0, last=0.1, decay=0.15))
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.95
     """Share of the pairs, the closest, that take part, in (0, 1]."""
@@ -214,9 +198,7 @@ class PlIcpConfig:
     def __post_init__(self) -> None:
         require_share(self.kept_share, "kept_share")
         require_share(self.adaptive_order, "adaptive_order")
-        require(
-            self.adaptive_factor >= 1.0, "adaptive_factor must be at least 1", self.adaptive_factor
-        )
+        require(self.adaptive_factor >= 1.0, "adaptive_factor must be at least 1", self.adaptive_factor)
         require(self.range_sigma > 0.0, "range_sigma must be > 0 m", self.range_sigma)
         require_share(self.min_share, "min_share")
 

@@ -16,31 +16,14 @@ from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.types import Bools, Floats, Ints, Points
 
 _TWO_PI = 2.0 * math.pi
-_TOUCH = (
-    1e-9  # metres: a reading that is itself the least or greatest range of a surface is still on it
-)
+_TOUCH = 1e-9  # metres: a reading that is itself the least or greatest range of a surface is still on it
 
 
-def nearest_readings(
-    points: Points, reference: ScanPoints, max_distance: float
-) -> tuple[Ints, Floats]:
+def nearest_readings(points: Points, reference: ScanPoints, max_distance: float) -> tuple[Ints, Floats]:
     """Return the reading of the reference nearest to each point, and the squared distance to it.
 
-    Parameters
-    ----------
-    points : (n, 2) float64
-        Metres, in the frame of the reference.
-    reference : Sweep
-        At least one reading.
-    max_distance : float
-        Metres; nothing farther is a partner.
-
-    Returns
-    -------
-    ref_idx : (n,) int64
-        Index into the reference's readings, -1 where there is none near enough.
-    squared : (n,) float64
-        Square metres; inf where there is none.
+    points (n, 2); ref_idx (n,): Index into the reference's readings, -1 where there is none near enough; squared
+    (n,): Square metres; inf where there is none.
     """
     return _nearest_readings(points, reference.points, reference.angles, max_distance)
 
@@ -52,29 +35,11 @@ def closest_points(
 
     The surface between two joined readings is the straight line between them; an isolated reading is a point.
 
-    Parameters
-    ----------
-    points : (n, 2) float64
-        Metres, in the frame of the reference.
-    reference : Sweep
-        At least one reading.
-    window : float
-        Readings farther than this from the point's bearing are not looked at, radians.
-    max_distance : float
-        Metres; nothing farther is a partner.
-
-    Returns
-    -------
-    partners : (n, 2) float64
-        Metres, frame of the reference; NaN where there is none.
-    squared : (n,) float64
-        Square metres; inf where there is none.
-    ref_idx : (n,) int64
-        The reading of the reference at which the stretch begins; -1 where there is none.
+    points (n, 2); partners (n, 2): Metres, frame of the reference; NaN where there is none; squared (n,): Square
+    metres; inf where there is none; ref_idx (n,): The reading of the reference at which the stretch begins; -1 where
+    there is none.
     """
-    return _closest_points(
-        points, reference.points, reference.angles, reference.is_joined, window, max_distance
-    )
+    return _closest_points(points, reference.points, reference.angles, reference.is_joined, window, max_distance)
 
 
 def matching_range_points(
@@ -83,25 +48,9 @@ def matching_range_points(
     """Return the point of the reference's surfaces at each point's own range: IDC's matching-range rule.
 
     Of several crossings within the window the one nearest in bearing is taken.
-
-    Parameters
-    ----------
-    points, reference, window, max_distance
-        As for :func:`closest_points`.
-
-    Returns
-    -------
-    partners, squared, ref_idx
-        As for :func:`closest_points`.
     """
     return _matching_range_points(
-        points,
-        reference.points,
-        reference.ranges,
-        reference.angles,
-        reference.is_joined,
-        window,
-        max_distance,
+        points, reference.points, reference.ranges, reference.angles, reference.is_joined, window, max_distance
     )
 
 
@@ -180,12 +129,7 @@ def _nearest_readings(
 
 @kernel
 def _closest_points(
-    points: Points,
-    ref_points: Points,
-    ref_angles: Floats,
-    is_joined: Bools,
-    window: float,
-    max_distance: float,
+    points: Points, ref_points: Points, ref_angles: Floats, is_joined: Bools, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
     """As _nearest_readings, with the stretch from each reading to the next in place of the reading."""
     n, m = points.shape[0], ref_angles.size

@@ -15,11 +15,7 @@ from curvescan import se2
 from curvescan.matchers.baselines.config import CoxConfig
 from curvescan.matchers.baselines.filters import median_filter
 from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate
-from curvescan.matchers.baselines.least_squares import (
-    jacobian,
-    point_to_line_step,
-    propagated_covariance,
-)
+from curvescan.matchers.baselines.least_squares import jacobian, point_to_line_step, propagated_covariance
 from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
 from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join
@@ -55,9 +51,7 @@ class CoxMatcher:
         """Return whether the scan has a line."""
         return len(features.lines) > 0
 
-    def match(
-        self, reference: CoxFeatures, current: CoxFeatures, guess: Pose | None
-    ) -> MatchResult:
+    def match(self, reference: CoxFeatures, current: CoxFeatures, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
         lines, points = reference.lines, current.points
         if not (has_surfaces(reference.points) and has_surfaces(points)):
@@ -71,9 +65,7 @@ class CoxMatcher:
             cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration), takes_part)
             if cur_idx.size < LEAST_PAIRS:
                 return None
-            return point_to_line_step(
-                points.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose
-            )
+            return point_to_line_step(points.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose)
 
         descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
         cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last, takes_part)
@@ -88,9 +80,7 @@ class CoxMatcher:
         )
 
 
-def _takes_part(
-    reference: CoxFeatures, current: ScanPoints, guess: Pose, config: CoxConfig
-) -> tuple[Bools, Bools]:
+def _takes_part(reference: CoxFeatures, current: ScanPoints, guess: Pose, config: CoxConfig) -> tuple[Bools, Bools]:
     """Return which current readings and which lines are in view of the other scan: all without the projection filter.
 
     A line is in view when half of its readings are.
@@ -99,9 +89,7 @@ def _takes_part(
     if not config.has_projection_filter:
         return np.ones(len(current), dtype=np.bool_), np.ones(len(lines), dtype=np.bool_)
     is_hidden, is_ref_hidden = hidden_readings(points, current, guess)
-    shares = [
-        is_ref_hidden[lines.readings(points, np.array([k]))].mean() for k in range(len(lines))
-    ]
+    shares = [is_ref_hidden[lines.readings(points, np.array([k]))].mean() for k in range(len(lines))]
     return ~is_hidden, np.array(shares) <= 0.5
 
 

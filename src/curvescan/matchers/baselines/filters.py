@@ -16,15 +16,7 @@ HIDDEN_MARGIN = 0.1
 
 
 def median_filter(readings: Readings, n_readings: int) -> Readings:
-    """Return readings whose ranges are the medians of their neighbours: single stray readings are gone.
-
-    Parameters
-    ----------
-    readings : Readings
-        Counter-clockwise; may be empty.
-    n_readings : int
-        Odd; 1 changes nothing. At the two ends of an open sweep the window is filled with the end's own range.
-    """
+    """Return readings whose ranges are the medians of their neighbours: single stray readings are gone."""
     if n_readings == 1 or len(readings) < n_readings:
         return readings
     half = n_readings // 2
@@ -47,15 +39,7 @@ def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
 
     A reading is hidden when the surface is seen from behind there, or when another surface stands before it.
 
-    Parameters
-    ----------
-    points : (n, 2) float64
-        Readings in sweep order, counter-clockwise for the sensor that took them, in the frame of the other
-        viewpoint, metres.
-    is_joined : (n,) bool
-        Whether the surface goes on from a reading to the next.
-    angle_step : float
-        Angle the other viewpoint resolves, radians.
+    points (n, 2); is_joined (n,).
     """
     return _is_visible(points, is_joined, max(angle_step, 1e-3), HIDDEN_MARGIN)
 

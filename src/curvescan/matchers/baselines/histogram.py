@@ -81,17 +81,13 @@ class HistogramMatcher:
         histogram = ring_histogram(
             angles / step, np.ones(angles.size), config.angle_bins, config.angle_smoothing / step
         )
-        return HistogramFeatures(
-            points=points, on_line=on_line, angles=angles, angle_histogram=histogram
-        )
+        return HistogramFeatures(points=points, on_line=on_line, angles=angles, angle_histogram=histogram)
 
     def can_be_reference(self, features: HistogramFeatures) -> bool:
         """Return whether the scan has a line."""
         return features.on_line.size > 0
 
-    def match(
-        self, reference: HistogramFeatures, current: HistogramFeatures, guess: Pose | None
-    ) -> MatchResult:
+    def match(self, reference: HistogramFeatures, current: HistogramFeatures, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, looked for around the guess."""
         if not (has_surfaces(reference.points) and has_surfaces(current.points)):
             return _failure(Outcome.NO_SEGMENTS, reference, current)
@@ -126,24 +122,14 @@ class HistogramMatcher:
             labels_current=labels(current.points, current.on_line),
         )
 
-    def _rotation(
-        self, reference: HistogramFeatures, current: HistogramFeatures, expected: float
-    ) -> Peak | None:
+    def _rotation(self, reference: HistogramFeatures, current: HistogramFeatures, expected: float) -> Peak | None:
         step = 2.0 * math.pi / self.config.angle_bins
         return best_lag(
-            reference.angle_histogram,
-            current.angle_histogram,
-            expected / step,
-            self.config.max_rotation / step,
+            reference.angle_histogram, current.angle_histogram, expected / step, self.config.max_rotation / step
         )
 
     def _translation(
-        self,
-        reference: HistogramFeatures,
-        current: HistogramFeatures,
-        main: float,
-        theta: float,
-        expected: Pose,
+        self, reference: HistogramFeatures, current: HistogramFeatures, main: float, theta: float, expected: Pose
     ) -> tuple[Peak | None, Peak | None]:
         """Return the peaks of the x and y histograms, axes along the main direction of the reference."""
         config = self.config
@@ -170,9 +156,7 @@ class HistogramMatcher:
         width = self.config.bin_width
         return ring_histogram(coordinates / width, weights, n_bins, self.config.smoothing / width)
 
-    def _covariance(
-        self, trace: HistogramTrace, points: Points, angles: Floats, theta: float
-    ) -> Cov:
+    def _covariance(self, trace: HistogramTrace, points: Points, angles: Floats, theta: float) -> Cov:
         """Return the covariance from the widths of the peaks: width^2 / n, rotation carried into translation.
 
         The authors give none. A peak of n readings that err independently by its width has its centre to
@@ -214,9 +198,6 @@ def _variance(peak: Peak, bin_width: float, n: float) -> float:
 
 
 def _failure(
-    outcome: Outcome,
-    reference: HistogramFeatures,
-    current: HistogramFeatures,
-    trace: HistogramTrace | None = None,
+    outcome: Outcome, reference: HistogramFeatures, current: HistogramFeatures, trace: HistogramTrace | None = None
 ) -> MatchResult:
     return failure("histogram", outcome, reference.points, current.points, trace)

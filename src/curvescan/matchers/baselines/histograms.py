@@ -36,21 +36,7 @@ class Peak:
 def ring_histogram(positions: Floats, weights: Floats, n_bins: int, smoothing: float) -> Floats:
     """Return a histogram on a ring, each entry shared by two bins, smoothed by a bell.
 
-    Parameters
-    ----------
-    positions : (n,) float64
-        Bins, any real number; n_bins is 0 again.
-    weights : (n,) float64
-        Of each entry.
-    n_bins : int
-        Bins of the ring.
-    smoothing : float
-        Standard deviation of the bell, bins.
-
-    Returns
-    -------
-    (n_bins,) float64
-        Their sum is the sum of the weights.
+    positions (n,); weights (n,); result (n_bins,).
     """
     lower = np.floor(positions)
     share = positions - lower
@@ -65,17 +51,8 @@ def ring_histogram(positions: Floats, weights: Floats, n_bins: int, smoothing: f
 def best_lag(first: Floats, second: Floats, centre: float, reach: float) -> Peak | None:
     """Return the lag, within a window, at which the second histogram agrees best with the first.
 
-    Parameters
-    ----------
-    first, second : (n,) float64
-        Histograms on one ring.
-    centre, reach : float
-        The window is centre - reach to centre + reach, bins.
-
-    Returns
-    -------
-    Peak or None
-        None where a histogram is empty, or the best lag is the window's border and so no peak.
+    first, second (n,); Peak or None: None where a histogram is empty, or the best lag is the window's border and so
+    no peak.
     """
     n = first.size
     norm = math.sqrt(float(first @ first) * float(second @ second))

@@ -55,9 +55,7 @@ class IcpMatcher:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features.points)
 
-    def match(
-        self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None
-    ) -> MatchResult:
+    def match(self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`, found from the guess on."""
         ref, cur = reference.points, current.points
         if not (has_surfaces(ref) and has_surfaces(cur)):
@@ -82,9 +80,7 @@ class IcpMatcher:
             lambda: _covariance(ref.points[ref_idx], cur.points[cur_idx], descent.pose),
         )
 
-    def _pair(
-        self, reference: IcpFeatures, current: ScanPoints, pose: Pose, gate: float
-    ) -> tuple[Ints, Ints]:
+    def _pair(self, reference: IcpFeatures, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
         """Return the current readings that keep a partner, and the reading nearest to each."""
         points = se2.transform(pose, current.points)
         distances, ref_idx = reference.tree.query(points, distance_upper_bound=gate)

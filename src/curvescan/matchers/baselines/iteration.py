@@ -46,27 +46,14 @@ class IterationTrace:
 
 
 def iterate(
-    guess: Pose,
-    step: Callable[[Pose, int], Pose | None],
-    config: ConvergenceConfig,
-    n_shrinking: int = 0,
+    guess: Pose, step: Callable[[Pose, int], Pose | None], config: ConvergenceConfig, n_shrinking: int = 0
 ) -> IterationTrace:
     """Return the poses of a method that repeats one step until it no longer moves.
 
-    A few pairs that change sides for ever make a method jump between two or three poses. That is convergence
-    too, as long as they lie within the limits of each other, and is found by looking at every earlier pose.
+    A few pairs that change sides for ever make a method jump between two or three poses. That is convergence too, as
+    long as they lie within the limits of each other, and is found by looking at every earlier pose.
 
-    Parameters
-    ----------
-    guess : (3,) float64
-        Where to start.
-    step : callable
-        Takes a pose and the number of the iteration, from 0; returns the better pose, or None when it has too
-        little to stand on.
-    config : ConvergenceConfig
-        Limits.
-    n_shrinking : int
-        Iterations in which the step itself still changes: none of them is the last.
+    guess (3,); step.
     """
     poses = [(float(guess[0]), float(guess[1]), float(guess[2]))]
     has_converged = is_lost = False
@@ -88,12 +75,7 @@ def iterate(
 def keep_best(squared: Floats, share: float) -> Bools:
     """Return which pairs belong to the best share of those that have a partner.
 
-    Parameters
-    ----------
-    squared : (n,) float64
-        Squared distances; inf where there is no partner.
-    share : float
-        In (0, 1].
+    squared (n,): Squared distances; inf where there is no partner.
     """
     paired = np.isfinite(squared)
     n = int(np.count_nonzero(paired))
@@ -110,16 +92,7 @@ def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -
 
     The adaptive gate of Censi's PL-ICP: when most pairs are close, those that are not are outliers.
 
-    Parameters
-    ----------
-    squared : (n,) float64
-        Squared distances.
-    kept : (n,) bool
-        The pairs to choose from.
-    order : float
-        The quantile, in (0, 1].
-    factor : float
-        At least 1.
+    squared (n,); kept (n,).
     """
     distances = squared[kept]
     if distances.size == 0:
@@ -130,11 +103,7 @@ def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -
     return near
 
 
-def _is_near(
-    pose: tuple[float, float, float],
-    other: tuple[float, float, float],
-    config: ConvergenceConfig,
-) -> bool:
+def _is_near(pose: tuple[float, float, float], other: tuple[float, float, float], config: ConvergenceConfig) -> bool:
     turned = abs((pose[2] - other[2] + math.pi) % (2.0 * math.pi) - math.pi)
     moved = math.hypot(pose[0] - other[0], pose[1] - other[1])
     return moved < config.min_translation and turned < config.min_rotation

@@ -39,12 +39,7 @@ def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
 def is_constrained(rows: Floats, points_cur: Points) -> bool:
     """Return whether normal distances fix all three of x, y and theta.
 
-    Parameters
-    ----------
-    rows : (n, 3) float64
-        Of :func:`jacobian`.
-    points_cur : (n, 2) float64
-        The points they belong to, metres. Rotation is weighed at their distance from their centre.
+    rows (n, 3); points_cur (n, 2).
     """
     if len(rows) < 3:
         return False
@@ -62,22 +57,7 @@ def point_to_line_step(
 ) -> Pose | None:
     """Return the pose that minimises the squared normal distances, lines fixed, by Gauss-Newton.
 
-    Parameters
-    ----------
-    points_cur : (n, 2) float64
-        Frame cur, metres.
-    anchors, normals : (n, 2) float64
-        A point of each point's line and its unit normal, frame ref.
-    pose : (3,) float64
-        Pose of cur in ref to linearise at.
-    repeats : int
-        Linearisations; the second corrects what the first leaves of a large rotation.
-
-    Returns
-    -------
-    (3,) float64 or None
-        None where there is nothing to solve. A direction that the lines leave free stays where it is: a
-        thousandth of damping (Levenberg 1944) moves no minimum, and keeps noise from moving the rest.
+    points_cur (n, 2); anchors, normals (n, 2); pose (3,); result (3,).
     """
     x, y, theta = _gauss_newton(points_cur, anchors, normals, pose, repeats)
     if not math.isfinite(x + y + theta):
@@ -86,31 +66,18 @@ def point_to_line_step(
 
 
 def propagated_covariance(
-    rows: Floats,
-    errors: Floats,
-    sources: Sequence[tuple[Ints, Floats]],
-    least_sigma: float = LEAST_SIGMA,
+    rows: Floats, errors: Floats, sources: Sequence[tuple[Ints, Floats]], least_sigma: float = LEAST_SIGMA
 ) -> Cov:
     """Return the covariance of a least squares pose from the noise of the readings behind each error.
 
-    Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007: to first order the pose moves by
-    H^-1 S^T with the readings' noise, H = J^T J, and row s of S the sum of J over the errors that reading s takes
-    part in. A reading of the reference takes part in many, which (J^T J)^-1 sigma^2 does not see.
+    Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007: to first order the pose moves by H^-1
+    S^T with the readings' noise, H = J^T J, and row s of S the sum of J over the errors that reading s takes part in.
+    A reading of the reference takes part in many, which (J^T J)^-1 sigma^2 does not see.
 
     Sigma is what the errors themselves show, with n - 3 degrees of freedom (each pair gives one equation), or the
     data sheet's where that is more, as a method that trims and that picks the nearest reading shows too little.
 
-    Parameters
-    ----------
-    rows : (n, 3) float64
-        Of :func:`jacobian`, n >= 3 and constrained.
-    errors : (n,) float64
-        Normal distances, metres.
-    sources : sequence of ((n,) int64, (n,) float64)
-        Each: which source of unit noise takes part in each error, and by how much. Sources of one pair are
-        numbered together, those of different pairs apart.
-    least_sigma : float
-        Range noise that is known to be there, metres.
+    rows (n, 3); errors (n,).
     """
     n = len(rows)
     spread = sum(float(weights @ weights) for _, weights in sources) / n

@@ -57,15 +57,7 @@ class Lines:
 
 
 def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
-    """Return the line segments of a sweep.
-
-    Parameters
-    ----------
-    points : ScanPoints
-        Surfaces are split, never joined.
-    config : LinesConfig
-        When to split, and which lines are too short.
-    """
+    """Return the line segments of a sweep."""
     ordered = points.points[points.order]
     starts, stops = _split_and_merge(ordered, points.starts, points.stops, config.max_error)
     centres, directions, extents = _fit_all(ordered, starts, stops)
@@ -82,21 +74,8 @@ def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
 def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[Ints, Floats]:
     """Return the line nearest to each point, and the squared distance to it as a segment with two ends.
 
-    Parameters
-    ----------
-    points : (n, 2) float64
-        Metres, in the frame of the lines.
-    lines : Lines
-        Any number.
-    max_distance : float
-        Metres; nothing farther is a partner.
-
-    Returns
-    -------
-    line_idx : (n,) int64
-        -1 where there is none near enough.
-    squared : (n,) float64
-        Square metres; inf where there is none.
+    points (n, 2); line_idx (n,): -1 where there is none near enough; squared (n,): Square metres; inf where there is
+    none.
     """
     return _nearest_lines(points, lines.centres, lines.directions, lines.extents, max_distance)
 
@@ -117,11 +96,7 @@ def _fit(points: Points, start: int, stop: int) -> tuple[float, float, float, fl
         yy += dy * dy
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
     ux, uy = math.cos(angle), math.sin(angle)
-    if (
-        ux * (points[stop - 1, 0] - points[start, 0])
-        + uy * (points[stop - 1, 1] - points[start, 1])
-        < 0.0
-    ):
+    if ux * (points[stop - 1, 0] - points[start, 0]) + uy * (points[stop - 1, 1] - points[start, 1]) < 0.0:
         ux, uy = -ux, -uy
     worst = 0.0
     for k in range(start, stop):
@@ -130,15 +105,11 @@ def _fit(points: Points, start: int, stop: int) -> tuple[float, float, float, fl
 
 
 @kernel
-def _split_and_merge(
-    points: Points, starts: Ints, stops: Ints, max_error: float
-) -> tuple[Ints, Ints]:
+def _split_and_merge(points: Points, starts: Ints, stops: Ints, max_error: float) -> tuple[Ints, Ints]:
     """Split each surface with a stack of open stretches, merge each finished one with the one before it."""
     n = points.shape[0]
     found = np.empty((n, 2), dtype=np.int64)
-    pending = np.empty(
-        n + 1, dtype=np.int64
-    )  # ends (inclusive) of stretches still to look at, last first
+    pending = np.empty(n + 1, dtype=np.int64)  # ends (inclusive) of stretches still to look at, last first
     n_found = 0
     for s in range(starts.size):
         first_of_surface = n_found
@@ -152,10 +123,7 @@ def _split_and_merge(
             worst, at = 0.0, begin
             for k in range(begin + 1, end):
                 dx, dy = points[k, 0] - points[begin, 0], points[k, 1] - points[begin, 1]
-                if length > 0.0:
-                    distance = abs(chord_x * dy - chord_y * dx) / length
-                else:
-                    distance = math.hypot(dx, dy)
+                distance = abs(chord_x * dy - chord_y * dx) / length if length > 0.0 else math.hypot(dx, dy)
                 if distance > worst:
                     worst, at = distance, k
             if worst > max_error:

@@ -35,21 +35,7 @@ def check_outcome(
 ) -> MatchResult:
     """Return the result of an iterated method: its pose when it converged and something holds it, or why not.
 
-    Parameters
-    ----------
-    method : str
-        Name of the matcher.
-    descent : IterationTrace
-        How it got there; becomes the trace.
-    reference, current : Sweep
-        The scans.
-    matched : ((k,) int64, (n,) int64)
-        Readings of the reference and of the current scan that the last pose stands on; those of the reference may
-        repeat.
-    min_share : float
-        Least share of the current readings that must take part.
-    covariance : callable
-        Called for a good pose only.
+    matched ((k,) int64, (n,) int64).
     """
     ref_idx, cur_idx = matched
     if descent.is_lost or cur_idx.size < max(LEAST_PAIRS, min_share * len(current)):

@@ -12,11 +12,7 @@ from curvescan import se2
 from curvescan.matchers.baselines.config import PlIcpConfig
 from curvescan.matchers.baselines.correspondences import nearest_readings
 from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best, within_quantile
-from curvescan.matchers.baselines.least_squares import (
-    jacobian,
-    point_to_line_step,
-    propagated_covariance,
-)
+from curvescan.matchers.baselines.least_squares import jacobian, point_to_line_step, propagated_covariance
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
@@ -70,9 +66,7 @@ class PlIcpMatcher:
             lambda: self._covariance(reference, current, descent.pose, pairs),
         )
 
-    def _pair(
-        self, reference: ScanPoints, current: ScanPoints, pose: Pose, gate: float
-    ) -> tuple[Ints, Ints]:
+    def _pair(self, reference: ScanPoints, current: ScanPoints, pose: Pose, gate: float) -> tuple[Ints, Ints]:
         """Return the readings of the reference and of the current scan that belong together."""
         config = self.config
         points = se2.transform(pose, current.points)
@@ -82,9 +76,7 @@ class PlIcpMatcher:
         kept = within_quantile(squared, kept, config.adaptive_order, config.adaptive_factor)
         return ref_idx[kept], np.flatnonzero(kept)
 
-    def _covariance(
-        self, reference: ScanPoints, current: ScanPoints, pose: Pose, pairs: tuple[Ints, Ints]
-    ) -> Cov:
+    def _covariance(self, reference: ScanPoints, current: ScanPoints, pose: Pose, pairs: tuple[Ints, Ints]) -> Cov:
         """Return Censi's closed form: range noise of both scans, each along its own beam."""
         ref_idx, cur_idx = pairs
         points, anchors = current.points[cur_idx], reference.points[ref_idx]

@@ -79,11 +79,6 @@ def join(readings: Readings) -> ScanPoints:
     """Return readings with the surfaces they form and the tangents of these.
 
     Surfaces end where the adaptive breakpoint detector (Borges and Aldon 2004) sees a gap, as for CF-SMA.
-
-    Parameters
-    ----------
-    readings : Readings
-        Counter-clockwise; may be empty.
     """
     segments = segment(readings, _SURFACES)
     is_joined = np.zeros(len(readings), dtype=np.bool_)
@@ -133,18 +128,11 @@ def _tangents(points: Points, starts: Ints, stops: Ints, arm: float) -> Points:
             first, last = i, i
             while first > starts[s] and (
                 first == i
-                or math.hypot(
-                    points[first - 1, 0] - points[i, 0], points[first - 1, 1] - points[i, 1]
-                )
-                <= arm
+                or math.hypot(points[first - 1, 0] - points[i, 0], points[first - 1, 1] - points[i, 1]) <= arm
             ):
                 first -= 1
             while last < stops[s] - 1 and (
-                last == i
-                or math.hypot(
-                    points[last + 1, 0] - points[i, 0], points[last + 1, 1] - points[i, 1]
-                )
-                <= arm
+                last == i or math.hypot(points[last + 1, 0] - points[i, 0], points[last + 1, 1] - points[i, 1]) <= arm
             ):
                 last += 1
             n = last - first + 1

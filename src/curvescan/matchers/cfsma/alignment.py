@@ -45,15 +45,7 @@ class Alignment:
 def align(points_ref: Points, points_cur: Points) -> Alignment:
     """Return the pose of cur in ref that minimises the squared distances of matched points (eqs. 10-12).
 
-    Parameters
-    ----------
-    points_ref, points_cur : (n, 2) float64
-        Matched points, row by row, metres, each in its own frame; n >= 1.
-
-    Returns
-    -------
-    Alignment
-        Of points that all lie in one place the rotation is arbitrary; see ``fixes_rotation``.
+    points_ref, points_cur (n, 2).
     """
     x, y, theta, error, spread = _align(points_ref, points_cur)
     return Alignment(pose=np.array([x, y, theta]), error=error, spread=spread)

@@ -29,9 +29,7 @@ class SegmentationConfig:
     def __post_init__(self) -> None:
         require(self.range_sigma >= 0.0, "range_sigma must be >= 0 m", self.range_sigma)
         require(
-            0.0 < self.incidence_limit < math.pi / 2,
-            "incidence_limit must lie in (0, pi/2) rad",
-            self.incidence_limit,
+            0.0 < self.incidence_limit < math.pi / 2, "incidence_limit must lie in (0, pi/2) rad", self.incidence_limit
         )
         require(self.min_readings >= 3, "min_readings must be at least 3", self.min_readings)
         require(self.max_gap >= 0, "max_gap must be >= 0 readings", self.max_gap)
@@ -59,11 +57,7 @@ class FunctionsConfig:
     """Open: common length 2^n that functions are brought to; the paper names 64, 128 and 256."""
 
     def __post_init__(self) -> None:
-        require(
-            0.0 <= self.min_correlation <= 1.0,
-            "min_correlation must lie in [0, 1]",
-            self.min_correlation,
-        )
+        require(0.0 <= self.min_correlation <= 1.0, "min_correlation must lie in [0, 1]", self.min_correlation)
         require(
             self.length >= 8 and self.length & (self.length - 1) == 0,
             "length must be a power of two, at least 8",
@@ -85,20 +79,10 @@ class LandmarksConfig:
     """Open: a candidate whose runner-up reaches this share of its similarity is not distinct."""
 
     def __post_init__(self) -> None:
-        require(
-            0.0 < self.min_curvature < math.pi,
-            "min_curvature must lie in (0, pi) rad",
-            self.min_curvature,
-        )
+        require(0.0 < self.min_curvature < math.pi, "min_curvature must lie in (0, pi) rad", self.min_curvature)
         require(self.n_neighbours >= 1, "n_neighbours must be at least 1", self.n_neighbours)
-        require(
-            0.0 <= self.min_similarity <= 1.0,
-            "min_similarity must lie in [0, 1]",
-            self.min_similarity,
-        )
-        require(
-            0.0 < self.max_ambiguity <= 1.0, "max_ambiguity must lie in (0, 1]", self.max_ambiguity
-        )
+        require(0.0 <= self.min_similarity <= 1.0, "min_similarity must lie in [0, 1]", self.min_similarity)
+        require(0.0 < self.max_ambiguity <= 1.0, "max_ambiguity must lie in (0, 1]", self.max_ambiguity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +104,4 @@ class CfSmaConfig:
     index, and slip along a wall. Measured: 0.15 to 0.2 are best, on seeds of their own and on the Intel log."""
 
     def __post_init__(self) -> None:
-        require(
-            self.consistency_distance > 0.0,
-            "consistency_distance must be > 0 m",
-            self.consistency_distance,
-        )
+        require(self.consistency_distance > 0.0, "consistency_distance must be > 0 m", self.consistency_distance)

@@ -13,12 +13,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.config import LandmarksConfig
-from curvescan.matchers.cfsma.landmarks import (
-    LandmarkPairs,
-    Landmarks,
-    Verdict,
-    matched_readings,
-)
+from curvescan.matchers.cfsma.landmarks import LandmarkPairs, Landmarks, Verdict, matched_readings
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 MOST_PROPOSALS = 100
@@ -36,26 +31,12 @@ def consistent_pairs(
 ) -> LandmarkPairs:
     """Return the pairs with the verdict INCONSISTENT on those that do not agree with the best proposal.
 
-    Parameters
-    ----------
-    points_cur, points_ref : (m, 2), (k, 2) float64
-        Readings of both scans in sweep order, metres, each in its own sensor frame.
-    landmarks_cur, landmarks_ref : Landmarks
-        Their characteristic points.
-    pairs : LandmarkPairs
-        Of :func:`~curvescan.matchers.cfsma.landmarks.pair_landmarks`.
-    config : LandmarksConfig
-        n.
-    tolerance : float
-        Root mean square distance, metres, up to which the readings around a pair agree with a pose.
+    points_cur, points_ref (m, 2).
     """
     rows = np.flatnonzero(pairs.verdict == Verdict.PAIRED)
     if rows.size < 2:
         return pairs
-    readings = [
-        matched_readings(landmarks_cur, landmarks_ref, _only(pairs, int(row)), config)
-        for row in rows
-    ]
+    readings = [matched_readings(landmarks_cur, landmarks_ref, _only(pairs, int(row)), config) for row in rows]
     sizes = np.array([cur_idx.size for cur_idx, _ in readings])
     cur_idx, ref_idx = (np.concatenate(one) for one in zip(*readings, strict=True))
     cur, ref = points_cur[cur_idx], points_ref[ref_idx]

@@ -17,38 +17,21 @@ from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats, Ints, Points
 
 
-def curvature_functions(
-    points: Points, starts: Ints, stops: Ints, config: CurvatureConfig
-) -> tuple[Floats, Ints]:
+def curvature_functions(points: Points, starts: Ints, stops: Ints, config: CurvatureConfig) -> tuple[Floats, Ints]:
     """Return the curvature index eta of every reading and how far its walk reached (eqs. 3-5).
 
     Both are invariant to rotation and translation of the sensor.
 
-    Departure: eq. 4 prints atan(dx / dy); atan2(dy, dx) of the same chord is taken, so that the quadrant
-    is right and theta turns counter-clockwise. Only differences of theta enter, so the constant offset
-    between the two conventions is of no effect; without the quadrant, corners would show as steps of pi.
+    Departure: eq. 4 prints atan(dx / dy); atan2(dy, dx) of the same chord is taken, so that the quadrant is right and
+    theta turns counter-clockwise. Only differences of theta enter, so the constant offset between the two conventions
+    is of no effect; without the quadrant, corners would show as steps of pi.
 
-    Departure: a walk that the end of the segment cuts short has not used up its tolerance, and the last chords
-    of a segment are as short as one step, where noise turns them by tens of degrees. eta is 0 from the first
-    such reading on. It removes false peaks at the end of every segment and with them half of the wrong
-    pairs: on simulated offices the share of matches within 0.1 m and 2 degrees rose from 58 to 68 %.
+    Departure: a walk that the end of the segment cuts short has not used up its tolerance, and the last chords of a
+    segment are as short as one step, where noise turns them by tens of degrees. eta is 0 from the first such reading
+    on. It removes false peaks at the end of every segment and with them half of the wrong pairs: on simulated offices
+    the share of matches within 0.1 m and 2 degrees rose from 58 to 68 %.
 
-    Parameters
-    ----------
-    points : (m, 2) float64
-        Readings in sweep order, metres.
-    starts, stops : (s,) int64
-        Segment k is points[starts[k]:stops[k]].
-    config : CurvatureConfig
-        U_k.
-
-    Returns
-    -------
-    eta : (m,) float64
-        Radians in (-pi, pi], positive where the surface turns left; 0 on readings in no segment and on
-        those whose walk the end of their segment cuts short.
-    reach : (m,) int64
-        k_l of eq. 3, the number of steps walked; 0 on readings in no segment and on the last of each.
+    points (m, 2); starts, stops (s,); eta (m,); reach (m,).
     """
     return _curvature(points, starts, stops, config.arc_tolerance)
 
@@ -73,12 +56,8 @@ def _curvature(points: Points, starts: Ints, stops: Ints, tolerance: float) -> t
                 end = i + 1
                 arc = math.hypot(points[end, 0] - points[i, 0], points[end, 1] - points[i, 1])
             while end < last:
-                step = math.hypot(
-                    points[end + 1, 0] - points[end, 0], points[end + 1, 1] - points[end, 1]
-                )
-                chord = math.hypot(
-                    points[end + 1, 0] - points[i, 0], points[end + 1, 1] - points[i, 1]
-                )
+                step = math.hypot(points[end + 1, 0] - points[end, 0], points[end + 1, 1] - points[end, 1])
+                chord = math.hypot(points[end + 1, 0] - points[i, 0], points[end + 1, 1] - points[i, 1])
                 if arc + step - chord >= tolerance:
                     break
                 arc += step

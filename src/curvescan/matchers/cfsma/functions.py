@@ -26,48 +26,21 @@ _FLAT = 1e-9
 def spectra(eta: Floats, starts: Ints, stops: Ints, length: int) -> NDArray[np.complex128]:
     """Return the spectrum of each curvature function, at a common length and of unit energy (eq. 6).
 
-    The functions are brought to the common length by resampling their running sum: each of the `length`
-    samples is the turning within its share of the segment, so that a corner one reading wide is neither
-    missed nor doubled.
+    The functions are brought to the common length by resampling their running sum: each of the `length` samples is
+    the turning within its share of the segment, so that a corner one reading wide is neither missed nor doubled.
 
-    Departure: each function is divided by its norm, so that the correlation of eq. 6 lies in [-1, 1] and
-    U_c means the same for a long and a short, a strong and a weak function.
+    Departure: each function is divided by its norm, so that the correlation of eq. 6 lies in [-1, 1] and U_c means
+    the same for a long and a short, a strong and a weak function.
 
-    Parameters
-    ----------
-    eta : (m,) float64
-        Curvature index of each reading, radians.
-    starts, stops : (s,) int64
-        Segment k is eta[starts[k]:stops[k]].
-    length : int
-        Common length, a power of two.
-
-    Returns
-    -------
-    (s, length // 2 + 1) complex128
-        Spectra; a row of zeros for a function that is zero everywhere, which then correlates with nothing.
+    eta (m,); starts, stops (s,); result (s, length // 2 + 1).
     """
     return np.fft.rfft(_resample(eta, starts, stops, length), axis=1)
 
 
-def correlations(
-    spectra_cur: NDArray[np.complex128], spectra_ref: NDArray[np.complex128], length: int
-) -> Floats:
+def correlations(spectra_cur: NDArray[np.complex128], spectra_ref: NDArray[np.complex128], length: int) -> Floats:
     """Return the best circular correlation over all lags of every pair of functions (eq. 6).
 
-    Parameters
-    ----------
-    spectra_cur : (s, length // 2 + 1) complex128
-        Of the current scan.
-    spectra_ref : (t, length // 2 + 1) complex128
-        Of the reference scan.
-    length : int
-        Common length of the functions.
-
-    Returns
-    -------
-    (s, t) float64
-        upsilon_ij in [-1, 1].
+    spectra_cur (s, length // 2 + 1); spectra_ref (t, length // 2 + 1); result (s, t): upsilon_ij in [-1, 1].
     """
     upsilon = np.zeros((len(spectra_cur), len(spectra_ref)))
     if upsilon.size == 0:
@@ -90,24 +63,11 @@ def pair_longest(
 ) -> tuple[tuple[Ints, Ints], Floats]:
     """Return the pairs of functions and their correlations, of the longest MOST_FUNCTIONS of each scan.
 
-    The bound is for hostile or broken scans: 100,000 beams of noise fall into 20,000 functions, and a table of all pairs
-    would take gigabytes.
+    The bound is for hostile or broken scans: 100,000 beams of noise fall into 20,000 functions, and a table of all
+    pairs would take gigabytes.
 
-    Parameters
-    ----------
-    spectra_cur, spectra_ref : (s, length // 2 + 1), (t, length // 2 + 1) complex128
-        Of both scans.
-    lengths_cur, lengths_ref : (s,), (t,) int64
-        Readings of each segment.
-    config : FunctionsConfig
-        U_c and the common length.
-
-    Returns
-    -------
-    pairs : ((p,) int64, (p,) int64)
-        Segments paired, current and reference, most alike first.
-    correlation : (p,) float64
-        Their upsilon.
+    spectra_cur, spectra_ref (s, length // 2 + 1); lengths_cur, lengths_ref (s,); pairs ((p,) int64, (p,) int64);
+    correlation (p,).
     """
     cur, ref = _longest(lengths_cur), _longest(lengths_ref)
     upsilon = correlations(spectra_cur[cur], spectra_ref[ref], config.length)
@@ -125,20 +85,10 @@ def _longest(lengths: Ints) -> Ints:
 def pair_functions(upsilon: Floats, config: FunctionsConfig) -> tuple[Ints, Ints]:
     """Return the pairs of functions: the best pair, then the best of what is left, down to U_c.
 
-    The best pair of all is the best of its row and of its column, so that no order of rows favours a
-    function; each function is used once.
+    The best pair of all is the best of its row and of its column, so that no order of rows favours a function; each
+    function is used once.
 
-    Parameters
-    ----------
-    upsilon : (s, t) float64
-        Correlations, current by reference.
-    config : FunctionsConfig
-        U_c.
-
-    Returns
-    -------
-    cur_idx, ref_idx : (p,) int64
-        Segments paired, most alike first.
+    upsilon (s, t); cur_idx, ref_idx (p,).
     """
     flat = upsilon.ravel()
     candidates = np.flatnonzero(flat >= config.min_correlation)

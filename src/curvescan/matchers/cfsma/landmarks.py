@@ -74,35 +74,18 @@ class LandmarkPairs:
     verdict: Codes
 
 
-def characteristic_points(
-    eta: Floats, starts: Ints, stops: Ints, config: LandmarksConfig
-) -> Landmarks:
+def characteristic_points(eta: Floats, starts: Ints, stops: Ints, config: LandmarksConfig) -> Landmarks:
     """Return the characteristic points: local maxima of abs(eta) of at least U_p (eq. 7).
 
-    Departure: eq. 7 prints eta where the paper's figures show abs(eta). The figures are followed, so that
-    concave corners count as well as convex ones.
+    Departure: eq. 7 prints eta where the paper's figures show abs(eta). The figures are followed, so that concave
+    corners count as well as convex ones.
 
-    Parameters
-    ----------
-    eta : (m,) float64
-        Curvature index of each reading, radians.
-    starts, stops : (s,) int64
-        Segment k is eta[starts[k]:stops[k]]. Its first and last reading have one neighbour only and are
-        never characteristic.
-    config : LandmarksConfig
-        U_p.
-
-    Returns
-    -------
-    Landmarks
-        In sweep order; none when no segment turns by U_p at a reading.
+    eta (m,); starts, stops (s,).
     """
     height = np.abs(eta)
     is_peak = np.zeros(eta.size, dtype=np.bool_)
     middle = height[1:-1]
-    is_peak[1:-1] = (
-        (middle >= config.min_curvature) & (height[:-2] < middle) & (middle >= height[2:])
-    )
+    is_peak[1:-1] = (middle >= config.min_curvature) & (height[:-2] < middle) & (middle >= height[2:])
     is_peak[starts] = False
     is_peak[stops - 1] = False
     points = np.flatnonzero(is_peak)
@@ -123,40 +106,21 @@ def pair_landmarks(
 ) -> LandmarkPairs:
     """Return the most similar partner of each characteristic point and the verdict on it (eqs. 8-9).
 
-    Candidates are the characteristic points of the paired function. The neighbourhood of n readings a side is
-    cut short at the ends of a segment, equally in both. A negative correlation is no match: it counts as 0,
-    so that two negative ones do not make a similarity.
+    Candidates are the characteristic points of the paired function. The neighbourhood of n readings a side is cut
+    short at the ends of a segment, equally in both. A negative correlation is no match: it counts as 0, so that two
+    negative ones do not make a similarity.
 
-    Departure: distinctiveness is required of both points of a pair; the paper requires it of the current one. So
-    does swapping the scans give the same pairs, and the inverse pose.
+    Departure: distinctiveness is required of both points of a pair; the paper requires it of the current one. So does
+    swapping the scans give the same pairs, and the inverse pose.
 
-    Parameters
-    ----------
-    points_cur, points_ref : (m, 2), (k, 2) float64
-        Readings of both scans in sweep order, metres, each in its own sensor frame.
-    landmarks_cur, landmarks_ref : Landmarks
-        Their characteristic points.
-    function_pairs : ((p,) int64, (p,) int64)
-        Paired segments, current and reference.
-    config : LandmarksConfig
-        n, S_min and the open limit of ambiguity.
-
-    Returns
-    -------
-    LandmarkPairs
-        One entry for each characteristic point of the current scan.
+    points_cur, points_ref (m, 2); function_pairs ((p,) int64, (p,) int64).
     """
     candidates = np.zeros((len(landmarks_cur), 2), dtype=np.int64)
     for segment_cur, segment_ref in zip(*function_pairs, strict=True):
         rows = slice(landmarks_cur.bounds[segment_cur], landmarks_cur.bounds[segment_cur + 1])
         candidates[rows] = landmarks_ref.bounds[segment_ref : segment_ref + 2]
     best, runner_up, partner, is_mutual = _compare(
-        points_cur,
-        landmarks_cur.extents,
-        points_ref,
-        landmarks_ref.extents,
-        candidates,
-        config.n_neighbours,
+        points_cur, landmarks_cur.extents, points_ref, landmarks_ref.extents, candidates, config.n_neighbours
     )
     verdict = np.full(best.size, Verdict.PAIRED, dtype=np.uint8)
     verdict[~is_mutual] = Verdict.ONE_SIDED
@@ -167,46 +131,24 @@ def pair_landmarks(
 
 
 def matched_readings(
-    landmarks_cur: Landmarks,
-    landmarks_ref: Landmarks,
-    pairs: LandmarkPairs,
-    config: LandmarksConfig,
+    landmarks_cur: Landmarks, landmarks_ref: Landmarks, pairs: LandmarkPairs, config: LandmarksConfig
 ) -> tuple[Ints, Ints]:
     """Return the pairs of readings around each pair of characteristic points, index by index.
 
-    At most N_l (2 n + 1) pairs, fewer where a segment ends. The weights of eq. 10 are 0 or 1: two readings
-    that several neighbourhoods match in the same way are one pair.
+    At most N_l (2 n + 1) pairs, fewer where a segment ends. The weights of eq. 10 are 0 or 1: two readings that
+    several neighbourhoods match in the same way are one pair.
 
-    Parameters
-    ----------
-    landmarks_cur, landmarks_ref : Landmarks
-        Characteristic points of both scans.
-    pairs : LandmarkPairs
-        Their verdicts.
-    config : LandmarksConfig
-        n.
-
-    Returns
-    -------
-    cur_idx, ref_idx : (N_t,) int64
-        Readings in sweep order, current and reference.
+    cur_idx, ref_idx (N_t,).
     """
     is_paired = pairs.verdict == Verdict.PAIRED
     return _pair_neighbours(
-        landmarks_cur.extents[is_paired],
-        landmarks_ref.extents[pairs.partner[is_paired]],
-        config.n_neighbours,
+        landmarks_cur.extents[is_paired], landmarks_ref.extents[pairs.partner[is_paired]], config.n_neighbours
     )
 
 
 @kernel
 def _compare(
-    points_cur: Points,
-    extents_cur: Ints,
-    points_ref: Points,
-    extents_ref: Ints,
-    candidates: Ints,
-    n_neighbours: int,
+    points_cur: Points, extents_cur: Ints, points_ref: Points, extents_ref: Ints, candidates: Ints, n_neighbours: int
 ) -> tuple[Floats, Floats, Ints, Bools]:
     """Return, for each current point, best similarity, runner-up, best partner, and if it is mutual.
 
@@ -248,9 +190,7 @@ def _compare(
 
 
 @kernel
-def _pearson(
-    points_cur: Points, i: int, points_ref: Points, j: int, before: int, after: int, axis: int
-) -> float:
+def _pearson(points_cur: Points, i: int, points_ref: Points, j: int, before: int, after: int, axis: int) -> float:
     """Return Pearson's correlation of one coordinate around readings i and j (eq. 9); 0 if constant."""
     n = before + 1 + after
     sum_c = sum_r = sum_cc = sum_rr = sum_cr = 0.0

@@ -31,9 +31,7 @@ class CfSmaMatcher:
         """Return whether the scan has a segment at all."""
         return len(features.starts) > 0
 
-    def match(
-        self, reference: CfSmaFeatures, current: CfSmaFeatures, guess: Pose | None
-    ) -> MatchResult:
+    def match(self, reference: CfSmaFeatures, current: CfSmaFeatures, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`; the guess is not used."""
         config = self.config
         function_pairs, correlation = pair_longest(
@@ -44,12 +42,7 @@ class CfSmaMatcher:
             config.functions,
         )
         landmark_pairs = pair_landmarks(
-            current.points,
-            current.landmarks,
-            reference.points,
-            reference.landmarks,
-            function_pairs,
-            config.landmarks,
+            current.points, current.landmarks, reference.points, reference.landmarks, function_pairs, config.landmarks
         )
         if config.consistency:
             landmark_pairs = consistent_pairs(
@@ -61,9 +54,7 @@ class CfSmaMatcher:
                 config.landmarks,
                 config.consistency_distance,
             )
-        cur_idx, ref_idx = matched_readings(
-            current.landmarks, reference.landmarks, landmark_pairs, config.landmarks
-        )
+        cur_idx, ref_idx = matched_readings(current.landmarks, reference.landmarks, landmark_pairs, config.landmarks)
         trace = CfSmaTrace(
             reference=reference,
             current=current,
@@ -83,9 +74,7 @@ class CfSmaMatcher:
         return _result(outcome, trace, alignment.pose, covariance)
 
 
-def _result(
-    outcome: Outcome, trace: CfSmaTrace, pose: Pose = NO_POSE, covariance: Cov = NO_COVARIANCE
-) -> MatchResult:
+def _result(outcome: Outcome, trace: CfSmaTrace, pose: Pose = NO_POSE, covariance: Cov = NO_COVARIANCE) -> MatchResult:
     cur_idx, ref_idx = trace.reading_pairs
     n_matched = cur_idx.size if outcome is Outcome.MATCHED else 0
     return MatchResult(

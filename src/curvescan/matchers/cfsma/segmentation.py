@@ -43,23 +43,11 @@ class Segments:
 def segment(readings: Readings, config: SegmentationConfig) -> Segments:
     """Return the segments of a sweep (eq. 2).
 
-    Departure: a run of up to `max_gap` missing readings does not end a segment by itself; the paper does
-    not say what a missing reading does. dphi is then the true angle between its two valid neighbours. One
-    lost return no longer splits a wall into two functions.
+    Departure: a run of up to `max_gap` missing readings does not end a segment by itself; the paper does not say what
+    a missing reading does. dphi is then the true angle between its two valid neighbours. One lost return no longer
+    splits a wall into two functions.
 
     Departure: sweeps of a full circle join at the seam. The paper's sensor sees half a circle.
-
-    Parameters
-    ----------
-    readings : Readings
-        Valid readings, counter-clockwise; may be empty.
-    config : SegmentationConfig
-        sigma_rho, lambda and the two open sizes.
-
-    Returns
-    -------
-    Segments
-        In sweep order; none when no group of readings is large enough.
     """
     breaks = _breakpoints(
         readings.ranges,

@@ -47,10 +47,7 @@ _GATES = {
         "range_sigma (sigma_rho), incidence_limit (lambda), min_readings",
         "in a group of too few readings",
     ),
-    Gate.UNCORRELATED: (
-        "min_correlation (U_c)",
-        "in a segment whose curvature function has no partner",
-    ),
+    Gate.UNCORRELATED: ("min_correlation (U_c)", "in a segment whose curvature function has no partner"),
     Gate.STRAIGHT: (
         "min_curvature (U_p), arc_tolerance (U_k)",
         "in a paired segment without a characteristic point, here or there",
@@ -67,15 +64,7 @@ _GATES = {
 }
 
 _GATE_OF_VERDICT = np.array(
-    [
-        Gate.STRAIGHT,
-        Gate.WEAK,
-        Gate.AMBIGUOUS,
-        Gate.ONE_SIDED,
-        Gate.INCONSISTENT,
-        Gate.MATCHED,
-    ],
-    dtype=np.uint8,
+    [Gate.STRAIGHT, Gate.WEAK, Gate.AMBIGUOUS, Gate.ONE_SIDED, Gate.INCONSISTENT, Gate.MATCHED], dtype=np.uint8
 )
 
 
@@ -126,8 +115,7 @@ class CfSmaTrace:
         bounds = self.current.landmarks.bounds
         verdict = self.landmark_pairs.verdict
         return np.array(
-            [verdict[bounds[k] : bounds[k + 1]].max(initial=0) for k in self.function_pairs[0]],
-            dtype=np.uint8,
+            [verdict[bounds[k] : bounds[k + 1]].max(initial=0) for k in self.function_pairs[0]], dtype=np.uint8
         )
 
     def rejections(self) -> dict[str, int]:
@@ -138,11 +126,8 @@ class CfSmaTrace:
         verdict = self.landmark_pairs.verdict
         return {
             "isolated readings": int(np.count_nonzero(self.gates_current == Gate.ISOLATED)),
-            "functions without partner (U_c)": len(self.current.starts)
-            - len(self.function_pairs[0]),
-            "function pairs without corner (U_p)": int(
-                np.count_nonzero(self.segment_verdicts == Verdict.NO_CANDIDATE)
-            ),
+            "functions without partner (U_c)": len(self.current.starts) - len(self.function_pairs[0]),
+            "function pairs without corner (U_p)": int(np.count_nonzero(self.segment_verdicts == Verdict.NO_CANDIDATE)),
             "corners unlike their candidates (S_min)": int(np.sum(verdict == Verdict.WEAK)),
             "corners with two candidates": int(np.sum(verdict == Verdict.AMBIGUOUS)),
             "corners without mutual best": int(np.sum(verdict == Verdict.ONE_SIDED)),
@@ -156,9 +141,7 @@ class CfSmaTrace:
         for k, verdict in zip(paired, self.segment_verdicts, strict=True):
             gate = _GATE_OF_VERDICT[verdict]
             out_of_reach = gate == Gate.MATCHED
-            gates[features.starts[k] : features.stops[k]] = (
-                Gate.OUT_OF_REACH if out_of_reach else gate
-            )
+            gates[features.starts[k] : features.stops[k]] = Gate.OUT_OF_REACH if out_of_reach else gate
         gates[matched] = Gate.MATCHED
         by_beam = np.full(features.n_beams, Gate.NO_READING, dtype=np.uint8)
         by_beam[features.beam_idx] = gates

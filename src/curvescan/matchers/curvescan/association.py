@@ -126,9 +126,7 @@ def project(surfels: Floats, motion: Motion, image: RangeImage) -> Floats:
         placed[X_THERE, i], placed[Y_THERE, i] = projected(surfels, i, motion)
     azimuth_min, slots_a_radian = image.azimuth[AZIMUTH_MIN], image.azimuth[SLOTS_A_RADIAN]
     for i in range(n):
-        placed[PLACE, i] = place_in(
-            placed[X_THERE, i], placed[Y_THERE, i], azimuth_min, slots_a_radian
-        )
+        placed[PLACE, i] = place_in(placed[X_THERE, i], placed[Y_THERE, i], azimuth_min, slots_a_radian)
     return placed
 
 

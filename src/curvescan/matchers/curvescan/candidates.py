@@ -12,11 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import (
-    GUESSED_REPETITION,
-    WeighedPoses,
-    weigh,
-)
+from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -111,11 +107,7 @@ def top_candidates(
 
 
 def search_degenerate_direction(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    poses: Floats,
-    weakest: Pose,
-    config: CurvescanConfig,
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, weakest: Pose, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
     """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
     rules = config.information
@@ -129,10 +121,7 @@ def search_degenerate_direction(
 
 
 def _finish(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    poses: Floats,
-    config: CurvescanConfig,
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
     sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
@@ -154,11 +143,7 @@ def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
     if problem.guess is None or len(poses) == 1:
         return None
     competing = competing_hypotheses(weighed.scores, problem.config)
-    rows = [
-        k
-        for k in range(1, len(poses))
-        if k in competing or weighed.repetition(k) > GUESSED_REPETITION
-    ]
+    rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > GUESSED_REPETITION]
     if not rows:
         return None
     rows = [0, *rows]

@@ -39,9 +39,7 @@ class SegmentsConfig:
 
     def __post_init__(self) -> None:
         require(
-            0.0 < self.incidence_limit < math.pi / 2,
-            "incidence_limit must lie in (0, pi/2) rad",
-            self.incidence_limit,
+            0.0 < self.incidence_limit < math.pi / 2, "incidence_limit must lie in (0, pi/2) rad", self.incidence_limit
         )
         require(self.max_gap >= 0, "max_gap must be >= 0 readings", self.max_gap)
         require(self.arm > 0.0, "arm must be > 0 m", self.arm)
@@ -71,9 +69,7 @@ class KeypointsConfig:
         return np.array(self.arms, dtype=np.float64)
 
     def __post_init__(self) -> None:
-        require(
-            len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms
-        )
+        require(len(self.arms) > 0 and min(self.arms) > 0.0, "arms must be lengths > 0 m", self.arms)
         require(0.0 < self.min_turn < math.pi, "min_turn must lie in (0, pi) rad", self.min_turn)
         require(self.end_arm > 0.0, "end_arm must be > 0 m", self.end_arm)
         require(self.max_keypoints >= 1, "max_keypoints must be at least 1", self.max_keypoints)
@@ -105,14 +101,7 @@ class HypothesesConfig:
     """How far along a corridor places are tried, metres each way."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "turn_tolerance",
-            "cell",
-            "alignment_reach",
-            "alignment_bin",
-            "along_step",
-            "along_reach",
-        ):
+        for name in ("turn_tolerance", "cell", "alignment_reach", "alignment_bin", "along_step", "along_reach"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("max_pairs", "max_tried", "n_rotations", "n_alignments"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -173,23 +162,10 @@ class ScoringConfig:
         for name in ("rough", "moved_along", "close", "fine"):
             tolerance = getattr(self, name)
             require(
-                tolerance[0] > 0.0 and tolerance[1] >= 0.0,
-                f"{name} must be metres > 0 and a slope >= 0",
-                tolerance,
+                tolerance[0] > 0.0 and tolerance[1] >= 0.0, f"{name} must be metres > 0 and a slope >= 0", tolerance
             )
-        for name in (
-            "doubtful_score",
-            "guess_score",
-            "certain_score",
-            "min_score",
-            "contested",
-            "min_confidence",
-        ):
-            require(
-                -1.0 <= getattr(self, name) <= 1.0,
-                f"{name} must lie in [-1, 1]",
-                getattr(self, name),
-            )
+        for name in ("doubtful_score", "guess_score", "certain_score", "min_score", "contested", "min_confidence"):
+            require(-1.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [-1, 1]", getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,11 +16,7 @@ from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
-from curvescan.matchers.curvescan.candidates import (
-    RefinedCandidates,
-    competing_hypotheses,
-    direction_of_walls,
-)
+from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
@@ -138,11 +134,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
     )
-    others = [
-        k
-        for k in range(1, len(poses))
-        if distance(poses[k], poses[0]) > _OTHER and not (is_flat and k in along)
-    ]
+    others = [k for k in range(1, len(poses)) if distance(poses[k], poses[0]) > _OTHER and not (is_flat and k in along)]
     support = support_of(weighed, others, bool(is_degenerate.any()) or is_flat)
     ties = [k for k in along if k in competing] if is_flat else ties_of(support, along, config)
     if walls is not None:
@@ -160,11 +152,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
 
 
 def along_weakest_direction(
-    poses: Floats,
-    assessment: Assessment,
-    is_open: bool,
-    walls: Pose | None,
-    config: CurvescanConfig,
+    poses: Floats, assessment: Assessment, is_open: bool, walls: Pose | None, config: CurvescanConfig
 ) -> list[int]:
     """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open.
 
@@ -200,11 +188,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
 
     A candidate along a degenerate direction does not compete: the covariance holds it.
     """
-    assessment, support, is_degenerate = (
-        assessed.assessment,
-        assessed.support,
-        assessed.is_degenerate,
-    )
+    assessment, support, is_degenerate = (assessed.assessment, assessed.support, assessed.is_degenerate)
     ref, cur, _, config = problem
     least = config.scoring.min_confidence
     if assessment is None or support is None or is_degenerate.all():
@@ -228,9 +212,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
     )
 
 
-def place(
-    problem: Problem, assessed: AssessedPose, assessment: Assessment
-) -> tuple[Pose, Assessment, Cov]:
+def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
     """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
     ref, cur, guess, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
@@ -299,13 +281,10 @@ def move_to_guess(
     offset = np.array(difference(guess, pose)) * _ARMS
     distance_along = float(along @ offset) / float(along @ along)
     moved_along = pose + distance_along * assessment.weakest
-    moved_along = refine(
-        moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule
-    )
+    moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule)
     images = ref.wide_image, cur.wide_image
     before, after = (
-        select(one, *images, *config.scoring.fine, 1, 4096, 0.0)[1]
-        for one in (pose[np.newaxis], moved_along)
+        select(one, *images, *config.scoring.fine, 1, 4096, 0.0)[1] for one in (pose[np.newaxis], moved_along)
     )
     if not len(after) or after[0] < _SHARE * before[0]:
         return pose, assessment

@@ -63,9 +63,7 @@ class CurvescanMatcher:
         """Return whether the scan has surfaces to compare."""
         return len(features.image.samples) >= _MIN_PROBES
 
-    def match(
-        self, reference: CurvescanFeatures, current: CurvescanFeatures, guess: Pose | None
-    ) -> MatchResult:
+    def match(self, reference: CurvescanFeatures, current: CurvescanFeatures, guess: Pose | None) -> MatchResult:
         """Return the pose of `current` in `reference`.
 
         A guess is one more hypothesis. It is taken without a look at others when many readings agree there and fix
@@ -81,9 +79,7 @@ class CurvescanMatcher:
         return report(problem, candidates, assessed, verdict)
 
 
-def report(
-    problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict
-) -> MatchResult:
+def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
     return MatchResult(

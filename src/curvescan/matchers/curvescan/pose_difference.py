@@ -25,15 +25,7 @@ def distance(a: Pose, b: Pose) -> float:
 def is_along(direction: Pose, pose: Pose, other: Pose, tolerance: float) -> bool:
     """Return whether a motion that starts in a direction and keeps to it passes another pose.
 
-    Parameters
-    ----------
-    direction : (3,) float64
-        Change of x, y and theta to begin with, metres, metres and radians, of any length. Without a turn the motion
-        is a line, with one an arc.
-    pose, other : (3,) float64
-        Where it starts, and what it may pass.
-    tolerance : float
-        How near it must come, metres, and radians on a line.
+    direction (3,); pose, other (3,).
     """
     x, y, theta = difference(other, pose)
     dx, dy, turn = direction.tolist()

@@ -152,23 +152,10 @@ def solve(system: Floats, damping: float) -> tuple[float, float, float]:
 
 
 @kernel
-def refine(
-    poses: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    sigmas: Floats,
-) -> Floats:
+def refine(poses: Floats, ref: RangeImage, cur: RangeImage, sigmas: Floats) -> Floats:
     """Return (h, 3) refined poses.
 
-    Parameters
-    ----------
-    poses : (h, 3) float64
-        Where to start, of the current scan in the reference.
-    ref, cur : RangeImage
-        Both scans; their samples are what is compared with the other scan.
-    sigmas : (n,) float64
-        One iteration each: metres that the pose may be wrong by at the sensor, besides the noise; three tenths more
-        for each metre away from it.
+    poses (h, 3); sigmas (n,).
     """
     refined = poses.copy()
     system = np.empty(N_SUMS)
@@ -189,14 +176,8 @@ def refine(
 
 
 @kernel
-def refine_fully(
-    poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats
-) -> Floats:
+def refine_fully(poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats) -> Floats:
     """Return (h, 3) poses refined on the samples of two range images, then on all of their readings; schedules as `refine` takes."""
-    all_ref = RangeImage(
-        samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table
-    )
-    all_cur = RangeImage(
-        samples=cur.surfels, surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table
-    )
+    all_ref = RangeImage(samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table)
+    all_cur = RangeImage(samples=cur.surfels, surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table)
     return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

@@ -132,9 +132,7 @@ def run_batch(
         folders = results.name_folders([log.input for log in logs])
         standing = {log.input for log in logs if resume and _stands(results, log, options)}
         tasks = [
-            Task(log=log.input, folder=results.place(folders[log.input]))
-            for log in logs
-            if log.input not in standing
+            Task(log=log.input, folder=results.place(folders[log.input])) for log in logs if log.input not in standing
         ]
         if tasks:
             with _pool(engine, workers, results.workers_log) as pool:
@@ -182,11 +180,7 @@ def _pool(engine: Engine, workers: int | None, log: Path) -> Iterator[WorkerPool
 
 def _stands(results: Results, log: LogState, options: str) -> bool:
     record = results.records.get(log.input)
-    return (
-        record is not None
-        and record.stands_for(log, options, __version__)
-        and results.holds(record)
-    )
+    return record is not None and record.stands_for(log, options, __version__) and results.holds(record)
 
 
 def _record(done: Done, state: LogState, options: str) -> BatchRecord:

@@ -53,13 +53,9 @@ def digest_of(job: Job) -> str:
     """Return a digest of what a job is and of its options, as 16 hexadecimal digits."""
     kind = type(job)
     fields = {
-        name
-        for name, f in getattr(kind, "__dataclass_fields__", {}).items()
-        if not f.metadata.get("is_option", True)
+        name for name, f in getattr(kind, "__dataclass_fields__", {}).items() if not f.metadata.get("is_option", True)
     }
     plain: Any = as_plain(job)
-    options = (
-        {k: v for k, v in plain.items() if k not in fields} if isinstance(plain, Mapping) else {}
-    )
+    options = {k: v for k, v in plain.items() if k not in fields} if isinstance(plain, Mapping) else {}
     text = json.dumps([kind.__module__, kind.__qualname__, options], sort_keys=True, default=repr)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

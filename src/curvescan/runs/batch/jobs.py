@@ -124,9 +124,7 @@ class SlamJob(_LogJob):
         assert isinstance(self.config, SlamConfig)  # filled in
 
         # the workers have the cores
-        result = slam_log(
-            self.logs.open(log), config=self.config, n_processes=1, **self._arguments(log, folder)
-        )
+        result = slam_log(self.logs.open(log), config=self.config, n_processes=1, **self._arguments(log, folder))
         return _result(result.verdict, result.run.revised.trajectory)
 
 
@@ -136,8 +134,5 @@ def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:
     steps = np.diff(trajectory.poses[:, :2], axis=0)
     length = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
     return JobResult(
-        is_trusted=verdict.is_trusted,
-        sentence=verdict.sentence,
-        n_scans=len(trajectory.stamps),
-        length=length,
+        is_trusted=verdict.is_trusted, sentence=verdict.sentence, n_scans=len(trajectory.stamps), length=length
     )

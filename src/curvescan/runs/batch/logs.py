@@ -65,12 +65,7 @@ def find_logs(patterns: Iterable[str | os.PathLike[str]]) -> tuple[LogState, ...
     Of folders those that hold a ROS 2 bag are logs, and the files in them are not logs of their own. A path without
     wildcards is taken as it is: whether it is a log will be seen.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When a pattern matches nothing.
-    StorageError, MissingPackageError
-        When a bucket cannot be read.
+    Raises InvalidArgumentError, StorageError, MissingPackageError.
     """
     paths: dict[Path, None] = {}
     remote: dict[str, LogState] = {}
@@ -138,29 +133,15 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> bool:
     if patterns[0] == "**":
         rest = patterns[1:] or ("*",)
         return any(
-            _matches(names[k:], rest)
-            for k in range(len(names))
-            if not any(name.startswith(".") for name in names[:k])
+            _matches(names[k:], rest) for k in range(len(names)) if not any(name.startswith(".") for name in names[:k])
         )
     if not names or (names[0].startswith(".") and not patterns[0].startswith(".")):
         return False
     return fnmatch.fnmatchcase(names[0], patterns[0]) and _matches(names[1:], patterns[1:])
 
 
-def name_folders(
-    logs: Sequence[str], known: dict[str, str], reserved: Sequence[str] = ()
-) -> dict[str, str]:
-    """Return the name of the results' folder of each log: the log's own, with folders above it where it is taken.
-
-    Parameters
-    ----------
-    logs : sequence of str
-        Absolute paths or URLs.
-    known : dict of str to str
-        The folders that logs have from earlier batches: they keep them.
-    reserved : sequence of str
-        Names that are no folders of logs.
-    """
+def name_folders(logs: Sequence[str], known: dict[str, str], reserved: Sequence[str] = ()) -> dict[str, str]:
+    """Return the name of the results' folder of each log: the log's own, with folders above it where it is taken."""
     taken = {name.casefold() for name in (*known.values(), *reserved)}
     folders: dict[str, str] = {}
     for log in logs:

@@ -26,12 +26,7 @@ _PATIENCE_S = 2.0
 class ProcessPool:
     """Starts processes.
 
-    Parameters
-    ----------
-    n_workers : int or None
-        How many there may be at once; None for as many as there are cores.
-    log : Path
-        File to which goes what they print.
+    n_workers: How many there may be at once; None for as many as there are cores.
     """
 
     def __init__(self, n_workers: int | None, log: Path) -> None:

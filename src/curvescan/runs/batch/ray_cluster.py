@@ -24,26 +24,15 @@ _SETTINGS = {"MPLBACKEND": "Agg", "CURVESCAN_COMPILE_HELPERS": "0"}
 class RayPool:
     """Starts actors, each with a core.
 
-    Parameters
-    ----------
-    n_workers : int or None
-        How many there may be at once; None for as many as the cluster has cores.
-
-    Raises
-    ------
-    MissingPackageError
-        When Ray is not installed.
-    WorkerError
-        When the cluster cannot be reached.
+    n_workers: How many there may be at once; None for as many as the cluster has cores. Raises MissingPackageError,
+    WorkerError.
     """
 
     def __init__(self, n_workers: int | None) -> None:
         try:
             import ray
         except ImportError as error:
-            raise MissingPackageError(
-                "the engine ray needs Ray: pip install 'curvescan[ray]'"
-            ) from error
+            raise MissingPackageError("the engine ray needs Ray: pip install 'curvescan[ray]'") from error
         self._ray: Any = ray
         self._is_ours = not ray.is_initialized()
         if self._is_ours:
@@ -64,11 +53,7 @@ class RayPool:
 
         sent = pickle.dumps(job)
         warming = self._ray.remote(num_cpus=1, max_retries=0)(_warm_up)
-        nodes = [
-            node["NodeID"]
-            for node in self._ray.nodes()
-            if node["Alive"] and node["Resources"].get("CPU", 0) >= 1
-        ]
+        nodes = [node["NodeID"] for node in self._ray.nodes() if node["Alive"] and node["Resources"].get("CPU", 0) >= 1]
         places = [OnNode(node, soft=True) for node in nodes]
         try:
             self._ray.get([warming.options(scheduling_strategy=p).remote(sent) for p in places])

@@ -22,19 +22,7 @@ _LOCK = ".in-use"
 def run_job(job: Job, log: str, folder: str) -> JobResult:
     """Run a job over a log, either of them here or in a bucket.
 
-    Parameters
-    ----------
-    job : Job
-        What is done.
-    log : str
-        Absolute path or URL of the log.
-    folder : str
-        Absolute path or URL of the folder of its results.
-
-    Raises
-    ------
-    CurvescanError
-        When the job fails, a bucket cannot be reached, or the disk is full.
+    Raises CurvescanError.
     """
     if not is_url(log) and not is_url(folder):
         return job(Path(log), Path(folder))

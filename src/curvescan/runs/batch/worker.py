@@ -101,8 +101,7 @@ def answer(job: Job, task: Task) -> JobResult | Failure:
     except Exception as error:  # noqa: BLE001 - one bad log stops no other
         said = f": {error}" if str(error) else ""
         return Failure(
-            sentence=f"{type(error).__name__}{said} (its traceback is in workers.log)",
-            traceback=traceback.format_exc(),
+            sentence=f"{type(error).__name__}{said} (its traceback is in workers.log)", traceback=traceback.format_exc()
         )
 
 

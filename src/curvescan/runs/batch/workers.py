@@ -128,25 +128,7 @@ def run_tasks(
 
     Close the generator to end the workers before all is done.
 
-    Parameters
-    ----------
-    job : Job
-        What is done with each.
-    queue : TaskQueue
-        Gives them out.
-    pool : WorkerPool
-        Starts the workers.
-    timeout : float
-        Time that one task may take, seconds; inf for any.
-    log : Path
-        File to which goes what the workers print, and where in the program errors were that nobody expected.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the job cannot be sent to another process.
-    WorkerError
-        When workers die before they have begun, or run another version of curvescan.
+    timeout: Time that one task may take, seconds; inf for any. Raises InvalidArgumentError, WorkerError.
     """
     sent, assigned = _pickled(job), dict[Worker, _Assignment]()
     # a supervisor that a signal ends at once cannot wait for its workers
@@ -155,13 +137,7 @@ def run_tasks(
 
 
 def _supervise(
-    job: bytes,
-    queue: TaskQueue,
-    assigned: dict[Worker, _Assignment],
-    *,
-    pool: WorkerPool,
-    timeout: float,
-    log: Path,
+    job: bytes, queue: TaskQueue, assigned: dict[Worker, _Assignment], *, pool: WorkerPool, timeout: float, log: Path
 ) -> Generator[Done, None, None]:
     events: SimpleQueue[Event] = SimpleQueue()
     waiting: Task | None = None
@@ -201,9 +177,7 @@ def _supervise(
                     yield one.done(worker.cause_of_death())
                 n_false_starts += not one.is_ready
                 if n_false_starts >= _MAX_FALSE_STARTS:
-                    raise WorkerError(
-                        f"the workers cannot be started: {_last_line(log) or worker.cause_of_death()}"
-                    )
+                    raise WorkerError(f"the workers cannot be started: {_last_line(log) or worker.cause_of_death()}")
     finally:
         for worker in assigned:
             worker.dismiss()
@@ -222,9 +196,7 @@ def _stopped(assigned: dict[Worker, _Assignment], one: _Assignment, timeout: flo
     del assigned[one.worker]
     one.worker.kill()
     one.worker.end()
-    return one.done(
-        f"stopped after {timeout:g} s, the time that a log may take: try timeout={10 * timeout:g}"
-    )
+    return one.done(f"stopped after {timeout:g} s, the time that a log may take: try timeout={10 * timeout:g}")
 
 
 def _said(reply: JobResult | Failure, log: Path) -> JobResult | str:

@@ -43,15 +43,11 @@ WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "round-room": lambda _: round_room(),
     "l-hall": lambda _: l_hall(),
     "t-hall": lambda _: t_hall(),
-    "curved-hall": lambda _: (
-        curved_hall() + columns([(-3.0, 1.2), (-1.0, -1.4), (2.0, 1.0), (4.5, -1.0)])
-    ),
+    "curved-hall": lambda _: curved_hall() + columns([(-3.0, 1.2), (-1.0, -1.4), (2.0, 1.0), (4.5, -1.0)]),
     "clutter": lambda seed: room(10.0, 8.0) + clutter((-4.5, -3.5, 4.5, 3.5), 18, seed),
     "office": office,
     "building": building,
-    "office-floor": lambda seed: replace(
-        building(seed, visits_round_room=False), name="office-floor"
-    ),
+    "office-floor": lambda seed: replace(building(seed, visits_round_room=False), name="office-floor"),
 }
 """Name -> builder(seed). Only clutter, office, building and office-floor (the building, whose route leaves the round
 room out) depend on the seed."""
@@ -75,6 +71,4 @@ def look_up(table: Mapping[str, _T], name: str, what: str) -> _T:
     if name in table:
         return table[name]
     near = difflib.get_close_matches(str(name), table, n=1, cutoff=0.0)
-    raise InvalidArgumentError(
-        f"unknown {what} {name!r}: did you mean {near[0]!r}? known are {', '.join(table)}"
-    )
+    raise InvalidArgumentError(f"unknown {what} {name!r}: did you mean {near[0]!r}? known are {', '.join(table)}")

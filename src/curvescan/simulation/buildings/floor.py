@@ -7,13 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.simulation.buildings.floorplan import (
-    WALL_THICKNESS,
-    Door,
-    Room,
-    door_zones,
-    walls_of,
-)
+from curvescan.simulation.buildings.floorplan import WALL_THICKNESS, Door, Room, door_zones, walls_of
 from curvescan.simulation.buildings.furniture import furnish
 from curvescan.simulation.buildings.offices import roomiest_place
 from curvescan.simulation.buildings.world import World
@@ -27,15 +21,8 @@ _LEAF = 0.04  # thickness of a door leaf, metres
 def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool = True) -> World:
     """Return a random floor of about 24 m by 18 m; its route is a loop of 60 to 80 m.
 
-    Rows of offices lie below and above a corridor loop; inside the loop lie more offices and a round room
-    (one exact arc); the corridor on the right has a curved outer wall. Doors stand open or are closed.
-
-    Parameters
-    ----------
-    seed : int or SeedSequence
-        The same seed gives the same building.
-    visits_round_room : bool
-        Whether the route leads into the round room, where the heading is unobservable.
+    Rows of offices lie below and above a corridor loop; inside the loop lie more offices and a round room (one exact
+    arc); the corridor on the right has a curved outer wall. Doors stand open or are closed.
     """
     rng = np.random.default_rng(seed)
     length = rng.uniform(21.5, 23.5)
@@ -85,9 +72,7 @@ def building(seed: int | np.random.SeedSequence = 0, *, visits_round_room: bool 
         ),
         (left, top),
     ]
-    return replace(
-        world, name="building", floor=_outline(length, width, low, high), route=np.array(route)
-    )
+    return replace(world, name="building", floor=_outline(length, width, low, high), route=np.array(route))
 
 
 def _row(x0: float, x1: float, y0: float, y1: float, rng: np.random.Generator) -> list[Room]:
@@ -166,9 +151,7 @@ def _in_the_corridors(
     return things
 
 
-def _in_order_from_the_right(
-    *visits: list[tuple[float, ...]],
-) -> list[tuple[float, ...]]:
+def _in_order_from_the_right(*visits: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
     return [place for visit in sorted(visits, key=lambda v: -v[0][0]) for place in visit]
 
 

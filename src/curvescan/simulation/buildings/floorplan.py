@@ -80,9 +80,7 @@ def walls_of(rooms: Sequence[Room], doors: Sequence[Door]) -> World:
         for low, high in _pieces(stretches, gaps):
             middle, length = 0.5 * (low + high), high - low
             boxes.append(
-                [at, middle, WALL_THICKNESS, length, 0.0]
-                if is_vertical
-                else [middle, at, length, WALL_THICKNESS, 0.0]
+                [at, middle, WALL_THICKNESS, length, 0.0] if is_vertical else [middle, at, length, WALL_THICKNESS, 0.0]
             )
     return World(boxes=np.array(boxes))
 
@@ -108,9 +106,7 @@ def door_zones(doors: Sequence[Door], depth: float = 0.95) -> Floats:
     return zones
 
 
-def _pieces(
-    stretches: list[tuple[float, float]], gaps: list[tuple[float, float]]
-) -> list[tuple[float, float]]:
+def _pieces(stretches: list[tuple[float, float]], gaps: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return the union of the stretches, lengthened by half a thickness, without the gaps."""
     half = 0.5 * WALL_THICKNESS
     merged: list[list[float]] = []

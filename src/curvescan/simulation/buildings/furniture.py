@@ -9,13 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from curvescan.simulation.buildings.floorplan import (
-    WALL_THICKNESS,
-    Door,
-    Room,
-    door_zones,
-    overlaps,
-)
+from curvescan.simulation.buildings.floorplan import WALL_THICKNESS, Door, Room, door_zones, overlaps
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Floats
 
@@ -29,9 +23,7 @@ def chair(x: float, y: float, angle: float, *, has_castors: bool) -> World:
     """Return a chair: five castors and a column around (x, y), or four legs."""
     n_feet, reach, radius = (5, 0.26, 0.03) if has_castors else (4, 0.25, 0.018)
     feet = angle + 2.0 * np.pi * np.arange(n_feet) / n_feet
-    circles = np.column_stack(
-        [x + reach * np.cos(feet), y + reach * np.sin(feet), np.full(n_feet, radius)]
-    )
+    circles = np.column_stack([x + reach * np.cos(feet), y + reach * np.sin(feet), np.full(n_feet, radius)])
     if has_castors:
         circles = np.vstack([circles, [x, y, 0.03]])
     return World(circles=circles)
@@ -62,21 +54,7 @@ def furnish(
     density: float = 1.0,
     sides: Sequence[int] = (0, 1, 2, 3),
 ) -> World:
-    """Return furniture for a room: against the walls first, then in the middle, doors kept clear.
-
-    Parameters
-    ----------
-    room : Room
-        Walls of thickness `WALL_THICKNESS` stand around it.
-    doors : sequence of Door
-        All doors near the room.
-    rng : numpy.random.Generator
-        Decides everything.
-    density : float
-        About 1 for a lived-in office, 0 for an empty room.
-    sides : sequence of int
-        Which sides have a wall to stand at: 0 bottom, 1 right, 2 top, 3 left.
-    """
+    """Return furniture for a room: against the walls first, then in the middle, doors kept clear."""
     furniture = World()
     taken = door_zones(doors)
     area = (room.x1 - room.x0) * (room.y1 - room.y0)
@@ -141,15 +119,11 @@ def _island(half: float, rng: np.random.Generator) -> World:
     for angle in np.pi * np.array([0.0, 0.5, 1.0, 1.5]):
         if rng.random() < 0.75:
             reach = half - 0.28
-            table += chair(
-                reach * np.cos(angle), reach * np.sin(angle), rng.random(), has_castors=False
-            )
+            table += chair(reach * np.cos(angle), reach * np.sin(angle), rng.random(), has_castors=False)
     return table
 
 
-def _against_wall(
-    room: Room, length: float, depth: float, side: int, share: float
-) -> tuple[Floats, Floats] | None:
+def _against_wall(room: Room, length: float, depth: float, side: int, share: float) -> tuple[Floats, Floats] | None:
     """Return the pose of a piece with its back at a wall, and the rectangle it takes; None: no space.
 
     `side` counts bottom, right, top, left; `share` in [0, 1) says where along the wall.
@@ -161,11 +135,8 @@ def _against_wall(
     if space < 0.0 or room_across < 0.9 + depth:
         return None
     along, across = share * space + 0.5 * length, 0.5 * depth
-    x, y = [
-        (x0 + along, y0 + across),
-        (x1 - across, y0 + along),
-        (x1 - along, y1 - across),
-        (x0 + across, y1 - along),
-    ][side]
+    x, y = [(x0 + along, y0 + across), (x1 - across, y0 + along), (x1 - along, y1 - across), (x0 + across, y1 - along)][
+        side
+    ]
     dx, dy = (0.5 * length, 0.5 * depth) if side % 2 == 0 else (0.5 * depth, 0.5 * length)
     return np.array([x, y, 0.5 * np.pi * side]), np.array([x - dx, y - dy, x + dx, y + dy])

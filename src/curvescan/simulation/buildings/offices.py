@@ -17,13 +17,8 @@ _MIN_SIDE = 3.2  # of an office room, metres
 def office(seed: int | np.random.SeedSequence = 0) -> World:
     """Return a random cluttered office: 3 to 9 furnished rooms joined by open doors.
 
-    The footprint (9 to 14 m by 7 to 11 m, a corner at the origin) is halved at random into rooms; the route
-    visits every room and comes back.
-
-    Parameters
-    ----------
-    seed : int or SeedSequence
-        The same seed gives the same office.
+    The footprint (9 to 14 m by 7 to 11 m, a corner at the origin) is halved at random into rooms; the route visits
+    every room and comes back.
     """
     rng = np.random.default_rng(seed)
     length, width = rng.uniform(9.0, 14.0), rng.uniform(7.0, 11.0)

@@ -51,17 +51,7 @@ def corridor(
 
     Motion along a bare corridor is unobservable.
 
-    Parameters
-    ----------
-    length, width : float
-        Metres.
-    recesses : (n, 3) array_like
-        Door niches [x, width, depth], metres: in the left wall (positive y) for depth > 0, in the right
-        wall for depth < 0.
-    pillars : (m, 3) array_like
-        Square pillars [x, y, side], metres.
-    has_ends : bool
-        Whether walls close the corridor.
+    recesses (n, 3); pillars (m, 3).
     """
     half, y = 0.5 * length, 0.5 * width
     niches = np.asarray(recesses, dtype=np.float64).reshape(-1, 3)
@@ -103,9 +93,7 @@ def curved_hall(length: float = 10.0, width: float = 6.0) -> World:
     return World(
         name="curved-hall",
         walls=np.array([[-x, -radius, x, -radius], [-x, radius, x, radius]]),
-        arcs=np.array(
-            [[x, 0.0, radius, -0.5 * np.pi, np.pi], [-x, 0.0, radius, 0.5 * np.pi, np.pi]]
-        ),
+        arcs=np.array([[x, 0.0, radius, -0.5 * np.pi, np.pi], [-x, 0.0, radius, 0.5 * np.pi, np.pi]]),
         floor=np.vstack([np.add([x, 0.0], end), np.subtract([-x, 0.0], end)]),
     )
 
@@ -119,14 +107,7 @@ def columns(places: ArrayLike, radius: float = 0.25) -> World:
 def clutter(area: ArrayLike, n_things: int, seed: int | np.random.SeedSequence = 0) -> World:
     """Return boxes at any angle and small discs, at random places.
 
-    Parameters
-    ----------
-    area : (4,) array_like
-        [x_min, y_min, x_max, y_max] of the centres, metres.
-    n_things : int
-        How many; about two thirds are boxes of 0.2 to 0.9 m, the rest discs of radius 0.04 to 0.25 m.
-    seed : int or SeedSequence
-        The same seed gives the same things.
+    area (4,).
     """
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = np.asarray(area, dtype=np.float64)

@@ -75,9 +75,7 @@ class World:
             if np.any(sizes <= 0.0):
                 raise InvalidArgumentError(f"{name} must be > 0, got {sizes.min()}")
         if np.any(self.arcs[:, 4] > 2.0 * np.pi):
-            raise InvalidArgumentError(
-                f"arc extents must be at most 2 pi, got {self.arcs[:, 4].max()}"
-            )
+            raise InvalidArgumentError(f"arc extents must be at most 2 pi, got {self.arcs[:, 4].max()}")
 
     def __add__(self, other: World) -> World:
         """Return the things of both worlds, with the name, floor and route of the first that has one."""
@@ -125,9 +123,7 @@ class World:
     def curves(self) -> Floats:
         """(m + k, 6) circles, then arcs: [x, y, r, cos and sin of the middle, cos of half the extent]."""
         middle = self.arcs[:, 3] + 0.5 * self.arcs[:, 4]
-        arcs = np.column_stack(
-            [self.arcs[:, :3], np.cos(middle), np.sin(middle), np.cos(0.5 * self.arcs[:, 4])]
-        )
+        arcs = np.column_stack([self.arcs[:, :3], np.cos(middle), np.sin(middle), np.cos(0.5 * self.arcs[:, 4])])
         return np.ascontiguousarray(np.vstack([full_circles(self.circles), arcs]))
 
     @property
@@ -139,9 +135,7 @@ class World:
     def bounds(self) -> Floats:
         """(4,) [x_min, y_min, x_max, y_max] around everything (arcs by their whole circle), metres."""
         centres, radii = self.curves[:, :2], self.curves[:, 2:3]
-        points = np.vstack(
-            [self.segments.reshape(-1, 2), self.floor, centres - radii, centres + radii]
-        )
+        points = np.vstack([self.segments.reshape(-1, 2), self.floor, centres - radii, centres + radii])
         if not len(points):
             return np.zeros(4)
         return np.concatenate([points.min(axis=0), points.max(axis=0)])

@@ -19,9 +19,7 @@ from curvescan.simulation.driving.pursuit import Drive, at_start, follow, smooth
 from curvescan.types import Floats, Points, Pose
 
 _STEP = 0.05  # seconds between two control steps, at most
-_NEAR_ROUTE = (
-    2.0  # metres: by so much a drive about a start may lie beside the corners of the route
-)
+_NEAR_ROUTE = 2.0  # metres: by so much a drive about a start may lie beside the corners of the route
 
 
 def drive_route(
@@ -29,29 +27,8 @@ def drive_route(
 ) -> Pose:
     """Return the poses of a drive round the world's route, or to random places in a world without one.
 
-    Parameters
-    ----------
-    world : World
-        Where to drive.
-    drive : Drive
-        Limits.
-    period : float
-        Seconds between poses.
-    rng : numpy.random.Generator
-        Chooses the places, where there is no route.
-    n_poses : int or None
-        How many poses, over as many laps as it takes; fewer poses are the first of more. None: one lap of the
-        route.
-
-    Returns
-    -------
-    (n, 3) float64
-        [x, y, theta] in the world frame. The robot stops at the end of each lap (and at each random place).
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the world has no free place, or no route for a lap.
+    n_poses: How many poses, over as many laps as it takes; fewer poses are the first of more. None: one lap of the
+    route; result (n, 3). Raises InvalidArgumentError.
     """
     if len(world.route) > 1:
         lap = _lap(world, drive)
@@ -84,19 +61,7 @@ def drive_home(
     The paper's second experiment. The robot comes to rest within some centimetres of the first pose, with any
     heading; with too few poses for the way home it ends on the way.
 
-    Parameters
-    ----------
-    world, drive, period, rng
-        As for :func:`drive_route`.
-    n_poses : int
-        How many poses.
-    radius : float
-        How far from the start the moves lead, metres.
-
-    Returns
-    -------
-    (n_poses, 3) float64
-        [x, y, theta] in the world frame.
+    result (n_poses, 3).
     """
     n_steps, step = _steps(period)
     start = _roomiest(world, rng)
@@ -137,18 +102,14 @@ def _lap(world: World, drive: Drive) -> Points:
     return smooth(np.vstack(walks))
 
 
-def _wander(
-    world: World, drive: Drive, rng: np.random.Generator, start: Floats, radius: float
-) -> Iterator[Points]:
+def _wander(world: World, drive: Drive, rng: np.random.Generator, start: Floats, radius: float) -> Iterator[Points]:
     """Yield walks between random reachable places within `radius` metres of a start, for ever."""
     grid = grid_of(world)
     places = grid.reachable(start, drive.clearance)
     offsets = places - start
     places = places[np.hypot(offsets[:, 0], offsets[:, 1]) <= radius]
     if len(places) < 10:
-        raise InvalidArgumentError(
-            f"a robot that keeps {drive.clearance} m clear has nowhere to go in {world.name!r}"
-        )
+        raise InvalidArgumentError(f"a robot that keeps {drive.clearance} m clear has nowhere to go in {world.name!r}")
     here = start
     while True:
         goal = places[int(rng.integers(len(places)))]

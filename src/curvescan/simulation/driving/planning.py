@@ -21,13 +21,7 @@ _MOVES = tuple((i, j, float(np.hypot(i, j))) for i in (-1, 0, 1) for j in (-1, 0
 
 
 class Grid:
-    """Clearance of a world on a square grid: 0 off the floor.
-
-    Parameters
-    ----------
-    world : World
-        Its bounds are covered.
-    """
+    """Clearance of a world on a square grid: 0 off the floor."""
 
     def __init__(self, world: World) -> None:
         self._origin = world.bounds[:2]
@@ -60,23 +54,10 @@ class Grid:
     def plan(self, start: ArrayLike, goal: ArrayLike, clearance: float) -> Points | None:
         """Return a walk from start to goal (A*; cells near things count as longer).
 
-        Parameters
-        ----------
-        start, goal : (2,) array_like
-            Metres, world frame; the nearest open cells are taken.
-        clearance : float
-            Least clearance on the way, metres.
-
-        Returns
-        -------
-        (n, 2) float64 or None
-            Cell centres, metres; None when there is no way.
+        start, goal (2,); result (n, 2): Cell centres, metres; None when there is no way.
         """
         is_open = self.clearance >= clearance
-        first, last = (
-            self._nearest_open(start, is_open),
-            self._nearest_open(goal, is_open),
-        )
+        first, last = (self._nearest_open(start, is_open), self._nearest_open(goal, is_open))
         weight = 1.0 + _SHY * np.maximum(1.0 - self.clearance / _COMFORT, 0.0)
         n_rows, n_columns = is_open.shape
         weights, opens = weight.ravel().tolist(), is_open.ravel().tolist()
@@ -109,9 +90,7 @@ class Grid:
     def _nearest_open(self, place: ArrayLike, is_open: Bools) -> tuple[int, int]:
         cells = np.argwhere(is_open)
         if not len(cells):
-            raise InvalidArgumentError(
-                "the world has no free place for a robot: it is too small or too full"
-            )
+            raise InvalidArgumentError("the world has no free place for a robot: it is too small or too full")
         offsets = self._centres(cells) - np.asarray(place, dtype=np.float64)
         row, column = cells[int(np.argmin(np.sum(offsets**2, axis=1)))]
         return int(row), int(column)

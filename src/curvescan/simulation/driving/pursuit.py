@@ -73,21 +73,7 @@ def at_start(line: Points) -> Floats:
 def follow(line: Points, state: Floats, drive: Drive, step: float) -> Iterator[Floats]:
     """Yield the states of a robot that drives along a line to its end.
 
-    Parameters
-    ----------
-    line : (n, 2) float64
-        As :func:`smooth` returns it.
-    state : (5,) float64
-        [x, y, theta, speed, turn rate] at the start: metres, radians, m/s, rad/s.
-    drive : Drive
-        Limits.
-    step : float
-        Seconds from state to state.
-
-    Yields
-    ------
-    (5,) float64
-        The state after each step.
+    line (n, 2); state (5,); result (5,).
     """
     x, y, theta, speed, turn_rate = (float(value) for value in state)
     limits = _speed_limits(line, drive)
@@ -123,9 +109,7 @@ def _speed_limits(line: Points, drive: Drive) -> list[float]:
     limits = np.full(len(line), drive.speed)
     along = np.diff(line, axis=0)
     bends = np.abs(se2.wrap(np.diff(np.arctan2(along[:, 1], along[:, 0]))))
-    limits[1:-1] = np.minimum(
-        limits[1:-1], 0.6 * drive.turn_rate * _SPACING / np.maximum(bends, 1e-9)
-    )
+    limits[1:-1] = np.minimum(limits[1:-1], 0.6 * drive.turn_rate * _SPACING / np.maximum(bends, 1e-9))
     limits[-1] = 0.0
     # brake early enough: v^2 may fall by 2 a d, of which a tenth is kept in reserve
     drop = 1.8 * drive.acceleration * _SPACING

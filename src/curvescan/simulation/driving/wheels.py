@@ -39,9 +39,7 @@ class OdometryNoise:
     def __post_init__(self) -> None:
         for one in fields(self):
             if not getattr(self, one.name) >= 0.0:
-                raise InvalidArgumentError(
-                    f"{one.name} must be >= 0, got {getattr(self, one.name)}"
-                )
+                raise InvalidArgumentError(f"{one.name} must be >= 0, got {getattr(self, one.name)}")
 
 
 def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) -> Pose:
@@ -69,15 +67,11 @@ def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) 
     drive = np.where(is_backward, -drive, drive)
     turn_2 = se2.wrap(steps[:, 2] - turn_1)
     draws = rng.standard_normal((max(len(poses) - 1, 0), 3))
-    sigma_drive = np.sqrt(
-        noise.drive_from_drive * drive**2 + noise.drive_from_turn * (turn_1**2 + turn_2**2)
-    )
+    sigma_drive = np.sqrt(noise.drive_from_drive * drive**2 + noise.drive_from_turn * (turn_1**2 + turn_2**2))
     turn_1 = turn_1 + draws[:, 0] * _turn_sigma(turn_1, drive, noise)
     turn_2 = turn_2 + draws[:, 2] * _turn_sigma(turn_2, drive, noise)
     drive = drive + draws[:, 1] * sigma_drive
-    noisy = np.column_stack(
-        [drive * np.cos(turn_1), drive * np.sin(turn_1), se2.wrap(turn_1 + turn_2)]
-    )
+    noisy = np.column_stack([drive * np.cos(turn_1), drive * np.sin(turn_1), se2.wrap(turn_1 + turn_2)])
     odometry = np.zeros((len(poses), 3))
     for i in range(1, len(poses)):
         odometry[i] = se2.compose(odometry[i - 1], noisy[i - 1])

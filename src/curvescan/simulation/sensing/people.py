@@ -59,21 +59,7 @@ class People:
 def circles_of(places: Points, headings: Floats, phases: Floats, people: People) -> Floats:
     """Return the circles that walkers show.
 
-    Parameters
-    ----------
-    places : (p, 2) float64
-        Metres, world frame.
-    headings : (p,) float64
-        Walking directions, radians.
-    phases : (p,) float64
-        Phase of the gait, radians: one turn is two steps.
-    people : People
-        What they look like.
-
-    Returns
-    -------
-    (2 p, 3) or (p, 3) float64
-        [x, y, r], metres: all left legs, then all right ones; or bodies.
+    places (p, 2); headings (p,); phases (p,); result (2 p, 3).
     """
     if people.body_radius is not None:
         return np.column_stack([places, np.full(len(places), people.body_radius)])
@@ -86,34 +72,11 @@ def circles_of(places: Points, headings: Floats, phases: Floats, people: People)
 
 
 def walk(
-    world: World,
-    robot: Pose,
-    n_people: int,
-    people: People,
-    period: float,
-    seed: np.random.SeedSequence,
+    world: World, robot: Pose, n_people: int, people: People, period: float, seed: np.random.SeedSequence
 ) -> Floats:
     """Return the circles that walkers show at each scan.
 
-    Parameters
-    ----------
-    world : World
-        What they walk around.
-    robot : (n, 3) float64
-        Poses of the robot, world frame: they keep around it and out of its way.
-    n_people : int
-        How many.
-    people : People
-        What they look like.
-    period : float
-        Seconds between poses.
-    seed : numpy.random.SeedSequence
-        Decides everything; fewer poses give the first of more.
-
-    Returns
-    -------
-    (n, c, 3) float64
-        [x, y, r] of c circles, metres, world frame.
+    robot (n, 3); result (n, c, 3).
     """
     rng = np.random.default_rng(seed)
     n_steps = max(int(np.ceil(period / 0.1)), 1)
@@ -162,43 +125,16 @@ def _elsewhere(world: World, at: Floats, rng: np.random.Generator) -> Floats:
     return places[int(np.argmax(is_free))] if is_free.any() else np.array([1e6, 1e6])
 
 
-def crowd(
-    world: World,
-    pose: Pose,
-    sensor: Sensor,
-    share: float,
-    people: People,
-    rng: np.random.Generator,
-) -> Floats:
+def crowd(world: World, pose: Pose, sensor: Sensor, share: float, people: People, rng: np.random.Generator) -> Floats:
     """Return circles of people placed around a sensor so that about a wanted share of its beams meets them.
 
-    Parameters
-    ----------
-    world : World
-        They stand on its free floor, 0.7 to 4 m from the sensor, within its field of view.
-    pose : (3,) float64
-        Of the sensor, world frame.
-    sensor : Sensor
-        Whose beams are counted.
-    share : float
-        Wanted share of all beams, in [0, 1). A cramped place may fall short of it.
-    people : People
-        What they look like.
-    rng : numpy.random.Generator
-        Decides everything.
-
-    Returns
-    -------
-    (c, 3) float64
-        [x, y, r], metres, world frame.
+    pose (3,); result (c, 3).
     """
     from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
 
     circles, reached = np.empty((0, 3)), 0.0
     for _ in range(_CROWD_ATTEMPTS if share > 0.0 else 0):
-        bearing = (
-            pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment
-        )
+        bearing = pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment
         distance, heading, phase = rng.uniform(0.7, 4.0), *rng.uniform(-np.pi, np.pi, 2)
         place = pose[:2] + distance * np.array([np.cos(bearing), np.sin(bearing)])
         if not world.is_free(place, _BODY)[0]:

@@ -34,29 +34,8 @@ def cast_rays(
 ) -> tuple[Floats, Ints]:
     """Return the exact range of each beam of a fan, and what it hits.
 
-    Parameters
-    ----------
-    world : World
-        What stands still.
-    pose : (3,) array_like
-        [x, y, theta] of the sensor in the world frame; metres, metres, radians.
-    angle_min, angle_increment : float
-        Direction of beam 0 in the sensor frame and the step from beam to beam, radians; the step is not
-        0 and may be negative.
-    n_beams : int
-        Number of beams.
-    range_max : float
-        Hits beyond it are not seen, metres.
-    people : (p, 3) array_like or None
-        More circles [x, y, r], world frame, metres.
-
-    Returns
-    -------
-    ranges : (n_beams,) float64
-        Metres; +inf where nothing is hit within range_max.
-    hit_idx : (n_beams,) int64
-        Index of the primitive hit: segments, circles and arcs of the world, in that order, then people
-        (from ``world.n_primitives`` on); -1 where nothing is hit.
+    pose (3,); people (p, 3); ranges (n_beams,): Metres; +inf where nothing is hit within range_max; hit_idx
+    (n_beams,).
     """
     x, y, theta = np.asarray(pose, dtype=np.float64)
     if angle_increment == 0.0:
@@ -65,10 +44,7 @@ def cast_rays(
     if people is not None and np.size(people):
         curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
     heading = theta + angle_min
-    bearings = [
-        _segment_bearings(segments, x, y, range_max),
-        _curve_bearings(curves, x, y, range_max),
-    ]
+    bearings = [_segment_bearings(segments, x, y, range_max), _curve_bearings(curves, x, y, range_max)]
     start, span = np.hstack(bearings)
     primitive_idx, first, last = _beam_intervals(start - heading, span, angle_increment, n_beams)
     angles = heading + angle_increment * np.arange(n_beams)
@@ -78,41 +54,20 @@ def cast_rays(
 
 
 def cast_sweep(
-    world: World,
-    poses: Pose,
-    angles: Floats,
-    *,
-    range_max: float = np.inf,
-    people: ArrayLike | None = None,
+    world: World, poses: Pose, angles: Floats, *, range_max: float = np.inf, people: ArrayLike | None = None
 ) -> tuple[Floats, Ints]:
     """Return the exact range of each beam of a sweep taken on the move, and what it hits.
 
     Every beam is tested against everything within reach.
 
-    Parameters
-    ----------
-    world : World
-        What stands still.
-    poses : (n, 3) float64
-        Pose of the sensor at the time of each beam, world frame; metres, metres, radians.
-    angles : (n,) float64
-        Direction of each beam in the sensor frame, radians.
-    range_max, people
-        As for :func:`cast_rays`; people stand still during the sweep.
-
-    Returns
-    -------
-    ranges, hit_idx
-        As of :func:`cast_rays`.
+    poses (n, 3); angles (n,).
     """
     segments, curves = world.segments, world.curves
     if people is not None and np.size(people):
         curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
     x, y = (float(value) for value in poses[len(poses) // 2, :2])
     reach = range_max + float(np.max(np.hypot(poses[:, 0] - x, poses[:, 1] - y)))
-    _, span = np.hstack(
-        [_segment_bearings(segments, x, y, reach), _curve_bearings(curves, x, y, reach)]
-    )
+    _, span = np.hstack([_segment_bearings(segments, x, y, reach), _curve_bearings(curves, x, y, reach)])
     near = np.flatnonzero(span >= 0.0)
     bearings = poses[:, 2] + angles
     directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
@@ -147,9 +102,7 @@ def _curve_bearings(curves: Floats, x: float, y: float, range_max: float) -> Flo
     return np.vstack([np.arctan2(dy, dx) - half, span])
 
 
-def _beam_intervals(
-    start: Floats, span: Floats, step: float, n_beams: int
-) -> tuple[Ints, Ints, Ints]:
+def _beam_intervals(start: Floats, span: Floats, step: float, n_beams: int) -> tuple[Ints, Ints, Ints]:
     """Return primitive, first and last beam of every interval to test; a primitive may have several.
 
     `start` is counted from beam 0; an interval comes back once a turn, hence the shifts.

@@ -54,9 +54,7 @@ class Sensor:
         rules = {
             "n_beams must be >= 1": self.n_beams >= 1,
             "angle_increment must not be 0": self.angle_increment != 0.0,
-            "limits must satisfy 0 <= range_min < range_max": 0.0
-            <= self.range_min
-            < self.range_max,
+            "limits must satisfy 0 <= range_min < range_max": 0.0 <= self.range_min < self.range_max,
             "range_max must be finite": math.isfinite(self.range_max),
             "sigma_range must be >= 0": self.sigma_range >= 0.0,
             "dropout must lie in [0, 1]": 0.0 <= self.dropout <= 1.0,
@@ -133,10 +131,7 @@ SENSORS: Mapping[str, Sensor] = {
 def choose_sensor(sensor: Sensor | str) -> Sensor:
     """Return a named sensor, or the sensor itself when it is one already.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When the name is unknown; the message gives the nearest known one.
+    Raises InvalidArgumentError.
     """
     return sensor if isinstance(sensor, Sensor) else look_up(SENSORS, sensor, "sensor")
 

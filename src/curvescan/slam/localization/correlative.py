@@ -41,12 +41,7 @@ _N_REFINED = 400
 def thinned(points: Points, n_most: int = _N_READINGS) -> Points:
     """Return readings of a scan that stand for all, evenly along its contour and not along its angle.
 
-    Parameters
-    ----------
-    points : (n, 2) float64
-        Valid readings in the frame of the sensor, in the order of their beams.
-    n_most : int
-        How many.
+    points (n, 2).
     """
     if len(points) <= n_most:
         return np.ascontiguousarray(points)
@@ -70,16 +65,7 @@ def _steps(points: Points) -> Floats:
 def likely_poses(field: DistanceField, places: Points, points: Points, n_most: int) -> Pose:
     """Return (k, 3) poses at which a scan ends on walls of the map, the best first, half a metre or 15 deg from each other.
 
-    Parameters
-    ----------
-    field : DistanceField
-        The map.
-    places : (n, 2) float64
-        Where the sensor may be, of :meth:`DistanceField.places`.
-    points : (m, 2) float64
-        Valid readings in the frame of the sensor, thinned.
-    n_most : int
-        Poses returned, at most.
+    places (n, 2); points (m, 2).
     """
     if len(places) == 0 or len(points) < 8:
         return np.empty((0, 3))
@@ -106,14 +92,7 @@ def likely_poses(field: DistanceField, places: Points, points: Points, n_most: i
 def refined_poses(field: DistanceField, rough: Pose, points: Points) -> Pose:
     """Return poses moved to where a scan fits the map best nearby.
 
-    Parameters
-    ----------
-    field : DistanceField
-        The map.
-    rough : (n, 3) float64
-        Poses.
-    points : (m, 2) float64
-        Valid readings in the frame of the sensor, thinned.
+    rough (n, 3); points (m, 2).
     """
     parts = (field.distance, field.origin, field.resolution)
     poses: Pose = _refined(*parts, np.ascontiguousarray(rough), points)[0]
@@ -135,9 +114,7 @@ def _score(
     n_rows, n_columns = distance.shape
     n, total = len(points), 0.0
     for k in range(n):
-        column = math.floor(
-            (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / resolution
-        )
+        column = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / resolution)
         row = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / resolution)
         if 0 <= row < n_rows and 0 <= column < n_columns:
             total += max(0.0, 1.0 - float(distance[row, column]) / reach)
@@ -148,11 +125,7 @@ def _score(
 
 @kernel
 def _best_headings(
-    distance: NDArray[np.float32],
-    origin: Floats,
-    resolution: float,
-    places: Points,
-    points: Points,
+    distance: NDArray[np.float32], origin: Floats, resolution: float, places: Points, points: Points
 ) -> tuple[Floats, Floats]:
     """Return (n, 2) scores and headings of the best two headings of each place."""
     scores, headings = np.zeros((len(places), 2)), np.zeros((len(places), 2))

@@ -87,15 +87,7 @@ class DistanceField:
     resolution: float
 
     def places(self, step: float, clearance: float) -> Points:
-        """Return (n, 2) places where a sensor can be: free, on a grid, clear of walls.
-
-        Parameters
-        ----------
-        step : float
-            Distance of neighbours on the grid, metres.
-        clearance : float
-            Least distance from a wall, metres.
-        """
+        """Return (n, 2) places where a sensor can be: free, on a grid, clear of walls."""
         stride = max(round(step / self.resolution), 1)
         half = stride // 2
         free = self.is_free[half::stride, half::stride]
@@ -120,10 +112,7 @@ def field_of(slam_map: SlamMap) -> DistanceField:
         except MapTooLargeError:
             resolution *= 2.0
     occupied = worn.is_occupied
-    if not occupied.any():
-        distance = np.full(occupied.shape, np.inf)
-    else:
-        distance = distance_transform_edt(~occupied) * resolution
+    distance = np.full(occupied.shape, np.inf) if not occupied.any() else distance_transform_edt(~occupied) * resolution
     return DistanceField(
         distance=distance.astype(np.float32),
         is_free=np.ascontiguousarray(worn.is_free),

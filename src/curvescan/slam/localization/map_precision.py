@@ -22,13 +22,7 @@ _FAR = 100.0
 
 
 class MapPrecision:
-    """Relative covariances of the keyframes of a map.
-
-    Parameters
-    ----------
-    slam_map : SlamMap
-        The map.
-    """
+    """Relative covariances of the keyframes of a map."""
 
     def __init__(self, slam_map: SlamMap) -> None:
         self._poses = slam_map.poses
@@ -44,9 +38,7 @@ class MapPrecision:
         if i < 0 or i == j:
             return np.zeros((3, 3))
         if i != self._from:
-            self._before = dijkstra(
-                self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True
-            )[1]
+            self._before = dijkstra(self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1]
             self._from = i
         position, rotation, at = 0.0, 0.0, j
         while at != i:

@@ -74,48 +74,20 @@ class Hit:
 
 
 class MapMatcher:
-    """Matches scans with the keyframes of a map.
+    """Matches scans with the keyframes of a map."""
 
-    Parameters
-    ----------
-    slam_map : SlamMap
-        The map.
-    keyframes : Keyframes
-        Its keyframes.
-    config : SlamConfig
-        The rules.
-    field : DistanceField
-        The map as cells.
-    """
-
-    def __init__(
-        self, slam_map: SlamMap, keyframes: Keyframes, config: SlamConfig, field: DistanceField
-    ) -> None:
+    def __init__(self, slam_map: SlamMap, keyframes: Keyframes, config: SlamConfig, field: DistanceField) -> None:
         self.field = field
         self._misfits: dict[int, float] = {}
         self._map, self._keyframes, self._config = slam_map, keyframes, config
         self._precision = MapPrecision(slam_map)
 
     def around(
-        self,
-        scan: LaserScan,
-        expected: UncertainPose,
-        *,
-        seen_from: int = -1,
-        n_most: int = _N_FUSED,
+        self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, n_most: int = _N_FUSED
     ) -> tuple[list[Hit], bool]:
         """Return matches with keyframes that should show a scan, within the gate of where it is expected, and whether one was due.
 
-        Parameters
-        ----------
-        scan : LaserScan
-            The scan.
-        expected : UncertainPose
-            Where it was taken, in the map.
-        seen_from : int
-            Keyframe that this is known from: where another one lies is known no better than the map knows it. -1 for none.
-        n_most : int
-            Matches wanted; twice as many keyframes are tried.
+        seen_from.
         """
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
@@ -149,35 +121,19 @@ class MapMatcher:
 
         Where the map is bent its keyframes put one scan in several places; their mean is none of them.
 
-        Parameters
-        ----------
-        points : (m, 2) float64
-            Valid readings of the scan in the frame of the sensor.
-        hits : list of Hit
-            Its matches.
+        points (m, 2).
         """
         if len(hits) < 2:
             return hits
         worth = [_SCORE * hit.weight * hit.score - self.shortfall(points, hit) for hit in hits]
         first = hits[int(np.argmax(worth))]
-        others = [
-            replace(hit, here=self.seen_from(hit.here, first.keyframe, hit))
-            for hit in hits
-            if hit is not first
-        ]
+        others = [replace(hit, here=self.seen_from(hit.here, first.keyframe, hit)) for hit in hits if hit is not first]
         return [first, *(hit for hit in others if self._agrees(first.here, hit))]
 
     def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
         """Return matches of one scan, those that leave a direction open held there by the place that its walls speak for, if they do along it.
 
-        Parameters
-        ----------
-        points : (m, 2) float64
-            Valid readings of the scan in the frame of the sensor.
-        place : UncertainPose
-            Where the map agrees with the scan best.
-        hits : list of Hit
-            Its matches.
+        points (m, 2).
         """
         return [
             replace(hit, here=fuse(place, hit.here)[0])
@@ -229,23 +185,10 @@ class MapMatcher:
         measured = as_measurement(result)
         found = UncertainPose(measured.pose, measured.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
-        return Hit(
-            keyframe=k,
-            here=compose(exact, found),
-            score=result.score,
-            weight=_weight(result.confidence),
-        )
+        return Hit(keyframe=k, here=compose(exact, found), score=result.score, weight=_weight(result.confidence))
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:
-        """Return a pose with what the map errs around it, and its covariance seen from the first keyframe.
-
-        Parameters
-        ----------
-        here : UncertainPose
-            Pose in the map, the keyframes around taken to be where the map has them.
-        keyframe : int
-            The keyframe that it was matched with last.
-        """
+        """Return a pose with what the map errs around it, and its covariance seen from the first keyframe."""
         around = UncertainPose(here.pose, here.cov + 4.0 * self._config.noise.floor)
         origin = UncertainPose(self._map.poses[keyframe], self._map.covariances[keyframe])
         seen = UncertainPose(se2.between(origin.pose, here.pose), np.zeros((3, 3)))

@@ -17,12 +17,7 @@ from scipy.spatial import cKDTree
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.slam.localization.correlative import (
-    contour_length,
-    likely_poses,
-    refined_poses,
-    thinned,
-)
+from curvescan.slam.localization.correlative import contour_length, likely_poses, refined_poses, thinned
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.matching import Hit
 from curvescan.types import Ints, Points, Pose
@@ -108,14 +103,7 @@ class Place:
 class MapSearch:
     """Looks for a sensor in a map.
 
-    Parameters
-    ----------
-    field : DistanceField
-        The map.
-    keyframes : (n, 3) float64
-        Poses of its keyframes.
-    n_tried : int
-        Poses looked at for each view.
+    keyframes (n, 3).
     """
 
     def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
@@ -146,24 +134,12 @@ class MapSearch:
         return bool(self._found)
 
     def add(
-        self,
-        points: Points,
-        moved: UncertainPose | None,
-        similarity: Ints | None = None,
-        matched: Sequence[Hit] = (),
+        self, points: Points, moved: UncertainPose | None, similarity: Ints | None = None, matched: Sequence[Hit] = ()
     ) -> None:
         """Take up a view.
 
-        Parameters
-        ----------
-        points : (m, 2) float64
-            Valid readings in the frame of the sensor.
-        moved : UncertainPose or None
-            The sensor's motion since the last view; None where it is not known, and earlier views say nothing.
-        similarity : (n,) int64 or None
-            Keyframes, those most like the scan first; only needed where :attr:`is_large`.
-        matched : sequence of Hit
-            Matches without a guess: they speak for their places too, also where much has changed since the map was made.
+        points (m, 2); moved: The sensor's motion since the last view; None where it is not known, and earlier views
+        say nothing; similarity (n,).
         """
         few, self._contour = thinned(points), contour_length(points)
         places = self._places if similarity is None else self._near(similarity)
@@ -188,15 +164,7 @@ class MapSearch:
             by_matches = max(scores, default=0.0)
             support = view + by_matches + (before.support if before else missed)
             matched_before = before.matched if before else 0.0
-            new.append(
-                Place(
-                    pose=pose,
-                    fit=fit,
-                    view=view,
-                    support=support,
-                    matched=matched_before + by_matches,
-                )
-            )
+            new.append(Place(pose=pose, fit=fit, view=view, support=support, matched=matched_before + by_matches))
         new.sort(key=lambda place: (-place.support, -place.fit))
         self._found = new[: self._n_tried]
 
@@ -226,9 +194,7 @@ class MapSearch:
             return True
         # where much has changed since the map was made, matches and the lack of any other place decide;
         # but not between two places whose walls explain the views alike
-        is_tied = any(
-            place.view >= _EXPLAINED and place.walls > best.walls - _MARGIN for place in others
-        )
+        is_tied = any(place.view >= _EXPLAINED and place.walls > best.walls - _MARGIN for place in others)
         most = max((place.support for place in others), default=-1.0)
         is_changed = best.matched >= _CHANGED and best.support > max(most, _LEAST)
         return is_changed and is_alone and not is_tied

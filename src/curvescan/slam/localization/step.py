@@ -75,11 +75,7 @@ NOWHERE = UncertainPose(np.full(3, np.nan), np.full((3, 3), np.nan))
 
 
 def as_step(
-    step: OdometryStep,
-    here: UncertainPose,
-    covariance_global: Cov,
-    outcome: LocalizerOutcome,
-    keyframe: int = -1,
+    step: OdometryStep, here: UncertainPose, covariance_global: Cov, outcome: LocalizerOutcome, keyframe: int = -1
 ) -> LocalizerStep:
     """Return the record of a scan whose pose in the map is `here`, by its step of the odometry."""
     return LocalizerStep(

@@ -14,13 +14,7 @@ from curvescan.types import Bools, Floats, Ints
 
 
 class Waiting:
-    """Closures where the graph does not know the relative pose well, until enough of them agree.
-
-    Parameters
-    ----------
-    config : SlamConfig
-        The rules.
-    """
+    """Closures where the graph does not know the relative pose well, until enough of them agree."""
 
     def __init__(self, config: SlamConfig) -> None:
         self._config = config
@@ -43,16 +37,10 @@ class Waiting:
     def add(self, closure: Closure, chain: Chain) -> list[Closure]:
         """Take a closure, and return those that are accepted now because they agree; none if too few do.
 
-        What was accepted has its say until the graph's own covariances know of it, after the next optimization: what agrees with it needs
-        fewer others, what contradicts it is not taken at all. What the graph contradicts, too, is not taken while matches from two keyframes
-        that lie where the graph expects them contradict it: where rooms are alike, both their own place and the next room match.
-
-        Parameters
-        ----------
-        closure : Closure
-            The new one.
-        chain : Chain
-            The keyframes.
+        What was accepted has its say until the graph's own covariances know of it, after the next optimization: what
+        agrees with it needs fewer others, what contradicts it is not taken at all. What the graph contradicts, too,
+        is not taken while matches from two keyframes that lie where the graph expects them contradict it: where rooms
+        are alike, both their own place and the next room match.
         """
         if self._is_contradicted(closure, chain):
             return []
@@ -65,9 +53,7 @@ class Waiting:
         agreed = [c for c in self._closures if c.outcome is ClosureOutcome.AGREED]
         if not agreed:
             return False
-        excludes = (
-            self._distances([*agreed, closure], chain, np.inf)[-1, :-1] > self._config.closures.gate
-        )
+        excludes = self._distances([*agreed, closure], chain, np.inf)[-1, :-1] > self._config.closures.gate
         return bool(2 * np.count_nonzero(excludes) > len(agreed))
 
     def optimize(self) -> None:
@@ -77,26 +63,17 @@ class Waiting:
     def adopt(self) -> None:
         """Drop what was accepted by agreement before an optimization that has ended: from now on the graph speaks for it."""
         self._closures = [
-            c
-            for c in self._closures
-            if c.outcome is not ClosureOutcome.AGREED or (c.i, c.j) not in self._known
+            c for c in self._closures if c.outcome is not ClosureOutcome.AGREED or (c.i, c.j) not in self._known
         ]
 
     def conclude(self, chain: Chain) -> list[Closure]:
         """Return which closures of the last keyframe are accepted at the end of a stream, where no further view can be waited for.
 
-        A log often ends as its loop closes. Matches of one keyframe with several others are enough then, where the graph does not
-        contradict them.
-
-        Parameters
-        ----------
-        chain : Chain
-            The keyframes.
+        A log often ends as its loop closes. Matches of one keyframe with several others are enough then, where the
+        graph does not contradict them.
         """
         last = len(chain.poses) - 1
-        pending = [
-            c for c in self._closures if c.j == last and not (c.is_accepted or c.is_doubtful)
-        ]
+        pending = [c for c in self._closures if c.j == last and not (c.is_accepted or c.is_doubtful)]
         return self._agreeing(pending[-1], chain, n_views=1) if pending else []
 
     def _agreeing(self, closure: Closure, chain: Chain, n_views: int) -> list[Closure]:
@@ -114,14 +91,10 @@ class Waiting:
         chosen = [group[k] for k in members.tolist() if not group[k].is_accepted]
         first, newest = min(c.j for c in chosen), max(c.j for c in chosen)
         agreed = [replace(c, outcome=ClosureOutcome.AGREED) for c in chosen]
-        self._closures = [
-            c for c in self._closures if c.is_accepted or not first <= c.j <= newest
-        ] + agreed
+        self._closures = [c for c in self._closures if c.is_accepted or not first <= c.j <= newest] + agreed
         return agreed
 
-    def _is_enough(
-        self, members: np.ndarray, group: list[Closure], agrees: Bools, n_views: int
-    ) -> bool:
+    def _is_enough(self, members: np.ndarray, group: list[Closure], agrees: Bools, n_views: int) -> bool:
         rules = self._config.closures
         chosen = [group[k] for k in members.tolist()]
         is_doubtful = any(c.is_doubtful for c in chosen)
@@ -165,6 +138,4 @@ class Waiting:
         # edges between two keyframes usually err by this
         floor = np.diagonal(self._config.noise.floor).copy()
         step = self._config.keyframes.distance
-        return cycle_distances(
-            ends, measured, covariances, chain.poses, chain.gathered, floor, step, known
-        )
+        return cycle_distances(ends, measured, covariances, chain.poses, chain.gathered, floor, step, known)

@@ -19,14 +19,7 @@ UNKNOWN: Cov = np.diag([1e6, 1e6, 10.0])
 class Belief:
     """Poses and covariances as of the last optimization, and the odometry since.
 
-    Parameters
-    ----------
-    k : int
-        The keyframe that was current.
-    poses : (n, 3) float64
-        Optimized poses.
-    covariances : (n, 3, 3) float64
-        Covariance of each with keyframe k known exactly.
+    poses (n, 3); covariances (n, 3, 3).
     """
 
     def __init__(self, k: int, poses: Pose, covariances: Cov) -> None:
@@ -58,14 +51,7 @@ class Belief:
     def seen_from_all(self, poses: Pose, since: UncertainPose, newest: int) -> tuple[Pose, Cov]:
         """Return (newest, 3) pose of the newest keyframe seen from each before it, and (newest, 3, 3) its covariance.
 
-        Parameters
-        ----------
-        poses : (newest + 1, 3) float64
-            Poses as they are now.
-        since : UncertainPose
-            The newest keyframe seen from keyframe k.
-        newest : int
-            Its number.
+        poses (newest + 1, 3).
         """
         relative = se2.between(poses[:newest], poses[newest])
         _, known = composed_covariances(self._relative, self._covariances, since)

@@ -36,18 +36,9 @@ def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
 def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:
     """Return how far the poses leave the steps of the motion model: mean squared Mahalanobis distance, worst slips left out.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Optimized poses.
-    edges : Edges
-        All edges of the graph.
-    kinds : (m,) int64
-        An EdgeKind each.
+    poses (n, 3); kinds (m,).
     """
-    distances: Floats = squared_distances(
-        poses, edges.chosen(np.flatnonzero(kinds == EdgeKind.MOTION))
-    )
+    distances: Floats = squared_distances(poses, edges.chosen(np.flatnonzero(kinds == EdgeKind.MOTION)))
     n = len(distances)
     n_slips = min(n, max(2, round(_SLIP_SHARE * n)))
     return float(np.sort(distances)[: n - n_slips].sum()) / max(n, _N_LEAST)
@@ -56,17 +47,10 @@ def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:
 def greatest_turn(poses: Pose, edges: Edges, kinds: Ints) -> float:
     """Return by how much the poses turn a step of the odometry that matches measured, the worst one, radians.
 
-    Closures put slips along a corridor right by metres, but hardly ever a turn: 0.06 rad at the most on Intel and ACES. A map that is
-    folded turns one step by a quarter or a half.
+    Closures put slips along a corridor right by metres, but hardly ever a turn: 0.06 rad at the most on Intel and
+    ACES. A map that is folded turns one step by a quarter or a half.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Optimized poses.
-    edges : Edges
-        All edges of the graph.
-    kinds : (m,) int64
-        An EdgeKind each.
+    poses (n, 3); kinds (m,).
     """
     n = len(poses)
     keys = edges.ends[:, 0] * n + edges.ends[:, 1]
@@ -78,17 +62,7 @@ def greatest_turn(poses: Pose, edges: Edges, kinds: Ints) -> float:
 
 
 def suspects(closures: list[Closure], n_linked: int, *, all_of_them: bool) -> set[int]:
-    """Return the rows of closures that are to blame when the map is bent.
-
-    Parameters
-    ----------
-    closures : list of Closure
-        In the order in which they were tried.
-    n_linked : int
-        Closures of keyframes no farther apart than this are steps of the odometry, and above suspicion.
-    all_of_them : bool
-        Whether each is suspected; else those that were accepted because they agreed, and what was accepted since.
-    """
+    """Return the rows of closures that are to blame when the map is bent."""
     rows: set[int] = set()
     has_begun = all_of_them
     for row, closure in enumerate(closures):

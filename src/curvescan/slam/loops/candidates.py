@@ -15,26 +15,11 @@ if TYPE_CHECKING:
 
 
 def choose_candidates(
-    relative: Pose,
-    covariances: Cov,
-    config: SlamConfig,
-    keyframes: Keyframes,
-    similarity: Floats | None = None,
+    relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, similarity: Floats | None = None
 ) -> list[int]:
     """Return the keyframes to match with the newest one, the most promising first.
 
-    Parameters
-    ----------
-    relative : (n, 3) float64
-        Pose of the newest keyframe seen from each.
-    covariances : (n, 3, 3) float64
-        Its covariance by the graph.
-    config : SlamConfig
-        The rules.
-    keyframes : Keyframes
-        All of them.
-    similarity : (n,) float64 or None
-        How alike each is to the newest one by the place index.
+    relative (n, 3); covariances (n, 3, 3); similarity (n,).
     """
     rules, noise = config.closures, config.noise
     variance = noise.drift**2 * np.diagonal(covariances, axis1=1, axis2=2)

@@ -45,14 +45,10 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_CONFIDENCE = "The match is too likely to be wrong."
     DEGENERATE = "The match leaves a direction open where the graph does not know it either."
-    UNTESTABLE = (
-        "Its keyframes follow each other, and the odometry does not know the way between them."
-    )
+    UNTESTABLE = "Its keyframes follow each other, and the odometry does not know the way between them."
     NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
     UNEXPECTED = "The match lies where the graph cannot have it."
-    WITHDRAWN = (
-        "It was accepted, and bent the odometry more than it can err: places here look alike."
-    )
+    WITHDRAWN = "It was accepted, and bent the odometry more than it can err: places here look alike."
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,27 +111,11 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 
 def vaguely(expected: UncertainPose, config: SlamConfig) -> UncertainPose:
     """Return a relative pose of the graph with all that its covariance may leave out."""
-    return UncertainPose(
-        expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor
-    )
+    return UncertainPose(expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor)
 
 
-def judged(
-    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
-) -> Closure:
-    """Return a match held against what the graph expects.
-
-    Parameters
-    ----------
-    result : MatchResult
-        The match of keyframe j with i.
-    expected : UncertainPose
-        Pose of j in i by the graph, as :func:`vaguely` has it.
-    config : SlamConfig
-        The rules.
-    scan, i, j : int
-        For the record.
-    """
+def judged(result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int) -> Closure:
+    """Return a match held against what the graph expects."""
     if not result.ok:
         return Closure(
             scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
@@ -162,9 +142,7 @@ def judged(
         is_turned = abs(float(se2.wrap(off[2]))) > rules.doubt_rad
         is_far = is_turned or math.hypot(off[0], off[1]) > rules.doubt_m
         is_open = result.degenerate_direction is not None
-        outcome = (
-            ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
-        )
+        outcome = ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
     else:
         outcome = ClosureOutcome.ACCEPTED if certain else ClosureOutcome.WAITING
     return Closure(
@@ -189,6 +167,5 @@ def _knows_along(result: MatchResult, expected: UncertainPose, config: SlamConfi
     x, y, theta = along.tolist()
     return bool(
         along @ expected.cov @ along
-        < (config.closures.certain_m * math.hypot(x, y)) ** 2
-        + (config.closures.certain_rad * theta) ** 2
+        < (config.closures.certain_m * math.hypot(x, y)) ** 2 + (config.closures.certain_rad * theta) ** 2
     )

@@ -37,14 +37,7 @@ class Chain(NamedTuple):
 
 @kernel
 def cycle_distances(
-    ends: Ints,
-    measured: Pose,
-    covariances: Cov,
-    poses: Pose,
-    gathered: Cov,
-    floor: Floats,
-    step: float,
-    known: float,
+    ends: Ints, measured: Pose, covariances: Cov, poses: Pose, gathered: Cov, floor: Floats, step: float, known: float
 ) -> Floats:
     """Return (n, n) squared Mahalanobis distance by which the cycle through each two closures does not close.
 
@@ -162,23 +155,17 @@ def _cycle_distance(
     p00, p01, p11 = m00 - l0 * m02, m01 - l0 * m12, m11 - l1 * m12
     ux, uy = ex - l0 * et, ey - l1 * et
     determinant = p00 * p11 - p01 * p01
-    distance: float = (
-        et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
-    )
+    distance: float = et * et / m22 + (p11 * ux * ux - 2.0 * p01 * ux * uy + p00 * uy * uy) / determinant
     return distance
 
 
 def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
     """Return (n, 3, 3) covariance that the errors of a chain of motions have gathered by each pose, as a motion of the whole plane.
 
-    The difference of two of them is that of the way between: what it makes of the origin, (x, y, theta) in the frame of the poses.
+    The difference of two of them is that of the way between: what it makes of the origin, (x, y, theta) in the frame
+    of the poses.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        The chain.
-    motions : (n, 3, 3) float64
-        Covariance of the motion from the pose before to each, in the frame of the former; the first counts for nothing.
+    poses (n, 3); motions (n, 3, 3).
     """
     moved = np.zeros((len(poses), 3, 3))
     c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])

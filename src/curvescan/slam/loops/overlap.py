@@ -40,16 +40,7 @@ def range_profile(scan: LaserScan) -> Floats:
 def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats) -> Floats:
     """Return (k,) share of the newest profile that each keyframe sees and of each that the newest sees, the smaller one.
 
-    Parameters
-    ----------
-    profiles : (n, 2, N_SECTORS) float64
-        Of all keyframes.
-    rows : (k,) int64
-        Keyframes wanted.
-    relative : (k, 3) float64
-        Pose of the newest seen from each of them.
-    newest : (2, N_SECTORS) float64
-        Its profile.
+    profiles (n, 2, N_SECTORS); rows (k,); relative (k, 3); newest (2, N_SECTORS).
     """
     shares = np.empty(len(rows))
     for n in range(len(rows)):

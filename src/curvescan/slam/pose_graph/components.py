@@ -10,12 +10,7 @@ from curvescan.types import Ints
 def components(ends: Ints, n_poses: int) -> Ints:
     """Return (n_poses,) number of the connected component of each pose, the one of pose 0 first.
 
-    Parameters
-    ----------
-    ends : (m, 2) int64
-        Poses that each edge joins.
-    n_poses : int
-        Number of poses.
+    ends (m, 2).
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

@@ -15,12 +15,7 @@ from curvescan.types import Bools, Ints
 def largest_clique(agrees: Bools, ranks: Ints | None = None) -> Ints:
     """Return the rows of a large clique of a graph, sorted: the maximum one of small graphs, a greedy one of large.
 
-    Parameters
-    ----------
-    agrees : (n, n) bool
-        Symmetric; the diagonal does not matter.
-    ranks : (n,) int64 or None
-        Ties go to the row of the lowest rank; None for the order of the rows.
+    agrees (n, n); ranks (n,): Ties go to the row of the lowest rank; None for the order of the rows.
     """
     n = len(agrees)
     links = agrees & ~np.eye(n, dtype=np.bool_)
@@ -44,9 +39,7 @@ def _clique(links: Bools, max_nodes: int) -> Ints:
     n_candidates[0] = n
     depth, n_visited = 0, 0
     while depth >= 0:
-        if n_candidates[depth] - upcoming[depth] + depth <= n_best or (
-            n_visited >= max_nodes and n_best > 0
-        ):
+        if n_candidates[depth] - upcoming[depth] + depth <= n_best or (n_visited >= max_nodes and n_best > 0):
             depth -= 1
             continue
         chosen = candidates[depth, upcoming[depth]]

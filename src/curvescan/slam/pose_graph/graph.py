@@ -103,28 +103,13 @@ class PoseGraph:
             column[: len(rows)] = column[: self.n_edges][rows]
         self.n_edges = len(rows)
 
-    def add_edge(
-        self, i: int, j: int, pose: Pose, covariance: Cov, kind: EdgeKind, weight: float = 1.0
-    ) -> int:
+    def add_edge(self, i: int, j: int, pose: Pose, covariance: Cov, kind: EdgeKind, weight: float = 1.0) -> int:
         """Append an edge and return its number.
 
-        Parameters
-        ----------
-        i, j : int
-            Numbers of two poses that are there.
-        pose : (3,) float64
-            Measured pose of j in the frame of i.
-        covariance : (3, 3) float64
-            Its covariance, positive definite.
-        kind : EdgeKind
-            Where it comes from.
-        weight : float
-            In [0, 1].
+        pose (3,); covariance (3, 3).
         """
         if i == j or not (0 <= i < self.n_poses and 0 <= j < self.n_poses):
-            raise InvalidArgumentError(
-                f"an edge joins two poses of the graph's {self.n_poses}, got {i} and {j}"
-            )
+            raise InvalidArgumentError(f"an edge joins two poses of the graph's {self.n_poses}, got {i} and {j}")
         k = self.n_edges
         if k == len(self._ends):
             self._ends = _grown(self._ends)

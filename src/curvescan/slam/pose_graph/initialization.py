@@ -18,21 +18,7 @@ from curvescan.types import Floats, Ints, Pose
 def chordal_poses(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
     """Return poses near the optimum, whatever the given ones are.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Only those of the anchors matter.
-    edges : Edges
-        Edges that connect every pose with an anchor.
-    weights : (m,) float64
-        Weight of each edge, >= 0.
-    anchors : (k,) int64
-        Poses that stay where they are: one of each connected component.
-
-    Returns
-    -------
-    (n, 3) float64
-        Poses; their rotations are those of least squares without |u| = 1, their translations fit these rotations.
+    poses (n, 3); weights (m,); anchors (k,); result (n, 3).
     """
     pattern = block_pattern(len(poses), edges.ends, 2)
     angles = _rotations(poses, edges, weights, anchors, pattern)
@@ -40,9 +26,7 @@ def chordal_poses(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> 
     return np.column_stack((places, angles))
 
 
-def _rotations(
-    poses: Pose, edges: Edges, weights: Floats, anchors: Ints, pattern: BlockPattern
-) -> Floats:
+def _rotations(poses: Pose, edges: Edges, weights: Floats, anchors: Ints, pattern: BlockPattern) -> Floats:
     # variance of the angle with the translation left open
     strength = weights / np.linalg.inv(edges.information)[:, 2, 2]
     c, s = np.cos(edges.measured[:, 2]), np.sin(edges.measured[:, 2])
@@ -58,12 +42,7 @@ def _rotations(
 
 
 def _translations(
-    poses: Pose,
-    angles: Floats,
-    edges: Edges,
-    weights: Floats,
-    anchors: Ints,
-    pattern: BlockPattern,
+    poses: Pose, angles: Floats, edges: Edges, weights: Floats, anchors: Ints, pattern: BlockPattern
 ) -> Floats:
     c, s = np.cos(angles[edges.ends[:, 0]]), np.sin(angles[edges.ends[:, 0]])
     turn = np.stack((np.stack((c, -s), -1), np.stack((s, c), -1)), -2)
@@ -80,12 +59,7 @@ def _translations(
 
 
 def _assemble(
-    pattern: BlockPattern,
-    ends: Ints,
-    jac_i: Floats,
-    jac_j: Floats,
-    strength: Floats,
-    wanted: Floats | None,
+    pattern: BlockPattern, ends: Ints, jac_i: Floats, jac_j: Floats, strength: Floats, wanted: Floats | None
 ) -> tuple[Floats, Floats]:
     """Return the entries of sum J^T S J and sum J^T S wanted, for residuals J_i x_i + J_j x_j - wanted."""
     data, right = np.zeros(pattern.n_entries), np.zeros((len(pattern.diagonal), 2))
@@ -107,14 +81,7 @@ def _assemble(
     return data, right.ravel()
 
 
-def _hold(
-    pattern: BlockPattern,
-    data: Floats,
-    right: Floats,
-    anchors: Ints,
-    known: Floats,
-    strength: float,
-) -> None:
+def _hold(pattern: BlockPattern, data: Floats, right: Floats, anchors: Ints, known: Floats, strength: float) -> None:
     """Add to the system that the anchors are where they are known to be."""
     first = pattern.first[pattern.diagonal[anchors]]
     stride = pattern.stride[pattern.diagonal[anchors]]

@@ -17,17 +17,10 @@ from curvescan.types import Cov, Floats, Ints, Pose
 def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> Cov:
     """Return (n, 3, 3) covariance of each pose, x, y, theta, with the anchors known exactly.
 
-    Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of large
-    numbers: what a chain of keyframes has in common is not in them.
+    Anchored at the pose in question, these are the covariances of all others seen from it, with no cancellation of
+    large numbers: what a chain of keyframes has in common is not in them.
 
-    Parameters
-    ----------
-    pattern : BlockPattern
-        Where the blocks of the information matrix lie.
-    data : (n_entries,) float64
-        Its entries; see :func:`optimization.normal_equations`.
-    anchors : (k,) int64
-        Poses that are held.
+    data (n_entries,); anchors (k,).
     """
     lu = lu_of(pattern, data)
     lower = lu.L.tocsc()
@@ -45,14 +38,7 @@ def marginal_covariances(pattern: BlockPattern, data: Floats, anchors: Ints) -> 
 def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
     """Return (n, 3) pose of pose k seen from every pose and (n, 3, 3) its covariance.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Poses.
-    covariances : (n, 3, 3) float64
-        Of each, with pose k known exactly.
-    k : int
-        The pose that is seen.
+    poses (n, 3); covariances (n, 3, 3).
     """
     relative = se2.between(poses, poses[k])
     # by the pose that sees: d/dx_i of R_i^T (t_k - t_i)
@@ -65,9 +51,7 @@ def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
 
 
 @kernel
-def closed_factor(
-    indptr: Ints, indices: Ints, lower: Floats, order: Ints
-) -> tuple[Ints, Ints, Floats]:
+def closed_factor(indptr: Ints, indices: Ints, lower: Floats, order: Ints) -> tuple[Ints, Ints, Floats]:
     """Return L in CSC with the entries that are zero by chance, which SciPy drops and the recursion needs.
 
     If rows i > p > j stand in column j, p its first below the diagonal, then row i stands in column p. The 3 by 3 blocks on the
@@ -177,10 +161,7 @@ def inverse_blocks(indptr: Ints, indices: Ints, lower: Floats, pivots: Floats, o
     for i in range(n):
         for r in range(3):
             for c in range(r, 3):
-                low, high = (
-                    min(order[3 * i + r], order[3 * i + c]),
-                    max(order[3 * i + r], order[3 * i + c]),
-                )
+                low, high = (min(order[3 * i + r], order[3 * i + c]), max(order[3 * i + r], order[3 * i + c]))
                 p = indptr[low]
                 while indices[p] != high:
                     p += 1

@@ -75,22 +75,7 @@ def optimize(
 ) -> Optimum:
     """Return the poses that the edges agree on best.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Where to start.
-    edges : Edges
-        Edges that connect every pose with an anchor.
-    weights : (m,) float64
-        Weight of each edge, >= 0.
-    anchors : (k,) int64
-        Poses that stay where they are: one of each connected component.
-    max_iterations : int
-        Factorizations at most.
-    tolerance : float
-        It ends when no pose moves by more than this, metres and radians.
-    pattern : BlockPattern or None
-        Of these edges, where it is known already.
+    poses (n, 3); weights (m,); anchors (k,).
     """
     poses = np.ascontiguousarray(poses, dtype=np.float64).copy()
     pattern = pattern or block_pattern(len(poses), edges.ends, 3)
@@ -153,9 +138,7 @@ def _distances(poses: Pose, ends: Ints, measured: Pose, information: Cov) -> Flo
 
 
 @kernel
-def _set_jacobians(
-    theta: float, error: Floats, measured: Pose, jac_i: Floats, jac_j: Floats
-) -> None:
+def _set_jacobians(theta: float, error: Floats, measured: Pose, jac_i: Floats, jac_j: Floats) -> None:
     """Set the elements that vary of A = de/dx_i and B = de/dx_j."""
     c, s = math.cos(theta), math.sin(theta)
     jac_i[0, 0], jac_i[0, 1], jac_i[0, 2] = -c, -s, error[1] + measured[1]

@@ -33,16 +33,7 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
 def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
     """Return (m,) by what the covariance of each edge is to be multiplied because other matches of its two scans err alike.
 
-    Parameters
-    ----------
-    ends : (m, 2) int64
-        Keyframes of each edge.
-    is_match : (m,) bool
-        Edges that are matches of two scans, and are followed; the others share nothing.
-    n_poses : int
-        Number of keyframes.
-    correlation : float
-        Of the errors of two matches of one scan.
+    ends (m, 2); is_match (m,).
     """
     degrees = np.bincount(ends[is_match].ravel(), minlength=n_poses)
     # half of the matches of a keyframe are with earlier ones
@@ -54,12 +45,7 @@ def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float)
 def variance_factor(distances: Floats, n_poses: int) -> float:
     """Return by what the covariances of matches are to be multiplied, from their squared Mahalanobis distances in the optimum.
 
-    Parameters
-    ----------
-    distances : (m,) float64
-        Of the matches that are followed.
-    n_poses : int
-        Poses that they determine.
+    distances (m,).
     """
     redundancy = max(3.0 * (len(distances) - n_poses), 0.0)
     if redundancy == 0.0:
@@ -70,16 +56,7 @@ def variance_factor(distances: Floats, n_poses: int) -> float:
 def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov:
     """Return (n, 3, 3) covariance of the best match of each keyframe, axes of the map; zeros for one without any.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Of the keyframes.
-    ends : (m, 2) int64
-        Keyframes of each edge.
-    covariances : (m, 3, 3) float64
-        What of each edge's covariance is that of its match, in the frame of its first keyframe.
-    is_match : (m,) bool
-        Edges that are matches of two scans, and are followed.
+    poses (n, 3); ends (m, 2); covariances (m, 3, 3); is_match (m,).
     """
     rows = np.flatnonzero(is_match)
     spread = np.trace(covariances[rows], axis1=1, axis2=2)
@@ -96,16 +73,7 @@ def own_noise(poses: Pose, ends: Ints, covariances: Cov, is_match: Bools) -> Cov
 def with_own_noise(covariances: Cov, poses: Pose, own: Cov, k: int) -> Cov:
     """Return (n, 3, 3) covariances with the noise of the keyframes' own scans; keyframe k stays known exactly.
 
-    Parameters
-    ----------
-    covariances : (n, 3, 3) float64
-        Of each pose with pose k known exactly.
-    poses : (n, 3) float64
-        Of the keyframes.
-    own : (n, 3, 3) float64
-        Of the noise, axes of the map; that of keyframe k moves all others.
-    k : int
-        The keyframe.
+    covariances (n, 3, 3); poses (n, 3); own (n, 3, 3).
     """
     lever = np.tile(np.eye(3), (len(poses), 1, 1))
     lever[:, 0, 2] = poses[k, 1] - poses[:, 1]

@@ -14,9 +14,7 @@ from curvescan.types import Cov, Pose
 
 def between_steps(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
-    found = between(
-        UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance)
-    )
+    found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
     if _is_positive(found.cov):
         return found
     # the two may hang on one keyframe of the odometry, whose error they share
@@ -28,9 +26,7 @@ def _is_positive(cov: Cov) -> bool:
     """Return whether all leading minors of a symmetric matrix are positive."""
     (a, b, c), (_, d, e), (_, _, f) = cov.tolist()
     minor = a * d - b * b
-    return bool(
-        a > 0.0 and minor > 0.0 and f * minor - a * e * e + 2.0 * b * c * e - d * c * c > 0.0
-    )
+    return bool(a > 0.0 and minor > 0.0 and f * minor - a * e * e + 2.0 * b * c * e - d * c * c > 0.0)
 
 
 def wheel_motion(moved: Pose, config: MotionConfig) -> UncertainPose:

@@ -34,17 +34,7 @@ def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
 
 
 def carry_over(graph: PoseGraph, v: int, heir: int) -> UncertainPose:
-    """Carry the edges of pose v over to the poses that stay, take them out, and return v seen from its heir.
-
-    Parameters
-    ----------
-    graph : PoseGraph
-        Changed in place; the pose itself stays, without edges.
-    v : int
-        The pose.
-    heir : int
-        One that a closure or match ties it to; see :func:`heir_of`.
-    """
+    """Carry the edges of pose v over to the poses that stay, take them out, and return v seen from its heir."""
     rows = _edges_at(graph, v)
     seen = {row: _seen_from(graph, row, v) for row in rows}
     to_heir = min(

@@ -59,24 +59,7 @@ def optimize_robustly(
 ) -> RobustOptimum:
     """Return the poses that most of the edges agree on, and which edges do.
 
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        Where to start; only the anchors' matter with `from_chordal`.
-    edges : Edges
-        The edges.
-    is_trusted : (m,) bool
-        Edges that keep weight 1; they must connect every pose with an anchor.
-    anchors : (k,) int64
-        One pose of each connected component.
-    limit : float
-        Squared Mahalanobis distance up to which an edge counts, > 0.
-    from_chordal : bool
-        Whether to begin from the chordal initialization.
-    weights : (m,) float64 or None
-        Weights to begin with; None for 1.
-    least_convexity : float
-        Where to begin, > 0: near an optimum that is known, few steps are left.
+    poses (n, 3); is_trusted (m,); anchors (k,); weights (m,): Weights to begin with; None for 1.
     """
     m = len(edges.ends)
     weights = np.ones(m) if weights is None else weights.copy()
@@ -114,6 +97,4 @@ def _optimum(poses: Pose, edges: Edges, weights: Floats, anchors: Ints) -> Pose:
     used = np.flatnonzero(weights > 0.0)  # what does not count leaves the pattern
     # a session that hangs on closures alone may come loose
     anchors = anchors_of(components(edges.ends[used], len(poses)), anchors)
-    return optimize(
-        poses, edges.chosen(used), weights[used], anchors, max_iterations=5, tolerance=1e-3
-    ).poses
+    return optimize(poses, edges.chosen(used), weights[used], anchors, max_iterations=5, tolerance=1e-3).poses

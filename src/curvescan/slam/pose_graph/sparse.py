@@ -60,14 +60,7 @@ class BlockPattern:
 def block_pattern(n_nodes: int, ends: Ints, size: int) -> BlockPattern:
     """Return the pattern of a matrix with a diagonal block a node and two off-diagonal blocks an edge.
 
-    Parameters
-    ----------
-    n_nodes : int
-        Number of nodes, at least 1.
-    ends : (m, 2) int64
-        Nodes i and j of each edge, i != j; edges may repeat.
-    size : int
-        Side of a block.
+    ends (m, 2).
     """
     nodes = np.arange(n_nodes, dtype=np.int64)
     i, j = ends[:, 0], ends[:, 1]
@@ -103,12 +96,7 @@ def block_pattern(n_nodes: int, ends: Ints, size: int) -> BlockPattern:
 def factorize(pattern: BlockPattern, data: Floats) -> Factor:
     """Return a factorization of a symmetric positive definite matrix.
 
-    Parameters
-    ----------
-    pattern : BlockPattern
-        Where its blocks lie.
-    data : (n_entries,) float64
-        Its entries.
+    data (n_entries,).
     """
     if has_qdldl():
         return _Qdldl(_matrix(pattern, data))
@@ -120,10 +108,7 @@ def lu_of(pattern: BlockPattern, data: Floats) -> Any:
     from scipy.sparse.linalg import splu
 
     return splu(
-        _matrix(pattern, data),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
+        _matrix(pattern, data), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
 
 

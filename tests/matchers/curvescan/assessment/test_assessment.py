@@ -15,12 +15,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     remove_dynamic,
     without_dynamic,
 )
-from curvescan.matchers.curvescan.assessment.labels import (
-    DYNAMIC,
-    INLIER,
-    OCCLUDED,
-    compare_readings,
-)
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, OCCLUDED, compare_readings
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.surfels import X
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
@@ -78,9 +73,7 @@ def test_readings_of_surfaces_that_moved_lose_their_partners():
     ("n_inliers", "n_readings", "is_enough"),
     [(15, 361, True), (14, 361, False), (14, 42, True), (13, 42, False), (2, 6, True)],
 )
-def test_as_many_readings_must_agree_as_the_config_says_or_a_third(
-    n_inliers, n_readings, is_enough
-):
+def test_as_many_readings_must_agree_as_the_config_says_or_a_third(n_inliers, n_readings, is_enough):
     found = assessed(n_inliers=n_inliers, n_readings=n_readings)
     assert CONFIG.scoring.min_inliers == 15
     assert found.is_enough(CONFIG.scoring) == is_enough
@@ -93,8 +86,7 @@ def test_the_weakest_direction_is_given_in_metres_and_radians():
 
 
 @pytest.mark.parametrize(
-    ("information", "is_weak"),
-    [([999.0, 1e4, 1e5], True), ([1001.0, 1e4, 1e5], False), ([1001.0, 1001.0, 1e9], False)],
+    ("information", "is_weak"), [([999.0, 1e4, 1e5], True), ([1001.0, 1e4, 1e5], False), ([1001.0, 1001.0, 1e9], False)]
 )
 def test_a_direction_is_weak_beside_the_next(information, is_weak):
     assert RULES.degenerate_ratio == 0.1
@@ -154,9 +146,7 @@ def test_what_moved_is_left_out_of_the_pose():
         refined, again = without_dynamic(ref, cur, poses, moved, CONFIG)
         np.testing.assert_allclose(refined[0], MOTION, atol=3e-3)
         np.testing.assert_array_equal(refined[1], poses[1])  # only the first is refined
-        np.testing.assert_array_equal(
-            again.codes_cur, assess_pose(ref, cur, refined[0], CONFIG).codes_cur
-        )
+        np.testing.assert_array_equal(again.codes_cur, assess_pose(ref, cur, refined[0], CONFIG).codes_cur)
         if not changed:
             whole = refined[0]
     assert np.abs(refined[0] - whole).max() > 1e-6

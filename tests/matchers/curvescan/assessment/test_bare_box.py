@@ -27,9 +27,7 @@ def box_scan(pose, size):
     directions = np.stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])], axis=1)
     walls = (np.sign(directions) * 0.5 * size - pose[:2]) / directions
     ranges = walls.min(axis=1) + np.random.default_rng(3).normal(0.0, 0.001, angles.size)
-    return cs.LaserScan(
-        ranges, angle_min=angles[0], angle_increment=np.radians(0.5), range_min=0.02, range_max=8.0
-    )
+    return cs.LaserScan(ranges, angle_min=angles[0], angle_increment=np.radians(0.5), range_min=0.02, range_max=8.0)
 
 
 def in_box(size, motion, guess=None, **evidence):

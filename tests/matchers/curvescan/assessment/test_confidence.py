@@ -54,9 +54,7 @@ def poses(*evidences, motions=None, guessed=False):
 
 def test_what_is_weighed_is_that_of_the_slow_twin():
     rng = np.random.default_rng(5)
-    evidence = (
-        rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02
-    )  # some a little below 0, by rounding say
+    evidence = rng.gamma(0.5, 2.0, (40, N_EVIDENCE)) - 0.02  # some a little below 0, by rounding say
     motions, is_guessed = rng.gamma(1.0, 2.0, 40), rng.random(40) < 0.5
     terms = terms_of(evidence, motions, is_guessed)
     for k in range(40):
@@ -79,10 +77,7 @@ def test_what_is_weighed_is_that_of_the_slow_twin():
     ],
 )
 def test_each_evidence_moves_the_confidence_the_way_it_should(column, better, worse):
-    low, high = (
-        support_of(poses({**GOOD, column: value}), [], False).confidence
-        for value in (worse, better)
-    )
+    low, high = (support_of(poses({**GOOD, column: value}), [], False).confidence for value in (worse, better))
     assert 0.0 < low < high < 1.0
 
 
@@ -99,15 +94,7 @@ def test_a_far_motion_and_an_open_direction_speak_against_and_a_guess_for_a_pose
 
 def test_the_log_odds_are_those_of_the_model():
     """As docs/design-notes/confidence.md has it, here by hand."""
-    evidence = {
-        EXCESS: 0.9,
-        AGREEING: 9.9,
-        WEAKEST: 0.9,
-        MISFIT: 0.9,
-        MISSED: 0.05,
-        SEEN_THROUGH: 0.9,
-        LARGE: 0.8,
-    }
+    evidence = {EXCESS: 0.9, AGREEING: 9.9, WEAKEST: 0.9, MISFIT: 0.9, MISSED: 0.05, SEEN_THROUGH: 0.9, LARGE: 0.8}
     found = poses(evidence, motions=[2.5], guessed=True)
     expected = {
         "constant": 1.0,
@@ -129,9 +116,7 @@ def test_the_log_odds_are_those_of_the_model():
     assert found.terms(0, is_degenerate=True) == pytest.approx(expected | {"degenerate": 1.0})
     total = sum(COEFFICIENTS[name] * value for name, value in expected.items())
     assert found.log_odds(0) == pytest.approx(total)
-    assert found.log_odds(0, is_degenerate=True) == pytest.approx(
-        total + COEFFICIENTS["degenerate"]
-    )
+    assert found.log_odds(0, is_degenerate=True) == pytest.approx(total + COEFFICIENTS["degenerate"])
     # a fifth of what a motion weighs is left where poses are sorted
     motion = COEFFICIENTS["motion"] * 1.5 + COEFFICIENTS["few_motion"] * 0.75
     assert found.rank(0) == pytest.approx(-(total - 0.8 * motion))
@@ -208,11 +193,7 @@ def test_a_contradicted_pose_rules_out_none_that_explains_more():
     assert found.repetition(1) == 1.0
     # not where it is contradicted alone, nor where less agrees, or worse, or in fewer readings
     assert poses(wrong, more).repetition(1) == 0.0
-    for best, other in (
-        (GOOD, more),
-        (wrong, {**more, AGREEING: 7.0}),
-        (wrong, {**more, MISFIT: 0.9}),
-    ):
+    for best, other in ((GOOD, more), (wrong, {**more, AGREEING: 7.0}), (wrong, {**more, MISFIT: 0.9})):
         assert replace(poses(best, other), scores=np.array([0.4, 0.5])).repetition(1) == 0.0
 
 
@@ -248,10 +229,7 @@ def test_a_pair_is_hopeless_where_no_pose_comes_near():
 
 
 def test_surfaces_run_one_way_where_an_eighth_of_them_runs_across():
-    corridor, room = (
-        {AGREEING: 10.0, WEAKEST: 1.1, SMALL: 0.3},
-        {AGREEING: 10.0, WEAKEST: 1.3, SMALL: 0.3},
-    )
+    corridor, room = ({AGREEING: 10.0, WEAKEST: 1.1, SMALL: 0.3}, {AGREEING: 10.0, WEAKEST: 1.3, SMALL: 0.3})
     assert poses(corridor, room).is_one_way  # that of the first
     assert not poses({**corridor, SMALL: 0.1}).is_one_way  # nobody is there to agree by chance
     assert not poses(room, corridor).is_one_way
@@ -268,9 +246,7 @@ def test_a_pose_is_as_likely_within_six_tenths_of_the_log_odds():
 
 def test_a_far_pose_counts_less_as_a_rival():
     two_walls = {**GOOD, EXCESS: 0.1}
-    shares = [
-        poses(two_walls, two_walls, motions=[0.3, far]).repetition(1) for far in (0.3, 2.0, 4.0)
-    ]
+    shares = [poses(two_walls, two_walls, motions=[0.3, far]).repetition(1) for far in (0.3, 2.0, 4.0)]
     assert shares[0] == pytest.approx(1.0)
     assert shares[0] > shares[1] > shares[2] == 0.0
     furnished = poses(GOOD, GOOD, motions=[0.3, 2.0])

@@ -23,18 +23,7 @@ from curvescan.matchers.curvescan.assessment.evidence import (
 )
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features.surfels import (
-    CX,
-    CY,
-    LENGTH,
-    N_COLUMNS,
-    NX,
-    NY,
-    RANGE,
-    VARIANCE,
-    X,
-    Y,
-)
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, RANGE, VARIANCE, X, Y
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair, turned
 
@@ -56,9 +45,7 @@ def wall(x0, y0, x1, y1, n=40):
 
 
 def evidence(ref, cur, *poses):
-    return gather_evidence(
-        ref.image, ref.bounds, cur.image, cur.bounds, np.array(poses), CONFIG.scoring.margin
-    )
+    return gather_evidence(ref.image, ref.bounds, cur.image, cur.bounds, np.array(poses), CONFIG.scoring.margin)
 
 
 def leaning(distance):
@@ -71,9 +58,7 @@ def leaning(distance):
     return surfels, rows
 
 
-@pytest.mark.parametrize(
-    ("distance", "is_person"), [(0.3, True), (0.15, True), (0.05, False), (-0.3, False)]
-)
+@pytest.mark.parametrize(("distance", "is_person"), [(0.3, True), (0.15, True), (0.05, False), (-0.3, False)])
 def test_a_person_before_a_wall_is_no_wall_though_of_one_surface_with_it(distance, is_person):
     surfels, rows = leaning(distance)
     codes = np.full(len(surfels), INLIER, dtype=np.uint8)
@@ -160,9 +145,7 @@ def test_the_true_pose_has_all_for_it_and_others_are_contradicted():
     inliers = assess_pose(ref, cur, MOTION, CONFIG).codes_cur == INLIER
     lengths = cur.image.surfels[inliers, LENGTH].sum()
     assert true[AGREEING] == pytest.approx(lengths, rel=0.1)
-    assert (
-        0.4 < true[MISFIT] < 1.2
-    )  # as the noise has it: lines average it, and share it with their readings
+    assert 0.4 < true[MISFIT] < 1.2  # as the noise has it: lines average it, and share it with their readings
     assert true[EXCESS] > 1.0
     assert true[WEAKEST] > 2.0
     assert true[SEEN_THROUGH] + true[LARGE] + true[SMALL] < 0.2

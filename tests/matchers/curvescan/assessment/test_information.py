@@ -88,9 +88,7 @@ def test_the_spurious_part_is_what_a_tilt_of_the_line_gives(way):
 def test_what_is_left_and_what_is_spurious_are_all_of_it(off):
     """Also where residuals exceed the noise: then both are less, by the mean of their normalised squares."""
     ref, cur = pair(1)
-    arguments, (information, spurious, axes, units) = information_at(
-        ref, cur, MOTION + np.array([off, 0.0, 0.0])
-    )
+    arguments, (information, spurious, axes, units) = information_at(ref, cur, MOTION + np.array([off, 0.0, 0.0]))
     expected = axes.T @ (slow.information(*arguments) * np.outer(units, units)) @ axes
     # derivatives by differences in the twin
     np.testing.assert_allclose(information + spurious, np.diag(expected), rtol=1e-3)
@@ -115,9 +113,7 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
     means = []
     for seed in range(6):
         ref, cur = pair(seed)
-        (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(
-            ref, cur, MOTION
-        )
+        (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(ref, cur, MOTION)
         system = np.zeros(LEVER2 + 1)
         add_information(cur_surfels, ref_surfels, partner_cur, pose, FORWARD, system)
         add_information(ref_surfels, cur_surfels, partner_ref, pose, BACKWARD, system)
@@ -170,9 +166,7 @@ def test_an_open_turn_about_a_far_place_widens_the_position():
 def test_no_partners_have_no_information():
     one = features(pillar_scan())
     nobody = np.full(len(one.image.surfels), -1)
-    information, spurious, _, _ = pose_information(
-        one.image.surfels, nobody, one.image.surfels, nobody, np.zeros(3)
-    )
+    information, spurious, _, _ = pose_information(one.image.surfels, nobody, one.image.surfels, nobody, np.zeros(3))
     assert not information.any()
     assert not spurious.any()
     with pytest.raises(cs.InvalidArgumentError, match="max_sigma must be > 0"):

@@ -54,11 +54,7 @@ def test_someone_who_walked_in_is_seen_as_moved():
     scan = pillar_scan(MOTION, seed=2)
     ranges = scan.ranges.copy()
     ranges[100:110] = 0.6
-    cur = features(
-        cs.LaserScan(
-            ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
-        )
-    )
+    cur = features(cs.LaserScan(ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0))
     codes, _ = compare_readings(cur.image.surfels, ref.image, MOTION, 0.01)
     is_person = np.isin(cur.beam_idx, np.arange(100, 110))
     assert (codes[is_person] == DYNAMIC).all()
@@ -89,9 +85,7 @@ def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
     is_box &= ref.points[:, 1] < 1.05
     assert is_box.sum() > 20
     ranges[is_box] += 0.02  # within the noise of any one reading
-    pushed = cs.LaserScan(
-        ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0
-    )
+    pushed = cs.LaserScan(ranges, angle_min=plain.angle_min, angle_increment=plain.angle_increment, range_max=20.0)
     result = cs.match(ref, pushed)
     assert np.mean(result.labels_current[is_box] == cs.matchers.Label.DYNAMIC) > 0.9
     assert np.mean(result.labels_current[~is_box] == cs.matchers.Label.MATCHED) > 0.9
@@ -100,18 +94,14 @@ def test_a_box_that_was_pushed_a_little_is_found_by_all_its_readings_together():
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize(
-    ("n_sigmas", "is_inlier"), [(2.2, True), (2.8, True), (3.2, False), (6.0, False)]
-)
+@pytest.mark.parametrize(("n_sigmas", "is_inlier"), [(2.2, True), (2.8, True), (3.2, False), (6.0, False)])
 def test_a_reading_agrees_within_three_standard_deviations(side, n_sigmas, is_inlier):
     ref, _ = pair()
     moved = ref.image.surfels.copy()
     has_line = moved[:, VARIANCE] > 0.0
     normal, centre = moved[:, [NX, NY]], moved[:, [CX, CY]]
     # along its beam, so that it stays in the direction of its own line, to so many deviations of both readings
-    distance = (
-        side * n_sigmas * np.sqrt(2.0 * moved[:, VARIANCE], where=has_line, out=0.0 * normal[:, 0])
-    )
+    distance = side * n_sigmas * np.sqrt(2.0 * moved[:, VARIANCE], where=has_line, out=0.0 * normal[:, 0])
     share = (np.sum(normal * centre, axis=1) + distance) / np.sum(normal * moved[:, [X, Y]], axis=1)
     moved[:, [X, Y]] *= share[:, np.newaxis]
     codes, partner = compare_readings(moved, ref.image, np.zeros(3), 0.0)
@@ -128,10 +118,7 @@ def wall(n=361):
     angles = np.radians(np.linspace(-60.0, 60.0, n))
     noise = 0.005 * np.random.default_rng(7).standard_normal(n)
     scan = cs.LaserScan(
-        3.0 / np.cos(angles) + noise,
-        angle_min=angles[0],
-        angle_increment=angles[1] - angles[0],
-        range_max=20.0,
+        3.0 / np.cos(angles) + noise, angle_min=angles[0], angle_increment=angles[1] - angles[0], range_max=20.0
     )
     return features(scan)
 
@@ -185,16 +172,9 @@ def test_what_lies_beside_its_line_along_it_is_not_of_the_surface():
 @pytest.mark.parametrize(("n", "has_moved"), [(3, False), (4, True), (5, True)])
 @pytest.mark.parametrize(
     ("shift", "limit", "least", "is_far"),
-    [
-        (0.05, 4.0, 0.01, True),
-        (0.05, 4.0, 0.06, False),
-        (0.05, 40.0, 0.01, False),
-        (-0.05, 4.0, 0.01, True),
-    ],
+    [(0.05, 4.0, 0.01, True), (0.05, 4.0, 0.06, False), (0.05, 40.0, 0.01, False), (-0.05, 4.0, 0.01, True)],
 )
-def test_a_surface_has_moved_by_the_mean_of_four_readings(
-    n, has_moved, shift, limit, least, is_far
-):
+def test_a_surface_has_moved_by_the_mean_of_four_readings(n, has_moved, shift, limit, least, is_far):
     surfels = wall().image.surfels[150:160].copy()
     surfels[:, VARIANCE] = 0.005**2
     surfels[:, [CX, CY]] = surfels[:, [X, Y]]
@@ -211,6 +191,4 @@ def test_a_surface_has_moved_by_the_mean_of_four_readings(
     blind = surfels.copy()
     blind[0, VARIANCE] = -1.0
     for one, other in ((surfels, blind), (blind, surfels)):
-        assert static_segments(one, bounds, partner, other, pose, limit, least)[1] == (
-            n > 4 and is_far
-        )
+        assert static_segments(one, bounds, partner, other, pose, limit, least)[1] == (n > 4 and is_far)

@@ -25,9 +25,7 @@ def test_what_agrees_besides_two_walls_is_excess():
 
 
 def test_nothing_of_a_bare_room_lies_beyond_its_four_walls():
-    room = np.vstack(
-        [wall(3, -2, 3, 2), wall(-2, 2, 3, 2), wall(-2, -2, 3, -2), wall(-2, -2, -2, 2)]
-    )
+    room = np.vstack([wall(3, -2, 3, 2), wall(-2, 2, 3, 2), wall(-2, -2, 3, -2), wall(-2, -2, -2, 2)])
     assert excess_lengths(room, np.ones(len(room), dtype=np.uint8))[1] < 0.3
     # a second wall that faces the same way, and one across a corner, are no sides of a rectangle
     for more in (wall(1.5, 0.5, 1.5, 1.5), wall(2.2, 2.0, 3.0, 1.2)):

@@ -25,9 +25,7 @@ def test_the_corners_of_a_room_are_found_with_their_turn():
         # seen from inside, counter-clockwise, the wall turns left by a right angle
         np.testing.assert_allclose(keypoints[at, 3], math.pi / 2, atol=0.05)
     is_wide = (keypoints[:, 4] == 2) & (np.abs(keypoints[:, 0] - 3.0) < 0.02)
-    np.testing.assert_allclose(
-        np.sort(keypoints[is_wide, 2]), [math.pi / 4, 3 * math.pi / 4], atol=0.03
-    )
+    np.testing.assert_allclose(np.sort(keypoints[is_wide, 2]), [math.pi / 4, 3 * math.pi / 4], atol=0.03)
 
 
 def test_a_bare_wall_under_noise_has_no_corner():
@@ -42,9 +40,7 @@ def test_a_bare_wall_under_noise_has_no_corner():
 def test_frames_turn_with_the_sensor_frame(angle):
     scan = pillar_scan(seed=1)
     plain, moved = features(scan).keypoints, features(turned(scan, angle)).keypoints
-    np.testing.assert_allclose(
-        cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9
-    )
+    np.testing.assert_allclose(cs.se2.transform([0.0, 0.0, angle], plain[:, :2]), moved[:, :2], atol=1e-9)
     np.testing.assert_allclose(cs.se2.wrap(moved[:, 2] - plain[:, 2] - angle), 0.0, atol=1e-9)
     np.testing.assert_allclose(moved[:, 3:], plain[:, 3:], atol=1e-9)
 

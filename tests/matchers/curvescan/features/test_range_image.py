@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.features.range_image import (
-    azimuth_table,
-    bearing,
-    reading_at,
-    uneven_azimuth_table,
-)
+from curvescan.matchers.curvescan.features.range_image import azimuth_table, bearing, reading_at, uneven_azimuth_table
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow
 

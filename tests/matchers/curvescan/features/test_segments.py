@@ -39,9 +39,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
     scan = pillar_scan(rng.uniform(-0.4, 0.4, 3), sigma=0.01, seed=seed, fov=fov, n_beams=181)
     ranges = scan.ranges.copy()
     ranges[rng.choice(181, 25, replace=False)] = np.nan
-    scan = cs.LaserScan(
-        ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0
-    )
+    scan = cs.LaserScan(ranges, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=20.0)
     beam_idx, readings, bounds = run_sweep(scan)
     beams = np.flatnonzero(scan.valid)
     expected = slow.segments(
@@ -64,10 +62,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
 def test_a_clockwise_sweep_is_its_mirror_image():
     scan = pillar_scan(seed=3)
     mirrored = cs.LaserScan(
-        scan.ranges[::-1],
-        angle_min=scan.angles[-1],
-        angle_increment=-scan.angle_increment,
-        range_max=20.0,
+        scan.ranges[::-1], angle_min=scan.angles[-1], angle_increment=-scan.angle_increment, range_max=20.0
     )
     beam_idx, readings, bounds = run_sweep(scan)
     beam_mirrored, readings_mirrored, bounds_mirrored = run_sweep(mirrored)
@@ -84,9 +79,7 @@ def test_beams_told_one_by_one_give_the_same_surfaces(fov, way):
     ranges[np.random.default_rng(4).choice(360, 40, replace=False)] = np.nan
     angles = scan.angles
     scan = cs.LaserScan(ranges[::way], angles=angles[::way], range_max=20.0)
-    for grid, information in zip(
-        run_sweep(scan), run_sweep(scan, told_by_angles=True), strict=True
-    ):
+    for grid, information in zip(run_sweep(scan), run_sweep(scan, told_by_angles=True), strict=True):
         np.testing.assert_array_equal(information, grid)
 
 
@@ -94,9 +87,7 @@ def corridor_scan(*, sigma=0.0, seed=0):
     """A wall 1 m to the left, seen at less and less of an angle, and nothing else."""
     angles = np.radians(np.arange(3.0, 100.0, 0.5))
     ranges = 1.0 / np.sin(angles) + sigma * np.random.default_rng(seed).standard_normal(angles.size)
-    return cs.LaserScan(
-        ranges, angle_min=angles[0], angle_increment=np.radians(0.5), range_max=30.0
-    )
+    return cs.LaserScan(ranges, angle_min=angles[0], angle_increment=np.radians(0.5), range_max=30.0)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -113,9 +104,7 @@ def test_a_grazed_wall_is_one_surface(seed):
 def test_steps_of_a_grazed_wall_still_break_it():
     scan = corridor_scan()
     shifted = np.where(scan.angles < np.radians(8.0), scan.ranges + 1.0, scan.ranges)
-    stepped = cs.LaserScan(
-        shifted, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=30.0
-    )
+    stepped = cs.LaserScan(shifted, angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=30.0)
     _, readings, bounds = run_sweep(stepped)
     assert len(bounds) > 2
     for a, b in itertools.pairwise(bounds):
@@ -123,9 +112,7 @@ def test_steps_of_a_grazed_wall_still_break_it():
         assert np.ptp(y) < 0.05  # 1 m of range at 8 degrees is 0.14 m off the wall
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"arm": 0.0}, {"incidence_limit": 2.0}, {"max_gap": -1}, {"range_sigma_min": 0.0}]
-)
+@pytest.mark.parametrize("wrong", [{"arm": 0.0}, {"incidence_limit": 2.0}, {"max_gap": -1}, {"range_sigma_min": 0.0}])
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
         SegmentsConfig(**wrong)

@@ -7,13 +7,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.features.surfels import (
-    fit_line,
-    fit_lines,
-    fit_surfels,
-    low_quantile,
-    moments,
-)
+from curvescan.matchers.curvescan.features.surfels import fit_line, fit_lines, fit_surfels, low_quantile, moments
 from tests.matchers.curvescan.features.test_segments import run_sweep
 from tests.matchers.curvescan.scenes import features
 from tests.reference import curvescan as slow
@@ -61,9 +55,7 @@ def test_the_range_noise_is_found(sigma):
 def test_scans_of_few_readings_have_no_lines():
     blank = cs.LaserScan([np.nan] * 90, angle_min=-1.0, angle_increment=0.02)
     assert len(features(blank).image.surfels) == 0
-    lonely = cs.LaserScan(
-        [np.nan] * 40 + [1.0, 1.01] + [np.nan] * 48, angle_min=-1.0, angle_increment=0.02
-    )
+    lonely = cs.LaserScan([np.nan] * 40 + [1.0, 1.01] + [np.nan] * 48, angle_min=-1.0, angle_increment=0.02)
     surfels = features(lonely).image.surfels
     assert len(surfels) == 2
     assert (surfels[:, 7] < 0).all()  # a reading without a line says so by its variance

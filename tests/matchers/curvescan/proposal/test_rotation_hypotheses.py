@@ -26,9 +26,7 @@ def hall_scan(x, *, sigma=0.005, seed=0, width=2.0):
     with np.errstate(divide="ignore"):
         ranges = 0.5 * width / np.abs(np.sin(angles))
     noise = sigma * np.random.default_rng(seed).standard_normal(361)
-    return cs.LaserScan(
-        ranges + noise, angle_min=-math.pi / 2, angle_increment=math.pi / 360, range_max=8.0
-    )
+    return cs.LaserScan(ranges + noise, angle_min=-math.pi / 2, angle_increment=math.pi / 360, range_max=8.0)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 2.9])
@@ -81,9 +79,7 @@ def test_without_walls_across_an_axis_a_pose_stays():
     ref, cur = features(hall_scan(0.0, seed=1)), features(hall_scan(0.4, seed=2))
     axis = dominant_axis(ref.image.samples)
     offsets = wall_offsets(ref.image.samples, cur.image.samples, np.zeros(3), axis, 2.0, 0.1, 3)
-    across = wall_offsets(
-        ref.image.samples, cur.image.samples, np.zeros(3), axis + math.pi / 2, 2.0, 0.1, 3
-    )
+    across = wall_offsets(ref.image.samples, cur.image.samples, np.zeros(3), axis + math.pi / 2, 2.0, 0.1, 3)
     # one of the two runs along the corridor, and no wall lies across it
     assert sorted([offsets.tolist(), across.tolist()], key=len)[0] == [0.0]
 
@@ -93,9 +89,7 @@ def test_slides_run_along_a_corridor_and_nowhere_else():
     moved_along = degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)
     assert len(moved_along) == 6
     np.testing.assert_allclose(np.abs(moved_along[:, 1]), 0.0, atol=0.02)
-    np.testing.assert_allclose(
-        np.sort(np.abs(moved_along[:, 0])), [0.2, 0.2, 0.4, 0.4, 0.6, 0.6], atol=0.01
-    )
+    np.testing.assert_allclose(np.sort(np.abs(moved_along[:, 0])), [0.2, 0.2, 0.4, 0.4, 0.6, 0.6], atol=0.01)
     assert not moved_along[:, 2].any()
     ref, cur = pair()
     assert len(degenerate_hypotheses(np.zeros((1, 3)), ref.image, cur.image, 0.2, 3, 0.1)) == 0

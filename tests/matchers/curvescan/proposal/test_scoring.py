@@ -10,12 +10,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.curvescan.config import ScoringConfig
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
-from curvescan.matchers.curvescan.proposal.scoring import (
-    best_beside,
-    score_pose,
-    score_samples,
-    select,
-)
+from curvescan.matchers.curvescan.proposal.scoring import best_beside, score_pose, score_samples, select
 from tests.matchers.curvescan.scenes import MOTION, features, pair, pillar_scan
 from tests.reference import curvescan as slow
 
@@ -41,9 +36,7 @@ def slow_score(one, other, pose):
     def beside(point):
         return reading_beside(place_of(*point, image), image, reading_at(*point, image))
 
-    return slow.score_samples(
-        one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01
-    )
+    return slow.score_samples(one.image.samples, image, lambda p: reading_at(*p, image), beside, pose, 0.05, 0.01)
 
 
 def test_the_truth_scores_best_and_a_scan_agrees_with_itself():
@@ -73,18 +66,13 @@ def test_a_hopeless_pose_is_given_up_early():
 def test_the_best_poses_are_chosen_best_first_and_differ():
     ref, cur = pair()
     rng = np.random.default_rng(0)
-    poses = np.vstack(
-        [rng.uniform([-1, -1, -3], [1, 1, 3], (40, 3)), MOTION + 0.01 * rng.normal(size=(10, 3))]
-    )
+    poses = np.vstack([rng.uniform([-1, -1, -3], [1, 1, 3], (40, 3)), MOTION + 0.01 * rng.normal(size=(10, 3))])
     best, scores = select(poses, ref.image, cur.image, 0.04, 0.005, 4, 64, 0.3)
     assert (np.diff(scores) <= 0).all()
     error = cs.se2.between(MOTION, best[0])
     assert np.hypot(*error[:2]) < 0.05
     for i in range(len(best)):
-        assert (
-            abs(score_pose(best[i], ref.image, cur.image, 0.04, 0.005, 64, -1.0) - scores[i])
-            < 1e-12
-        )
+        assert abs(score_pose(best[i], ref.image, cur.image, 0.04, 0.005, 64, -1.0) - scores[i]) < 1e-12
         for k in range(i):
             min_difference = cs.se2.between(best[i], best[k])
             assert np.hypot(*min_difference[:2]) >= 0.3 or abs(min_difference[2]) >= 0.15
@@ -106,8 +94,7 @@ def test_beside_the_truth_the_score_falls():
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"n_samples": 2}, {"n_kept": 0}, {"n_wide": 1}, {"fine": (0.0, 0.1)}, {"min_score": 2.0}],
+    "wrong", [{"n_samples": 2}, {"n_kept": 0}, {"n_wide": 1}, {"fine": (0.0, 0.1)}, {"min_score": 2.0}]
 )
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):

@@ -5,18 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import (
-    CurvescanConfig,
-    HypothesesConfig,
-    ScoringConfig,
-)
-from curvescan.matchers.curvescan.proposal.search import (
-    Problem,
-    is_trusted,
-    propose,
-    refine_guess,
-    search,
-)
+from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
+from curvescan.matchers.curvescan.proposal.search import Problem, is_trusted, propose, refine_guess, search
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 

@@ -81,12 +81,7 @@ def test_patterns_match_as_those_of_paths_do(pattern, matching, tmp_path):
 
 
 def test_folders_of_logs_in_buckets():
-    urls = [
-        "s3://fleet/a/run.bag",
-        "s3://fleet/b/run.bag",
-        "s3://fleet/..",
-        "s3://fleet/a\\b:c.bag",
-    ]
+    urls = ["s3://fleet/a/run.bag", "s3://fleet/b/run.bag", "s3://fleet/..", "s3://fleet/a\\b:c.bag"]
     names = name_folders(urls, {})
     assert [names[url] for url in urls[:2]] == ["run", "b-run"]
     assert names[urls[3]] == "a_b_c"

@@ -73,18 +73,7 @@ class Message:
 class Bag:
     """A ROS bag that can be read again and again; no file stays open between the readings.
 
-    Parameters
-    ----------
-    path : Path
-        A file, plain or gzip-compressed, or the folder of a ROS 2 bag. A compressed one is unpacked to a
-        temporary folder, which goes with this object.
-
-    Raises
-    ------
-    LogFileError
-        When a file cannot be read.
-    LogFormatError
-        When it is no bag, or one that cannot be opened.
+    Raises LogFileError, LogFormatError.
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,9 +90,7 @@ class Bag:
             self._n_given[file] = given.stat().st_size
         self._journal_notes: list[str] = []
         if kind is BagKind.SQLITE:
-            self._files = [
-                self._with_its_journal(file) if unfinished(file) else file for file in self._files
-            ]
+            self._files = [self._with_its_journal(file) if unfinished(file) else file for file in self._files]
         self.is_cut = False
         connections: list[Connection] = []
         for k, file in enumerate(self._files):
@@ -114,33 +101,20 @@ class Bag:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed to read the bag, a sentence each."""
-        cut = (
-            "its compressed data break off or are damaged: what could be unpacked of them is read",
-        )
+        cut = ("its compressed data break off or are damaged: what could be unpacked of them is read",)
         return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
 
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
 
-        Parameters
-        ----------
-        topics : collection of str
-            Names of topics.
-        received : int or None
-            Only those received at this time, nanoseconds, found by the bag's own index; None for all.
-
-        Raises
-        ------
-        LogFormatError
-            Where the bag is damaged, after what stands before.
+        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all. Raises
+        LogFormatError.
         """
         for file in self._files:
             limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]
             with self._opened(file) as reader:
                 wanted = [
-                    c
-                    for c in reader.connections
-                    if c.topic in topics and c.msgtype == self.topics[c.topic].msgtype
+                    c for c in reader.connections if c.topic in topics and c.msgtype == self.topics[c.topic].msgtype
                 ]
                 stop = None if received is None else received + 1
                 stream = iter(reader.messages(wanted, received, stop) if wanted else ())
@@ -150,15 +124,11 @@ class Bag:
                     if item is None:
                         break
                     connection, when, data = item
-                    if (
-                        connection.topic not in topics
-                    ):  # a damaged table may give two topics one number
+                    if connection.topic not in topics:  # a damaged table may give two topics one number
                         continue
                     limit -= len(data) if isinstance(data, bytes) else 0
                     if limit < 0:  # an index may lead to the same bytes again and again
-                        raise self._unreadable(
-                            "its messages are longer than a file of its size can hold"
-                        )
+                        raise self._unreadable("its messages are longer than a file of its size can hold")
                     # a column of SQLite holds values of any type, whatever its declaration
                     yield Message(
                         connection.topic,
@@ -170,10 +140,7 @@ class Bag:
     def decode(self, message: Message) -> Any:
         """Return a message with its fields as attributes.
 
-        Raises
-        ------
-        BrokenMessageError
-            When its bytes do not follow its type.
+        Raises BrokenMessageError.
         """
         return self._decoder.decode(message.data, message.msgtype)
 
@@ -243,9 +210,7 @@ class Bag:
         except CurvescanError:
             raise
         except (Ros1Error, Ros2Error) as error:
-            raise self._unreadable(
-                printable(" ".join(str(error).split()), 300).rstrip(".")
-            ) from error
+            raise self._unreadable(printable(" ".join(str(error).split()), 300).rstrip(".")) from error
         except Exception as error:
             # an offset of the file's own that leads out of it is an invalid argument
             if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
@@ -255,9 +220,7 @@ class Bag:
 
     def _unreadable(self, reason: str) -> LogFormatError:
         whole = "" if self.is_whole else "; its compressed data break off or are damaged"
-        return LogFormatError(
-            f"{self.path} is a {self.kind.value} that cannot be read: {reason}{whole}"
-        )
+        return LogFormatError(f"{self.path} is a {self.kind.value} that cannot be read: {reason}{whole}")
 
 
 def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
@@ -282,10 +245,7 @@ class _Reader(Protocol):
     def close(self) -> None: ...
 
     def messages(
-        self,
-        connections: Collection[Connection],
-        start: int | None = None,
-        stop: int | None = None,
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
     ) -> Iterator[tuple[Connection, int, bytes]]: ...
 
 

@@ -30,22 +30,13 @@ class BagKind(Enum):
         return head.startswith(_MAGICS[self])
 
 
-_MAGICS = {
-    BagKind.ROS1: b"#ROSBAG V",
-    BagKind.SQLITE: b"SQLite format 3\x00",
-    BagKind.MCAP: b"\x89MCAP0\r\n",
-}
+_MAGICS = {BagKind.ROS1: b"#ROSBAG V", BagKind.SQLITE: b"SQLite format 3\x00", BagKind.MCAP: b"\x89MCAP0\r\n"}
 
 
 def bag_kind(path: Path) -> BagKind | None:
     """Return the kind of bag in a file, plain or gzip-compressed; None when it is none.
 
-    Raises
-    ------
-    LogFileError
-        When the file cannot be read.
-    LogFormatError
-        When it is compressed and cannot be unpacked.
+    Raises LogFileError, LogFormatError.
     """
     head = read_head(path, _MAGIC_BYTES)
     return next((kind for kind in BagKind if kind.begins(head)), None)
@@ -54,22 +45,7 @@ def bag_kind(path: Path) -> BagKind | None:
 def storage_files(folder: Path) -> tuple[Path, ...]:
     """Return the storage files of a ROS 2 bag folder, in the order they were recorded.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder.
-
-    Returns
-    -------
-    tuple of Path
-        At least one, all of one kind and one name but for a number.
-
-    Raises
-    ------
-    LogFileError
-        When the folder cannot be read or holds no bag.
-    LogFormatError
-        When it holds several bags.
+    Raises LogFileError, LogFormatError.
     """
     try:
         entries = sorted(entry for entry in folder.iterdir() if entry.is_file())

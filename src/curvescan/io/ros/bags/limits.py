@@ -52,15 +52,7 @@ _ROS2_SCHEMAS = (b"ros2msg", b"ros2idl", b"omgidl", b"")
 
 
 class CheckedRos1Reader(Ros1Reader):
-    """rosbags' reader of ROS 1 bags, which unpacks chunks and takes in an index only within limits.
-
-    Parameters
-    ----------
-    file : Path
-        The bag.
-    n_given : int
-        Size of the file that was given, bytes; less than the bag's where that was compressed.
-    """
+    """rosbags' reader of ROS 1 bags, which unpacks chunks and takes in an index only within limits."""
 
     def __init__(self, file: Path, n_given: int) -> None:
         super().__init__(CheckedPath(file))
@@ -87,10 +79,7 @@ class CheckedRos1Reader(Ros1Reader):
         super().read_index_data(pos, indexes)
 
     def messages(
-        self,
-        connections: Collection[Connection] = (),
-        start: int | None = None,
-        stop: int | None = None,
+        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
         """Yield the messages of these connections; an index that leads to the same ones again and again is damaged."""
         # on the way to a message all records of connections before it are read, each time
@@ -107,15 +96,7 @@ class CheckedRos1Reader(Ros1Reader):
 
 
 class CheckedMcapReader(McapReader):
-    """rosbags' reader of MCAP, whose chunks unpack within limits.
-
-    Parameters
-    ----------
-    file : Path
-        The bag.
-    n_given : int
-        Size of the file that was given, bytes; less than the bag's where that was compressed.
-    """
+    """rosbags' reader of MCAP, whose chunks unpack within limits."""
 
     def __init__(self, file: Path, n_given: int) -> None:
         super().__init__(CheckedPath(file, self._look, as_ros2))
@@ -160,9 +141,7 @@ class CheckedMcapReader(McapReader):
         # a chunk's record that is read as a whole, where the file has no summary
         head = data[_CHUNK_HEAD : _CHUNK_HEAD + 8]
         chunks += [
-            (kind, data[_CHUNK_HEAD + len(name) + 8 :])
-            for name, kind in _NAMES.items()
-            if head.startswith(name)
+            (kind, data[_CHUNK_HEAD + len(name) + 8 :]) for name, kind in _NAMES.items() if head.startswith(name)
         ]
         for kind, packed in chunks:
             try:
@@ -206,15 +185,7 @@ class _ChunkInfo(Protocol):
 
 
 def check_chunks(chunks: Collection[_ChunkInfo], n_bytes: int) -> None:
-    """Raise LogFormatError when chunks are listed twice, or too many lie over the same moment.
-
-    Parameters
-    ----------
-    chunks : collection
-        Of an MCAP file, by its summary.
-    n_bytes : int
-        Size of the file.
-    """
+    """Raise LogFormatError when chunks are listed twice, or too many lie over the same moment."""
     if len({chunk.chunk_start_offset for chunk in chunks}) < len(chunks):
         raise LogFormatError("its summary lists a chunk twice")
     limit = max(MIN_HELD_LIMIT, MAX_HELD_RATIO * n_bytes)
@@ -224,9 +195,7 @@ def check_chunks(chunks: Collection[_ChunkInfo], n_bytes: int) -> None:
     for _, change in sorted(changes):
         n_held += change
         if n_held > limit:
-            raise LogFormatError(
-                f"chunks of more than {limit >> 20:,} MiB lie over the same moment, by its summary"
-            )
+            raise LogFormatError(f"chunks of more than {limit >> 20:,} MiB lie over the same moment, by its summary")
 
 
 def check_qos(text: bytes) -> None:

@@ -39,19 +39,7 @@ _LARGEST_PAGE = 1 << 16  # stands as 1 in the two bytes of the header
 def salvage(file: Path, kind: BagKind, target: Path) -> None:
     """Write what can be read of a broken bag as a whole one; it may hold no message.
 
-    Parameters
-    ----------
-    file : Path
-        The broken bag, unpacked.
-    kind : BagKind
-        What it is.
-    target : Path
-        A path where nothing is.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be read, or the target cannot be written.
+    Raises OSError.
     """
     _WRITERS[kind](file, target)
 
@@ -59,12 +47,7 @@ def salvage(file: Path, kind: BagKind, target: Path) -> None:
 def with_its_journal(file: Path, folder: Path) -> Path:
     """Return a copy of a SQLite database into which what stands in its -wal or -journal file has been taken.
 
-    Raises
-    ------
-    OSError
-        When it cannot be copied.
-    sqlite3.Error
-        When its journal is of no use.
+    Raises OSError, sqlite3.Error.
     """
     copy = folder / "bag.db3"
     shutil.copyfile(file, copy)
@@ -173,9 +156,7 @@ def _salvage_sqlite(file: Path, target: Path) -> None:
     """Copy the tables row by row, in the order of their numbers, until the database breaks off."""
     with (
         _whole_pages(file, target.with_name(f"{target.name}-pages")) as sound,
-        closing(
-            sqlite3.connect(f"{sound.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
-        ) as source,
+        closing(sqlite3.connect(f"{sound.absolute().as_uri()}?immutable=1&mode=ro", uri=True)) as source,
         closing(sqlite3.connect(target)) as goal,
     ):
         # else a file that is shorter than it says is not looked at

@@ -27,10 +27,7 @@ _REMAINS = ("-wal", "-journal")
 def sqlite_reader(file: Path) -> Sqlite3Reader:
     """Return rosbags' reader of a database, having looked at its schema.
 
-    Raises
-    ------
-    LogFormatError
-        When it is no bag, or one that is made to keep its reader busy; the message is a reason, without the file's name.
+    Raises LogFormatError.
     """
     # the reader puts the path into a URI, where ?, # and % would have a meaning
     name = quote(file.absolute().as_posix(), safe="/:")
@@ -39,9 +36,7 @@ def sqlite_reader(file: Path) -> Sqlite3Reader:
             database.text_factory = bytes  # which need not be UTF-8
             _check(database)
     except sqlite3.Error as error:
-        raise LogFormatError(
-            f"its database cannot be read: {printable(str(error), 200)}"
-        ) from error
+        raise LogFormatError(f"its database cannot be read: {printable(str(error), 200)}") from error
     return Sqlite3Reader(Path(name))
 
 

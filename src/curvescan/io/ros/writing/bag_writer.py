@@ -37,10 +37,7 @@ class _Writer(Protocol):
     def __enter__(self) -> object: ...
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> object: ...
 
     def add_connection(self, topic: str, msgtype: str, *, typestore: Any) -> Connection: ...
@@ -72,20 +69,10 @@ def mcap_in_file(path: Path) -> Iterator[Path]:
 class BagWriter:
     """Writes a bag message by message; to be used in a ``with``.
 
-    The recorder's time of reception is the message's stamp, but never before that of the message before: readers order by it, and the
-    order of the calls must stay though stamps may repeat or go back.
+    The recorder's time of reception is the message's stamp, but never before that of the message before: readers
+    order by it, and the order of the calls must stay though stamps may repeat or go back.
 
-    Parameters
-    ----------
-    path : Path
-        A file for ROS 1, else a folder; it must not exist.
-    kind : BagKind
-        How to store.
-
-    Raises
-    ------
-    OutputError
-        When it cannot be written there.
+    Raises OutputError.
     """
 
     def __init__(self, path: object, kind: BagKind) -> None:
@@ -96,9 +83,7 @@ class BagWriter:
         self._received = 0
         if kind is BagKind.SQLITE and any(ch in self._path for ch in "?#%"):
             # the library puts the path into a URI
-            raise OutputError(
-                f"cannot write {self._path}: a path of an SQLite file cannot hold ?, # or %"
-            )
+            raise OutputError(f"cannot write {self._path}: a path of an SQLite file cannot hold ?, # or %")
         self._writer: _Writer = (
             Ros1Writer(self._path)
             if is_ros1
@@ -110,20 +95,14 @@ class BagWriter:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._writer.__exit__(kind, error, traceback)
 
     def add_scan(self, scan: LaserScan) -> bool:
         """Write a scan to /scan, and return whether all its numbers are kept as they are.
 
-        Raises
-        ------
-        OutputError
-            When its beams are not evenly spaced, or nothing is left of an angle or a limit in float32.
+        Raises OutputError.
         """
         message, is_same = self.builder.laser_scan(scan)
         self.write(SCAN_TOPIC, LASER_SCAN, message, scan.stamp)
@@ -139,23 +118,9 @@ class BagWriter:
         self.write(TF_TOPIC, TRANSFORMS[0], message, stamp)
 
     def write(self, topic: str, msgtype: str, message: Any, stamp: float) -> None:
-        """Write a message that `builder` made.
-
-        Parameters
-        ----------
-        topic : str
-            Its topic, of which all messages are of one type.
-        msgtype : str
-            Its type.
-        message : object
-            What the builder returned.
-        stamp : float
-            Seconds.
-        """
+        """Write a message that `builder` made."""
         if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(
-                topic, msgtype, typestore=self.builder.store
-            )
+            self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=self.builder.store)
         self._received = max(self._received + 1, self.builder.nanoseconds(stamp))
         data = self.builder.encoded(message, msgtype)
         self._writer.write(self._connections[topic], self._received, data)

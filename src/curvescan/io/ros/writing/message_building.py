@@ -14,13 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.errors import OutputError
-from curvescan.io.ros.messages import (
-    LASER_SCAN,
-    OCCUPANCY_GRID,
-    ODOMETRY,
-    TRANSFORMS,
-    bundled_types,
-)
+from curvescan.io.ros.messages import LASER_SCAN, OCCUPANCY_GRID, ODOMETRY, TRANSFORMS, bundled_types
 from curvescan.scan import LaserScan
 from curvescan.types import Cov, Floats, Pose
 
@@ -34,15 +28,7 @@ _UNKNOWN = 1e6
 
 
 class MessageBuilder:
-    """Builds messages of the bundled types, and their bytes.
-
-    Parameters
-    ----------
-    is_ros1 : bool
-        Whether for ROS 1; else for ROS 2, whose bytes are CDR.
-    where : str
-        Where the messages go, for what is said of a stamp that none can hold.
-    """
+    """Builds messages of the bundled types, and their bytes."""
 
     def __init__(self, *, is_ros1: bool = False, where: str = "ROS 2 bag") -> None:
         self._is_ros1, self._where = is_ros1, where
@@ -51,10 +37,7 @@ class MessageBuilder:
     def nanoseconds(self, stamp: float) -> int:
         """Return a stamp in whole nanoseconds, having made sure that a message can hold it.
 
-        Raises
-        ------
-        OutputError
-            When its seconds are too many.
+        Raises OutputError.
         """
         low, high = (0, 2**32) if self._is_ros1 else (-(2**31), 2**31)
         if not low <= stamp < high:
@@ -77,10 +60,7 @@ class MessageBuilder:
     def laser_scan(self, scan: LaserScan) -> tuple[Any, bool]:
         """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are.
 
-        Raises
-        ------
-        OutputError
-            When its beams are not evenly spaced, or nothing is left of an angle or a limit in float32.
+        Raises OutputError.
         """
         if not scan.has_uniform_angles:
             raise OutputError(
@@ -116,9 +96,7 @@ class MessageBuilder:
         )
         # inf, a missing limit, and all that came from a message stay the same; angle_max is not ours
         is_same = np.array_equal(ranges.astype(np.float64), scan.ranges, equal_nan=True)
-        return message, is_same and all(
-            short[k] == v for k, v in fields.items() if k != "angle_max"
-        )
+        return message, is_same and all(short[k] == v for k, v in fields.items() if k != "angle_max")
 
     def odometry(
         self,
@@ -130,18 +108,8 @@ class MessageBuilder:
     ) -> Any:
         """Return a pose of the laser in the odometry's frame as nav_msgs/Odometry, and its velocity in its own frame.
 
-        Parameters
-        ----------
-        stamp : float
-            Seconds.
-        pose : (3,) float64
-            x, y, theta: metres, metres, radians.
-        covariance : (3, 3) float64 or None
-            Of the pose; None for zero.
-        twist : (3,) float64 or None
-            m/s, m/s, rad/s; None where it is unknown.
-        twist_covariance : (3, 3) float64 or None
-            Of the twist.
+        pose (3,); covariance (3, 3): Of the pose; None for zero; twist (3,): m/s, m/s, rad/s; None where it is
+        unknown; twist_covariance (3, 3).
         """
         position, orientation = self._point_and_quaternion(pose)
         vx, vy, omega = (0.0, 0.0, 0.0) if twist is None else twist.tolist()
@@ -156,32 +124,20 @@ class MessageBuilder:
             child_frame_id=LASER_FRAME,
             pose=self._new(
                 "geometry_msgs/msg/PoseWithCovariance",
-                pose=self._new(
-                    "geometry_msgs/msg/Pose", position=position, orientation=orientation
-                ),
+                pose=self._new("geometry_msgs/msg/Pose", position=position, orientation=orientation),
                 covariance=pose_covariance.ravel(),
             ),
             twist=self._new(
                 "geometry_msgs/msg/TwistWithCovariance",
                 twist=self._new(
-                    "geometry_msgs/msg/Twist",
-                    linear=self._vector(vx, vy, 0.0),
-                    angular=self._vector(0.0, 0.0, omega),
+                    "geometry_msgs/msg/Twist", linear=self._vector(vx, vy, 0.0), angular=self._vector(0.0, 0.0, omega)
                 ),
                 covariance=speed_covariance.ravel(),
             ),
         )
 
     def transforms(self, stamp: float, edges: Sequence[tuple[str, str, Pose]]) -> Any:
-        """Return poses of frames in their parents as tf2_msgs/TFMessage.
-
-        Parameters
-        ----------
-        stamp : float
-            Seconds.
-        edges : sequence of (str, str, (3,) float64)
-            Parent, child, and the child's pose in the parent.
-        """
+        """Return poses of frames in their parents as tf2_msgs/TFMessage."""
         when = self.nanoseconds(stamp)
         return self._new(TRANSFORMS[0], transforms=[self._transform(when, *edge) for edge in edges])
 
@@ -190,18 +146,8 @@ class MessageBuilder:
     ) -> Any:
         """Return a map as nav_msgs/OccupancyGrid.
 
-        Parameters
-        ----------
-        stamp : float
-            Seconds.
-        percent : (n_rows, n_columns) int8
-            Probability of occupancy, 0 to 100; -1 where nothing is known. The first row has the smallest y.
-        origin : (2,) float64
-            Lower left corner in `frame`, metres.
-        resolution : float
-            Side of a cell, metres.
-        frame : str
-            The frame that the map lies in.
+        percent (n_rows, n_columns): Probability of occupancy, 0 to 100; -1 where nothing is known. The first row has
+        the smallest y; origin (2,).
         """
         header = self._header(self.nanoseconds(stamp), frame)
         position, orientation = self._point_and_quaternion(np.array([*origin, 0.0]))
@@ -222,9 +168,7 @@ class MessageBuilder:
             header=self._header(when, parent),
             child_frame_id=child,
             transform=self._new(
-                "geometry_msgs/msg/Transform",
-                translation=self._vector(point.x, point.y, 0.0),
-                rotation=rotation,
+                "geometry_msgs/msg/Transform", translation=self._vector(point.x, point.y, 0.0), rotation=rotation
             ),
         )
 
@@ -232,22 +176,14 @@ class MessageBuilder:
         x, y, theta = pose.tolist()
         return (
             self._new("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
-            self._new(
-                "geometry_msgs/msg/Quaternion",
-                x=0.0,
-                y=0.0,
-                z=math.sin(0.5 * theta),
-                w=math.cos(0.5 * theta),
-            ),
+            self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(0.5 * theta), w=math.cos(0.5 * theta)),
         )
 
     def _vector(self, x: float, y: float, z: float) -> Any:
         return self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 
     def _header(self, when: int, frame: str) -> Any:
-        stamp = self._new(
-            "builtin_interfaces/msg/Time", sec=when // _SECOND, nanosec=when % _SECOND
-        )
+        stamp = self._new("builtin_interfaces/msg/Time", sec=when // _SECOND, nanosec=when % _SECOND)
         seq = {"seq": 0} if self._is_ros1 else {}
         return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **seq)
 

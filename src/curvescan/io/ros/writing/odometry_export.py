@@ -14,9 +14,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 
 
-def write_odometry_mcap(
-    path: str | os.PathLike[str], trajectory: Trajectory, scans: Iterable[LaserScan]
-) -> None:
+def write_odometry_mcap(path: str | os.PathLike[str], trajectory: Trajectory, scans: Iterable[LaserScan]) -> None:
     """Write the poses of a sensor and what it saw there.
 
     Topics: ``/odom`` (nav_msgs/Odometry; covariance of x, y, yaw in frame ``odom``, of z, roll and pitch 0: they do not move), ``/tf``
@@ -38,11 +36,7 @@ def write_odometry_mcap(
         When the file cannot be written, or a message cannot hold a stamp.
     """
     covariances = trajectory.covariances
-    with (
-        output_file(path) as new,
-        mcap_in_file(new) as folder,
-        BagWriter(folder, BagKind.MCAP) as bag,
-    ):
+    with output_file(path) as new, mcap_in_file(new) as folder, BagWriter(folder, BagKind.MCAP) as bag:
         for i, (pose, scan) in enumerate(zip(trajectory.poses, scans, strict=False)):
             if np.isfinite(pose).all():
                 bag.add_transform(scan.stamp, pose)

@@ -9,17 +9,8 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.information import covariance, pose_information
-from curvescan.matchers.curvescan.assessment.labels import (
-    DYNAMIC,
-    INLIER,
-    compare_readings,
-    static_segments,
-)
-from curvescan.matchers.curvescan.config import (
-    CurvescanConfig,
-    InformationConfig,
-    ScoringConfig,
-)
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, compare_readings, static_segments
+from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.proposal.scoring import best_beside
@@ -76,26 +67,15 @@ class Assessment:
 
     def covariance(self, is_degenerate: Bools, config: InformationConfig) -> Cov:
         """Return the (3, 3) covariance of the pose, wide in the open directions."""
-        return covariance(
-            self.information, self.axes, self.units, is_degenerate, config.degenerate_sigma
-        )
+        return covariance(self.information, self.axes, self.units, is_degenerate, config.degenerate_sigma)
 
 
-def assess_pose(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig
-) -> Assessment:
+def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
     return Assessment(
         *assess(
-            ref.image,
-            ref.bounds,
-            cur.image,
-            cur.bounds,
-            pose,
-            rules.margin,
-            rules.dynamic_sigmas,
-            rules.dynamic_min_m,
+            ref.image, ref.bounds, cur.image, cur.bounds, pose, rules.margin, rules.dynamic_sigmas, rules.dynamic_min_m
         )
     )
 
@@ -137,9 +117,7 @@ def assess(
     )
     n_inliers = remove_dynamic(codes_cur, partner_cur, is_static_cur)
     remove_dynamic(codes_ref, partner_ref, is_static_ref)
-    information, spurious, axes, units = pose_information(
-        ref.surfels, partner_ref, cur.surfels, partner_cur, pose
-    )
+    information, spurious, axes, units = pose_information(ref.surfels, partner_ref, cur.surfels, partner_cur, pose)
     n_dynamic = n_dynamic_cur + n_dynamic_ref
     return (
         codes_ref,
@@ -158,11 +136,7 @@ def assess(
 
 
 def degenerate_directions(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    pose: Pose,
-    assessment: Assessment,
-    config: CurvescanConfig,
+    ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
 ) -> Bools:
     """Return (3,) which principal directions the scans leave open, the least informed first.
 
@@ -171,9 +145,7 @@ def degenerate_directions(
     """
     rules, images = config.information, (ref.image, cur.image)
     information = assessment.information
-    is_degenerate: Bools = (information < 2.0 * assessment.spurious) | (
-        information < rules.max_sigma**-2
-    )
+    is_degenerate: Bools = (information < 2.0 * assessment.spurious) | (information < rules.max_sigma**-2)
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         fine = config.scoring.fine
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *fine)
@@ -183,11 +155,7 @@ def degenerate_directions(
 
 
 def without_dynamic(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    poses: Floats,
-    assessment: Assessment,
-    config: CurvescanConfig,
+    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, assessment: Assessment, config: CurvescanConfig
 ) -> tuple[Floats, Assessment]:
     """Return the poses, the first refined without the surfaces that moved, and its assessment."""
     if not assessment.n_dynamic:

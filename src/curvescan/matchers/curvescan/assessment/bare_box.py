@@ -26,9 +26,7 @@ _N_TAKEN = 48
 """Readings that stand for all where an extent is measured."""
 
 
-def is_in_box(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment
-) -> bool:
+def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
     """Return whether nothing agrees at the first pose but the walls of a small bare place, and the robot may have turned in it.
 
     Neither a guess nor standing still speaks for the pose.
@@ -38,10 +36,7 @@ def is_in_box(
         return False
     if weighed.is_guessed[0] or weighed.motions[0] <= _STILL:
         return False
-    sizes = (
-        extent(ref.image.surfels, assessment.codes_ref),
-        extent(cur.image.surfels, assessment.codes_cur),
-    )
+    sizes = (extent(ref.image.surfels, assessment.codes_ref), extent(cur.image.surfels, assessment.codes_cur))
     return max(sizes) < _SIZE
 
 

@@ -69,10 +69,7 @@ RIVAL_COEFFICIENTS = {
 }
 """Log odds that another pose is right and not the best, by its terms less those of the best, and its repetition."""
 
-_FREE_MOTION, _MAX_MOTION = (
-    1.0,
-    4.0,
-)  # metres plus radians: less is as likely as none, more as unlikely as that
+_FREE_MOTION, _MAX_MOTION = (1.0, 4.0)  # metres plus radians: less is as likely as none, more as unlikely as that
 _MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
@@ -100,12 +97,8 @@ _COMPARED = tuple(_ROW[name] for name in ("log10_misfit", "log10_seen_through", 
 
 _EXCESS_FLOOR, _WEAKEST_FLOOR = 0.5, 0.3  # metres: so much more explains nothing
 _DOUBTFUL = 0.1  # of what agrees: a pose contradicted beyond that rules out none that explains more
-_BARE_MOTION = (
-    1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
-)
-_BARE_CONTRADICTED = (
-    0.05  # of what agrees: more of a bare room is not contradicted at the right pose
-)
+_BARE_MOTION = 1.45  # metres plus radians, 1 m and 26 degrees: in a bare room more may be half a turn
+_BARE_CONTRADICTED = 0.05  # of what agrees: more of a bare room is not contradicted at the right pose
 _BARE_EXCESS = 3.0  # metres beyond two walls: with more, what contradicts is a thing that changed
 _CONTRADICTED = 0.15  # of what agrees there: a rival contradicted beyond that explains nothing
 _HOPELESS = -3.0  # log odds: of 5,500 matches none had a first pose with less than -1.3
@@ -113,10 +106,7 @@ _AS_LIKELY = 0.6  # log odds by which a place along one long wall may be less li
 _ONE_WAY = 0.12  # of what agrees: less of it runs across the rest in a corridor
 _TWO_WALLS = 0.3  # metres of excess below which a pose rests on two walls alone
 _NEARER = 0.7  # metres plus radians by which the best may be nearer to the guess before such a rival counts less
-_FADING_OF_TWO, _FADING = (
-    0.5,
-    0.25,
-)  # for each metre and radian: how fast the two kinds count less beyond that
+_FADING_OF_TWO, _FADING = (0.5, 0.25)  # for each metre and radian: how fast the two kinds count less beyond that
 _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees, its pose next to standing still
 
 
@@ -216,9 +206,7 @@ class WeighedPoses:
             return False
         best = self._rows[0]
         contradicted = best[SEEN_THROUGH] + best[MISSED]
-        is_wrong_somewhere = (
-            best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
-        )
+        is_wrong_somewhere = best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
         return bool(best[BEYOND] < BARE and is_likely and not self.is_guessed[0])
 
@@ -305,9 +293,7 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     weighed = WeighedPoses(
         poses=poses,
         scores=scores,
-        evidence=gather_evidence(
-            ref.image, ref.bounds, cur.image, cur.bounds, poses, config.scoring.margin
-        ),
+        evidence=gather_evidence(ref.image, ref.bounds, cur.image, cur.bounds, poses, config.scoring.margin),
         motions=motions,
         is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
     )

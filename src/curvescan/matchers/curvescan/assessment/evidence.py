@@ -11,12 +11,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.labels import (
-    DYNAMIC,
-    IN_FRONT,
-    INLIER,
-    agreeing_limits,
-)
+from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, IN_FRONT, INLIER, agreeing_limits
 from curvescan.matchers.curvescan.assessment.walls import excess_lengths
 from curvescan.matchers.curvescan.association import (
     BACKWARD,
@@ -31,17 +26,7 @@ from curvescan.matchers.curvescan.association import (
 )
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
-from curvescan.matchers.curvescan.features.surfels import (
-    CX,
-    CY,
-    LENGTH,
-    NX,
-    NY,
-    RANGE,
-    VARIANCE,
-    X,
-    Y,
-)
+from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
 AGREEING, EXCESS, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE, SMALL, BEYOND = range(9)
@@ -56,9 +41,7 @@ N_EVIDENCE = BEYOND + 1
 _IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
-_BESIDE = (
-    0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
-)
+_BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
 _PARALLEL = 0.9  # cosine
 
 
@@ -76,12 +59,7 @@ def may_move(surfels: Floats, bounds: Ints) -> Bools:
 
 @kernel
 def gather_evidence(
-    ref: RangeImage,
-    bounds_ref: Ints,
-    cur: RangeImage,
-    bounds_cur: Ints,
-    poses: Floats,
-    margin: float,
+    ref: RangeImage, bounds_ref: Ints, cur: RangeImage, bounds_cur: Ints, poses: Floats, margin: float
 ) -> Floats:
     """Return (k, N_EVIDENCE) the evidence of (k, 3) poses of the current scan in the reference.
 
@@ -95,9 +73,7 @@ def gather_evidence(
             scan, other = (cur, ref) if way > 0.0 else (ref, cur)
             bounds = bounds_cur if way > 0.0 else bounds_ref
             small, small_other = (small_cur, small_ref) if way > 0.0 else (small_ref, small_cur)
-            n_misfits += add_evidence(
-                scan.surfels, bounds, small, other, small_other, poses[k], way, margin, found[k]
-            )
+            n_misfits += add_evidence(scan.surfels, bounds, small, other, small_other, poses[k], way, margin, found[k])
         for column in range(N_EVIDENCE):
             found[k, column] *= 1.0 / max(n_misfits, 1.0) if column == MISFIT else 0.5
     return found

@@ -14,15 +14,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import (
-    BACKWARD,
-    FORWARD,
-    distances,
-    lever,
-    motion_of,
-    projected,
-    turned,
-)
+from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
 from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, add_square
 from curvescan.types import Bools, Floats, Ints
@@ -45,12 +37,7 @@ _ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is noth
 
 @kernel
 def add_information(
-    surfels: Floats,
-    surfels_other: Floats,
-    partner: Ints,
-    pose: Floats,
-    way: float,
-    system: Floats,
+    surfels: Floats, surfels_other: Floats, partner: Ints, pose: Floats, way: float, system: Floats
 ) -> None:
     """Add the information of the readings of one scan, each against its partner's line.
 
@@ -132,11 +119,7 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def pose_information(
-    surfels_ref: Floats,
-    partner_ref: Ints,
-    surfels_cur: Floats,
-    partner_cur: Ints,
-    pose: Floats,
+    surfels_ref: Floats, partner_ref: Ints, surfels_cur: Floats, partner_cur: Ints, pose: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the information of the inliers on the pose, in its principal directions.
 

@@ -40,9 +40,7 @@ _MIN_PARTNERS = 4
 
 
 @kernel
-def agreeing_limits(
-    surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float
-) -> tuple[float, float]:
+def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float) -> tuple[float, float]:
     """Return how far a reading may lie across and along the line of one of the other scan to be of the same surface, metres."""
     if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
         return _POINT_LIMIT + margin, _REACH
@@ -52,31 +50,10 @@ def agreeing_limits(
 
 
 @kernel
-def compare_readings(
-    surfels: Floats,
-    other: RangeImage,
-    pose: Floats,
-    margin: float,
-) -> tuple[Codes, Ints]:
+def compare_readings(surfels: Floats, other: RangeImage, pose: Floats, margin: float) -> tuple[Codes, Ints]:
     """Return what each reading is to the other scan, and the reading there that it agrees with.
 
-    Parameters
-    ----------
-    surfels : (m, 10) float64
-        The readings.
-    other : RangeImage
-        The other scan.
-    pose : (3,) float64
-        Of the readings' scan in the other.
-    margin : float
-        Metres that two readings of one surface may lie apart besides three standard deviations of their noise.
-
-    Returns
-    -------
-    codes : (m,) uint8
-        OCCLUDED, INLIER or DYNAMIC.
-    partner : (m,) int64
-        Reading of the other scan where it is an INLIER, else -1.
+    surfels (m, 10); pose (3,); codes (m,); partner (m,): Reading of the other scan where it is an INLIER, else -1.
     """
     m = surfels.shape[0]
     codes = np.empty(m, dtype=np.uint8)
@@ -101,13 +78,7 @@ def compare_readings(
 
 @kernel
 def static_segments(
-    surfels: Floats,
-    bounds: Ints,
-    partner: Ints,
-    surfels_other: Floats,
-    pose: Floats,
-    limit: float,
-    least: float,
+    surfels: Floats, bounds: Ints, partner: Ints, surfels_other: Floats, pose: Floats, limit: float, least: float
 ) -> tuple[Bools, int]:
     """Return which readings are of surfaces that did not move as a whole, and how many surfaces did.
 
@@ -150,9 +121,7 @@ def static_segments(
             total += distances(x, y, surfels_other, j)[0]
             variance += surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
             n += 1
-        has_moved = n >= _MIN_PARTNERS and total * total > max(
-            limit * limit * variance, (least * n) ** 2
-        )
+        has_moved = n >= _MIN_PARTNERS and total * total > max(limit * limit * variance, (least * n) ** 2)
         n_dynamic += has_moved
         for i in range(bounds[k], bounds[k + 1]):
             is_static[i] = not has_moved

@@ -67,25 +67,11 @@ class Support:
 
     def repeated(self) -> list[int]:
         """Return the rows of the poses that cannot be distinguished from the first."""
-        return [
-            row
-            for row, share in self.repetitions.items()
-            if share > MAX_REPETITION or row in self.regular
-        ]
+        return [row for row, share in self.repetitions.items() if share > MAX_REPETITION or row in self.regular]
 
 
 def support_of(weighed: WeighedPoses, others: Sequence[int], is_degenerate: bool) -> Support:
-    """Return what speaks for the first of some poses.
-
-    Parameters
-    ----------
-    weighed : WeighedPoses
-        The poses.
-    others : sequence of int
-        Rows that may be right instead.
-    is_degenerate : bool
-        Whether the scans leave a direction open at the first.
-    """
+    """Return what speaks for the first of some poses."""
     found = {k: weighed.rival_log_odds(k) for k in others}
     repetitions = {k: repetition for k, (_, repetition) in found.items()}
     return Support(

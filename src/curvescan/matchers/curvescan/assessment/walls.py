@@ -13,9 +13,7 @@ from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY
 from curvescan.types import Bools, Codes, Floats, Ints
 
 _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
-_OPPOSITE = (
-    -0.98
-)  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
+_OPPOSITE = -0.98  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
 _ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
 _WALL = 0.12  # metres from its line within which a reading is of a wall
 _N_TAKEN = 48  # readings that stand for all
@@ -78,9 +76,7 @@ def readings_on_walls(lines: Floats, count: int) -> Bools:
 
 
 @kernel
-def longest_wall(
-    lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn: int
-) -> tuple[float, int]:
+def longest_wall(lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn: int) -> tuple[float, int]:
     """Return the length of readings on the longest wall of those left, and the seed of it, -1 without any.
 
     The first may be any, the second runs across the first, the third faces the first and the fourth the second.

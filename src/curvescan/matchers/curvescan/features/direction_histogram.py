@@ -22,11 +22,7 @@ def direction_histogram(surfels: Floats) -> Floats:
     """Return (120,) the length of surface that faces each direction, smoothed, of unit norm."""
     counts = np.zeros(N_DIRECTIONS)
     for i in range(surfels.shape[0]):
-        place = (
-            (bearing(surfels[i, NX], surfels[i, NY]) + math.pi)
-            * float(N_DIRECTIONS)
-            / (2.0 * math.pi)
-        )
+        place = (bearing(surfels[i, NX], surfels[i, NY]) + math.pi) * float(N_DIRECTIONS) / (2.0 * math.pi)
         k = min(int(place), N_DIRECTIONS - 1)
         share = place - k
         counts[k] += (1.0 - share) * surfels[i, LENGTH]

@@ -10,12 +10,7 @@ import numpy as np
 from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.features.range_image import (
-    SIGMA,
-    RangeImage,
-    azimuth_table,
-    uneven_azimuth_table,
-)
+from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import ordered_readings
 from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
@@ -74,17 +69,9 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     keypoints = config.keypoints
     beam_idx, bounds, surfels, sums, sigma = _lines(scan, config.segments)
     corners = find_corners(
-        surfels,
-        sums,
-        bounds,
-        keypoints.arm_lengths,
-        sigma,
-        keypoints.min_turn,
-        keypoints.max_keypoints,
+        surfels, sums, bounds, keypoints.arm_lengths, sigma, keypoints.min_turn, keypoints.max_keypoints
     )
-    corners_and_ends = with_ends(
-        corners, surfels, sums, bounds, keypoints.end_arm, is_closed, keypoints.max_keypoints
-    )
+    corners_and_ends = with_ends(corners, surfels, sums, bounds, keypoints.end_arm, is_closed, keypoints.max_keypoints)
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
         n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1

@@ -58,14 +58,7 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
 
 @kernel
 def measure_bends(
-    surfels: Floats,
-    sums: Floats,
-    bounds: Ints,
-    arm: float,
-    straight: float,
-    bend: Floats,
-    lows: Ints,
-    highs: Ints,
+    surfels: Floats, sums: Floats, bounds: Ints, arm: float, straight: float, bend: Floats, lows: Ints, highs: Ints
 ) -> None:
     """Write how much the surface turns at each reading, one less the cosine, and the first and last reading of its arms.
 
@@ -159,13 +152,7 @@ def corner_between(
 
 @kernel
 def find_corners(
-    surfels: Floats,
-    sums: Floats,
-    bounds: Ints,
-    arms: Floats,
-    sigma: float,
-    min_turn: float,
-    max_keypoints: int,
+    surfels: Floats, sums: Floats, bounds: Ints, arms: Floats, sigma: float, min_turn: float, max_keypoints: int
 ) -> Floats:
     """Return (k, 5) corners at each arm length, max_keypoints at most."""
     m = surfels.shape[0]
@@ -187,9 +174,7 @@ def find_corners(
                     continue
                 x, y, direction, turn = corner_between(surfels, sums, low, i, high, arms[a])
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
-                doubt = (
-                    sigma * math.sqrt(_TILT2 / float(i - low) + _TILT2 / float(high - i)) / arms[a]
-                )
+                doubt = sigma * math.sqrt(_TILT2 / float(i - low) + _TILT2 / float(high - i)) / arms[a]
                 if abs(turn) < max(min_turn, _TURN_SIGMAS * doubt):
                     continue
                 found[n_found, FX], found[n_found, FY] = x, y
@@ -201,13 +186,7 @@ def find_corners(
 
 @kernel
 def with_ends(
-    corners: Floats,
-    surfels: Floats,
-    sums: Floats,
-    bounds: Ints,
-    arm: float,
-    is_closed: bool,
-    max_ends: int,
+    corners: Floats, surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_ends: int
 ) -> Floats:
     """Return (k, 5) corners and after them physical ends of surfaces: those that hide nothing nearer than themselves."""
     m, n_found = surfels.shape[0], corners.shape[0]

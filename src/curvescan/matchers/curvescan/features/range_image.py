@@ -57,9 +57,7 @@ _ATAN = (
 
 
 @kernel
-def azimuth_table(
-    beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool
-) -> Ints:
+def azimuth_table(beam_idx: Ints, n_beams: int, n_slots: int, is_clockwise: bool, is_closed: bool) -> Ints:
     """Return (n_slots,) the reading in each direction, counter-clockwise from the first beam.
 
     -1: the beam there has no reading; -2: out of the field of view, which the last slot of an open sweep stands for.
@@ -78,23 +76,12 @@ def azimuth_table(
     return table
 
 
-def uneven_azimuth_table(
-    beam_idx: Ints, angles: Floats, step: float, is_closed: bool
-) -> tuple[Ints, float]:
+def uneven_azimuth_table(beam_idx: Ints, angles: Floats, step: float, is_closed: bool) -> tuple[Ints, float]:
     """Return the lookup of beams that are not evenly spaced, and its slots a radian.
 
     Each slot holds what the nearest beam has; -2 where that is farther off than one and a half steps, as in a hole.
 
-    Parameters
-    ----------
-    beam_idx : (m,) int64
-        The scan's own index of each reading.
-    angles : (n,) float64
-        Direction of each beam, radians, rising or falling.
-    step : float
-        Median angle between neighbouring beams, radians.
-    is_closed : bool
-        Whether the last beam neighbours the first.
+    beam_idx (m,); angles (n,).
     """
     reading = np.full(angles.size, -1, dtype=np.int64)
     reading[beam_idx] = np.arange(beam_idx.size)

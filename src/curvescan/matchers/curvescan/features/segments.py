@@ -41,14 +41,7 @@ def join_grazed(ranges: Floats, directions: Points, order: Ints, breaks: Bools) 
     A gap between two neighbouring beams is no break where the reading before or the one after lies on one line with
     both, about as far away as they are from each other.
 
-    Parameters
-    ----------
-    ranges, directions : (n,), (n, 2) float64
-        Of the beams: metres, unit vectors in the sensor frame.
-    order : (m,) int64
-        Beams with readings, counter-clockwise.
-    breaks : (m,) bool
-        Whether a surface begins at each of them; changed in place.
+    ranges, directions (n,); order (m,); breaks (m,).
     """
     m = order.size
     for i in range(1, m):
@@ -170,16 +163,7 @@ def ordered_readings(
         Segment k is readings[bounds[k]:bounds[k + 1]].
     """
     order, breaks = break_order(
-        ranges,
-        directions,
-        valid,
-        is_clockwise,
-        is_closed,
-        step,
-        angles,
-        incidence_limit,
-        max_gap,
-        jump,
+        ranges, directions, valid, is_clockwise, is_closed, step, angles, incidence_limit, max_gap, jump
     )
     m = order.size
     join_grazed(ranges, directions, order, breaks)

@@ -13,22 +13,12 @@ _OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 
 @kernel
 def extent_and_steps(surfels: Floats, bounds: Ints, k: int) -> tuple[float, float, float]:
-    """Return how large surface k is and how far it stands before its neighbours.
-
-    Returns
-    -------
-    extent2 : float
-        Square of its extent, from the first reading to the farthest, square metres: a room seen all around ends where it begins.
-    before, behind : float
-        By how much the neighbour on either side ends farther from the sensor, metres; negative where it ends nearer.
-    """
+    """Return how large surface k is and how far it stands before its neighbours."""
     first, last = bounds[k], bounds[k + 1] - 1
     extent2 = 0.0
     for i in range(first, last + 1):
         dx, dy = surfels[i, X] - surfels[first, X], surfels[i, Y] - surfels[first, Y]
         extent2 = max(extent2, dx * dx + dy * dy)
     before = surfels[first - 1, RANGE] - surfels[first, RANGE] if first > 0 else _OPEN
-    behind = (
-        surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < surfels.shape[0] else _OPEN
-    )
+    behind = surfels[last + 1, RANGE] - surfels[last, RANGE] if last + 1 < surfels.shape[0] else _OPEN
     return extent2, before, behind

@@ -78,17 +78,7 @@ def moments(readings: Floats) -> Floats:
 
 @kernel
 def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, float, float, float]:
-    """Return the total least squares line through readings low..high, both inclusive.
-
-    Returns
-    -------
-    cx, cy : float
-        Centre of the readings.
-    ux, uy : float
-        Unit direction of the line, of either sign.
-    across, along : float
-        Sums of squared distances from the line and, along it, from the centre.
-    """
+    """Return the total least squares line through readings low..high, both inclusive."""
     n = high - low + 1
     share = 1.0 / n
     cx = (sums[high + 1, SUM_X] - sums[low, SUM_X]) * share
@@ -114,23 +104,13 @@ def fit_line(sums: Floats, low: int, high: int) -> tuple[float, float, float, fl
 
 
 @kernel
-def fit_lines(
-    readings: Floats, bounds: Ints, arm: float, sigma_min: float
-) -> tuple[Floats, Floats, float]:
+def fit_lines(readings: Floats, bounds: Ints, arm: float, sigma_min: float) -> tuple[Floats, Floats, float]:
     """Return the line around each reading, their moments, and the range noise of the sweep.
 
     The noise is a low quantile (two fifths, as clutter raises many) of the residual variances of all fits, taken
     along the beams.
 
-    Returns
-    -------
-    fits : (m, 8) float64
-        Centre of the readings within `arm`, two a side at least (cx, cy); direction (ux, uy); variance across the line;
-        sum of squares along it; first and last of the readings. Without the first six where they are less than three.
-    sums : (m + 1, 5) float64
-        Moments of the readings, see :func:`moments`.
-    sigma : float
-        Standard deviation of a range, metres, `sigma_min` at least.
+    fits (m, 8); sums (m + 1, 5).
     """
     m = readings.shape[0]
     sums = moments(readings)
@@ -202,9 +182,7 @@ def best_fit(fits: Floats, i: int, facing2: float, sigma2: float) -> int:
         return best
     least = fits[i, FIT_VARIANCE] / _BETTER
     for j in range(int(fits[i, FIT_LOW]), int(fits[i, FIT_HIGH]) + 1):
-        holds = (
-            fits[j, FIT_LOW] <= i <= fits[j, FIT_HIGH] and fits[j, FIT_HIGH] - fits[j, FIT_LOW] >= 3
-        )
+        holds = fits[j, FIT_LOW] <= i <= fits[j, FIT_HIGH] and fits[j, FIT_HIGH] - fits[j, FIT_LOW] >= 3
         if holds and fits[j, FIT_VARIANCE] < least:
             best, least = j, fits[j, FIT_VARIANCE]
     return best

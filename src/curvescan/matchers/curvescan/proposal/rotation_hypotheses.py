@@ -28,9 +28,7 @@ _SIGMA = 0.02
 
 
 @kernel
-def rotation_hypotheses(
-    histogram_ref: Floats, histogram_cur: Floats, n_rotations: int, around: Floats
-) -> Floats:
+def rotation_hypotheses(histogram_ref: Floats, histogram_cur: Floats, n_rotations: int, around: Floats) -> Floats:
     """Return (k, 3) the pose `around`, and its place with the rotations at which the histograms correlate best."""
     n = histogram_ref.size
     likeness = np.zeros(n)
@@ -79,13 +77,7 @@ def dominant_axis(surfels: Floats) -> float:
 
 @kernel
 def wall_offsets(
-    ref: Floats,
-    cur: Floats,
-    pose: Floats,
-    axis: float,
-    reach: float,
-    bin_width: float,
-    n_peaks: int,
+    ref: Floats, cur: Floats, pose: Floats, axis: float, reach: float, bin_width: float, n_peaks: int
 ) -> Floats:
     """Return (k,) how far to move a pose along an axis for walls across it to coincide, the most coinciding first.
 
@@ -164,12 +156,7 @@ def aligned_translations(
 
 @kernel
 def degenerate_hypotheses(
-    poses: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    step: float,
-    n_steps: int,
-    max_ratio: float,
+    poses: Floats, ref: RangeImage, cur: RangeImage, step: float, n_steps: int, max_ratio: float
 ) -> Floats:
     """Return poses along the way that the scans leave open at the given poses; none where they fix both axes."""
     n_each = 2 * n_steps

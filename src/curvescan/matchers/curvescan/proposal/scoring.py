@@ -12,24 +12,9 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.association import (
-    FORWARD,
-    Motion,
-    associate,
-    is_seen_through,
-    project,
-    turned,
-)
+from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project, turned
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
-from curvescan.matchers.curvescan.features.surfels import (
-    NX,
-    NY,
-    RANGE,
-    SPACING,
-    VARIANCE,
-    X,
-    Y,
-)
+from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
 from curvescan.types import Floats
 
 DEVIATIONS = 2.0
@@ -51,14 +36,7 @@ _MAX_ALIKE = 4
 
 @kernel
 def score_samples(
-    samples: Floats,
-    image: RangeImage,
-    x: float,
-    y: float,
-    c: float,
-    s: float,
-    tolerance: float,
-    slope: float,
+    samples: Floats, image: RangeImage, x: float, y: float, c: float, s: float, tolerance: float, slope: float
 ) -> float:
     """Return the agreements less half the contradictions of samples of one scan in another.
 
@@ -97,13 +75,7 @@ def score_samples(
 
 @kernel
 def score_pose(
-    pose: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    tolerance: float,
-    slope: float,
-    n_first: int,
-    least: float,
+    pose: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float, n_first: int, least: float
 ) -> float:
     """Return the score of one pose, both ways round, at most 1.
 
@@ -161,15 +133,7 @@ def select(
             if n_alike[like] > _MAX_ALIKE:
                 continue
             least = scores[like]
-        score = score_pose(
-            poses[h],
-            ref,
-            cur,
-            tolerance,
-            slope,
-            n_first,
-            least,
-        )
+        score = score_pose(poses[h], ref, cur, tolerance, slope, n_first, least)
         if score <= least:
             continue
         place = like  # the entry that goes: its like, or the last
@@ -189,13 +153,7 @@ def select(
 
 @kernel
 def best_beside(
-    pose: Floats,
-    axis: Floats,
-    offsets: Floats,
-    ref: RangeImage,
-    cur: RangeImage,
-    tolerance: float,
-    slope: float,
+    pose: Floats, axis: Floats, offsets: Floats, ref: RangeImage, cur: RangeImage, tolerance: float, slope: float
 ) -> float:
     """Return the best score of the poses beside a pose: `offsets` times the (3,) `axis` away, on both sides."""
     best = -1.0
@@ -205,16 +163,5 @@ def best_beside(
         for sign in (-1.0, 1.0):
             for k in range(3):
                 moved[k] = pose[k] + sign * offset * axis[k]
-            best = max(
-                best,
-                score_pose(
-                    moved,
-                    ref,
-                    cur,
-                    tolerance,
-                    slope,
-                    n_samples,
-                    -1.0,
-                ),
-            )
+            best = max(best, score_pose(moved, ref, cur, tolerance, slope, n_samples, -1.0))
     return best

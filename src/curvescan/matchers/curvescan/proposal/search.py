@@ -83,9 +83,7 @@ def propose(problem: Problem) -> Candidates:
     )
 
 
-def refine_guess(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig
-) -> Candidates:
+def refine_guess(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, config: CurvescanConfig) -> Candidates:
     """Return the guess refined, or nothing where no reading agrees."""
     images = (ref.image, cur.image)
     near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
@@ -94,11 +92,7 @@ def refine_guess(
 
 
 def is_trusted(
-    ref: CurvescanFeatures,
-    cur: CurvescanFeatures,
-    guess: Pose,
-    near: Candidates,
-    config: CurvescanConfig,
+    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, near: Candidates, config: CurvescanConfig
 ) -> bool:
     """Return whether the refined guess is taken without a look at others.
 
@@ -110,16 +104,12 @@ def is_trusted(
         and near.scores[0] > config.scoring.guess_score
         and distance(near.poses[0], guess) < 2.0 * step
         and not len(
-            degenerate_hypotheses(
-                near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio
-            )
+            degenerate_hypotheses(near.poses, ref.image, cur.image, step, 1, config.information.degenerate_ratio)
         )
     )
 
 
-def search(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig
-) -> Candidates:
+def search(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, config: CurvescanConfig) -> Candidates:
     """Return the best poses of all that keypoints, directions of surfaces and the guess propose.
 
     Where they find little support, and the best is not where the guess has it, the places where walls of both
@@ -129,27 +119,18 @@ def search(
     rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
     if guess is not None:
         rotated = np.concatenate((guess[np.newaxis], rotated))
-    pairs = pair_keypoints(
-        ref.keypoints, cur.keypoints, ref.image, cur.image, steps.turn_tolerance, steps.max_pairs
-    )
+    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, steps.turn_tolerance, steps.max_pairs)
     voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
     found = _best(ref, cur, np.concatenate((rotated, voted)), config)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
     aligned = aligned_translations(
-        rotated,
-        ref.image.samples,
-        cur.image.samples,
-        steps.alignment_reach,
-        steps.alignment_bin,
-        steps.n_alignments,
+        rotated, ref.image.samples, cur.image.samples, steps.alignment_reach, steps.alignment_bin, steps.n_alignments
     )
     return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
 
 
-def _best(
-    ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
-) -> Candidates:
+def _best(ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig) -> Candidates:
     rules, steps = config.scoring, config.hypotheses
     best, scores = explore(
         poses,
@@ -202,14 +183,7 @@ def explore(
     moved_along = degenerate_hypotheses(quick[:2], ref, cur, along_step, n_along, degenerate_ratio)
     if moved_along.shape[0] > 0:
         chosen, _ = select(
-            stack(quick, moved_along),
-            ref,
-            cur,
-            slid_tolerance,
-            slid_slope,
-            n_kept[1],
-            n_first[1],
-            _OTHER,
+            stack(quick, moved_along), ref, cur, slid_tolerance, slid_slope, n_kept[1], n_first[1], _OTHER
         )
         quick = refine(chosen, ref, cur, sigmas)
     return select(quick, ref, cur, close, close_slope, n_kept[2], n_first[2], _OTHER)

@@ -70,10 +70,7 @@ class BucketResults:
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
     ) -> Iterator[TaskQueue]:
         """Give out the logs that no other batch has."""
-        with (
-            closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims,
-            cleaned_up_by(claims.close),
-        ):
+        with closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims, cleaned_up_by(claims.close):
             self._queue = SharedTasks(self, claims, tasks, on_record)
             yield self._queue
             self._queue = None
@@ -142,11 +139,7 @@ class SharedTasks:
     """Tasks that other batches may take as well; see :class:`.results.TaskQueue`."""
 
     def __init__(
-        self,
-        results: BucketResults,
-        claims: Claims,
-        tasks: Sequence[Task],
-        on_record: Callable[[BatchRecord], None],
+        self, results: BucketResults, claims: Claims, tasks: Sequence[Task], on_record: Callable[[BatchRecord], None]
     ) -> None:
         self._results, self._claims, self._on_record = results, claims, on_record
         self._fresh = deque(tasks)

@@ -22,12 +22,7 @@ from curvescan.runs.batch.worker import Task
 def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
     """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may.
 
-    Raises
-    ------
-    OutputError
-        When a folder cannot be written, or another batch runs in it.
-    StorageError, MissingPackageError
-        When a bucket cannot be reached.
+    Raises OutputError, StorageError, MissingPackageError.
     """
     if is_url(out):
         from curvescan.runs.batch.results.bucket_results import open_bucket_results

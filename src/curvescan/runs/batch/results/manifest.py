@@ -87,10 +87,7 @@ class Manifest:
     def append(self, record: BatchRecord) -> None:
         """Write a record, and wait until it is on the disk.
 
-        Raises
-        ------
-        OutputError
-            When it cannot be written.
+        Raises OutputError.
         """
         line = record_line(record)
         try:
@@ -111,10 +108,7 @@ def open_manifest(folder: Path) -> Iterator[Manifest]:
 
     The lock ends with the process, however it ends.
 
-    Raises
-    ------
-    OutputError
-        When the folder cannot be written, or another batch runs in it.
+    Raises OutputError.
     """
     path = folder / MANIFEST
     try:
@@ -155,9 +149,7 @@ def parse_record(line: bytes) -> BatchRecord | None:
     """Return the record in a line of a manifest, or None where there is none."""
     try:
         values: Any = json.loads(line)
-        record = BatchRecord(
-            **{f.name: values[f.name] for f in fields(BatchRecord) if f.name in values}
-        )
+        record = BatchRecord(**{f.name: values[f.name] for f in fields(BatchRecord) if f.name in values})
     except (ValueError, KeyError, TypeError):
         return None
     # the name of a folder comes from a file: it may not lead out of the batch's own

@@ -24,23 +24,9 @@ _RENEWALS = 4
 
 
 class Claims:
-    """The claims of one batch in a folder of a bucket.
+    """The claims of one batch in a folder of a bucket."""
 
-    Parameters
-    ----------
-    bucket : Bucket
-        Where.
-    prefix : str
-        The folder's key.
-    options : str
-        Digest of what the batch does with a log: claims of a batch that does something else are an error.
-    lease : float
-        See :data:`LEASE_S`; seconds.
-    """
-
-    def __init__(
-        self, bucket: Bucket, prefix: str, options: str, *, lease: float = LEASE_S
-    ) -> None:
+    def __init__(self, bucket: Bucket, prefix: str, options: str, *, lease: float = LEASE_S) -> None:
         self._bucket, self._prefix, self._options, self._lease = bucket, prefix, options, lease
         self._owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
         self._held: dict[str, str] = {}
@@ -53,10 +39,7 @@ class Claims:
     def take(self, name: str) -> bool:
         """Claim a log, and return whether it is this batch's now.
 
-        Raises
-        ------
-        OutputError
-            When a batch with other options has it.
+        Raises OutputError.
         """
         with self._lock:
             key = self._key(name)

@@ -8,16 +8,11 @@ from typing import BinaryIO
 def lock(file: BinaryIO) -> None:
     """Lock an open file for this process.
 
-    Raises
-    ------
-    OSError
-        When another process has it.
+    Raises OSError.
     """
     try:
         import fcntl
-    except (
-        ImportError
-    ):  # Windows: a byte far behind the end, so that the file can be read meanwhile
+    except ImportError:  # Windows: a byte far behind the end, so that the file can be read meanwhile
         import msvcrt
 
         file.seek(1 << 40)

@@ -18,13 +18,7 @@ from typing import Any
 from curvescan.errors import InvalidArgumentError, MissingPackageError, StorageError
 
 SCHEMES = ("s3", "gs", "az")
-_ENDPOINTS = (
-    "AWS_ENDPOINT_URL_S3",
-    "AWS_ENDPOINT_URL",
-    "AWS_ENDPOINT",
-    "AZURE_STORAGE_ENDPOINT",
-    "GOOGLE_BASE_URL",
-)
+_ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AZURE_STORAGE_ENDPOINT", "GOOGLE_BASE_URL")
 _RETRIES: Any = {"max_retries": 4, "retry_timeout": timedelta(seconds=60)}
 _REQUEST_S = 120
 _PART_BYTES = 8 << 20
@@ -58,10 +52,7 @@ def is_url(path: str | os.PathLike[str]) -> bool:
 def split_url(url: str) -> tuple[str, str]:
     """Return a bucket's address and the key in it: ``s3://bucket/a/b`` is ``("s3://bucket", "a/b")``.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When it is not the address of an object store.
+    Raises InvalidArgumentError.
     """
     scheme, _, rest = url.partition("://")
     bucket, _, key = rest.partition("/")
@@ -75,17 +66,7 @@ def split_url(url: str) -> tuple[str, str]:
 class Bucket:
     """A bucket.
 
-    Parameters
-    ----------
-    address : str
-        As :func:`split_url` returns it.
-
-    Raises
-    ------
-    MissingPackageError
-        When obstore is not installed.
-    StorageError
-        When the environment says nothing, or nonsense, about how to reach it.
+    Raises MissingPackageError, StorageError.
     """
 
     def __init__(self, address: str) -> None:
