@@ -20,7 +20,6 @@ from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.bending import is_bent
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Pose
 
 
@@ -68,15 +67,11 @@ class Backend:
             self._search.enqueue(k)
         return k
 
-    def add_keyframe(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool) -> int:
+    def add_keyframe(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
         """Take the next keyframe and return its row."""
-        k = self._map.append(scan, index, motion, is_measured=is_measured)
+        k = self._map.append(scan, index, motion)
         self._search.enqueue(k)
         return k
-
-    def add_prior(self, k: int, motion: UncertainPose) -> None:
-        """Tie keyframe k to the one before it by a motion that wheels measured: an edge that may lose its weight."""
-        self.graph.add_edge(k - 1, k, motion.pose, motion.cov, EdgeKind.PRIOR)
 
     def work(self, index: int) -> tuple[tuple[Closure, ...], bool]:
         """Do a bounded share of what waits, and return the closures accepted and whether poses were revised."""
@@ -105,7 +100,7 @@ class Backend:
 
     def _new_job(self, *, is_last: bool = False) -> Job:
         problem = Problem.of(self.graph, self._map.current)
-        return Job(problem, self.config.optimizer.limit, self._pool, is_last=is_last)
+        return Job(problem, self.config.optimizer.limit, self.config.noise, self._pool, is_last=is_last)
 
     def _await(self) -> None:
         """Take the result of the optimization under way, if one is."""

@@ -10,6 +10,7 @@ import numpy as np
 from curvescan.errors import require
 from curvescan.odometry import config as odometry_config
 from curvescan.odometry.config import OdometryConfig
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov
 
 
@@ -71,23 +72,12 @@ class NoiseConfig:
     """Error of a match besides its covariance, metres and axis."""
     floor_rad: float = 0.002
     """The same of its rotation, radians."""
-    drift: float = 2.0
-    """Standard deviations of the graph are taken to be this many times too small when a loop closure is looked for and tested:
-    matches that follow each other err together."""
-    step_m: float = 0.3
-    """A motion that no match confirmed errs by this much, metres and axis."""
-    step_rad: float = 0.3
-    """The same of its rotation, radians."""
-    doubt_m: float = 0.1
-    """The way to a keyframe errs by this much where the keyframe does not match the one before it, or earlier ones that should
-    show the same place, metres and axis."""
-    doubt_rad: float = 0.05
-    """The same of its rotation, radians."""
+    slip: float = 0.1
+    """The odometry slips by this share of the way since a match of keyframes last measured all of the motion."""
 
     def __post_init__(self) -> None:
         require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
-        require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
+        for name in ("floor_m", "floor_rad", "slip"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
     @cached_property
@@ -95,15 +85,14 @@ class NoiseConfig:
         """(3, 3) covariance that each match has besides its own."""
         return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
 
-    @cached_property
-    def step(self) -> Cov:
-        """(3, 3) covariance of a motion that no match confirmed."""
-        return np.diag(np.square([self.step_m, self.step_m, self.step_rad]))
+    def slipped(self, motion: UncertainPose, way: float) -> UncertainPose:
+        """Return a motion of the odometry with what it may slip; `way` is what was driven since a match measured all of it, metres.
 
-    @cached_property
-    def doubt(self) -> Cov:
-        """(3, 3) covariance added to a way that later matches do not confirm."""
-        return np.diag(np.square([self.doubt_m, self.doubt_m, self.doubt_rad]))
+        Slips go on: their standard deviation grows with the way and not with its root.
+        """
+        step = float(np.hypot(motion.pose[0], motion.pose[1]))
+        variance = self.slip**2 * step * (2.0 * way + step)
+        return UncertainPose(motion.pose, motion.cov + self.floor + np.diag([variance, variance, 0.0]))
 
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""
@@ -139,8 +128,6 @@ class ClosuresConfig:
     min_similarity: float = 0.4
     """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. Of 2,758
     below it on Intel and ACES two in a hundred were of any use."""
-    n_missed: int = 3
-    """Keyframes that should show the place of a new one and do not match it, from which on the graph is in doubt."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0

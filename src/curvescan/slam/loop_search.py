@@ -55,7 +55,6 @@ class LoopSearch:
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
         self._waiting = Waiting(config)
-        self._missed: dict[int, int] = {}  # of the keyframe tried last
         self._refused: list[Closure] = []  # in the last pass, by row
 
     def settle(self) -> None:
@@ -128,14 +127,10 @@ class LoopSearch:
         guess = expected.pose if is_certain(expected, self.config) else None
         result = self._map.keyframes.match(i, j, guess)
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
-        if guess is not None and not self._is_linked(i, j):
-            self._count(j, is_found=closure.is_accepted)
         if closure.outcome is ClosureOutcome.WAITING:
             return self._wait(closure, expected)
         if closure.is_accepted:
             return self._confirm(closure, result)
-        if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
-            self._map.doubt(j, expected.pose, closure.pose)
         if refused is not None and closure.outcome is ClosureOutcome.UNEXPECTED:
             refused.append(closure)
         self._log(closure)
@@ -201,13 +196,6 @@ class LoopSearch:
     def _is_linked(self, i: int, j: int) -> bool:
         return j - i <= self.config.keyframes.n_linked
 
-    def _count(self, j: int, *, is_found: bool) -> None:
-        """Count how keyframe j fares with earlier ones that should show its place; if none does, the graph is in doubt."""
-        n_missed = self._missed.get(j, 0)
-        self._missed = {j: -1000 if is_found else n_missed + 1}
-        if self._missed[j] == self.config.closures.n_missed:
-            self._map.widen(j, self.config.noise.doubt)
-
     def _log(self, closure: Closure) -> Closure:
         """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go, in place of their rows."""
         i, j = (self._map.keyframes[k].number for k in (closure.i, closure.j))
@@ -227,7 +215,6 @@ class LoopSearch:
         row_of = np.where(is_kept, np.cumsum(is_kept) - 1, -1)
         at = row_of.tolist()
         self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
-        self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
         self._waiting.renumber(row_of)
 
     def withdraw(self) -> Bools:

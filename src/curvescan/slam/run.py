@@ -13,7 +13,7 @@ import numpy as np
 from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, OdometryRun
-from curvescan.odometry.run import OdometryInTurn, PlacedScan, RunRecorder, pose_at
+from curvescan.odometry.run import OdometryInTurn, PlacedScan, RunRecorder
 from curvescan.scan import LaserScan
 from curvescan.slam.slam import Slam
 from curvescan.slam.step import SlamStep
@@ -90,9 +90,9 @@ def run_slam(
     source = ahead or OdometryInTurn(slam.odometry, scans, odometry_poses)
     recorder, odom = RunRecorder(), array("d")
     with stoppable() as stop:
-        for k, placed in enumerate(source):
+        for placed in source:
             started = time.perf_counter()
-            step = slam.add_placed(placed.scan, placed.step, pose_at(odometry_poses, k))
+            step = slam.add_placed(placed.scan, placed.step)
             seconds = placed.seconds + time.perf_counter() - started
             odom.extend(step.pose_odom)
             recorder.add(step, seconds)

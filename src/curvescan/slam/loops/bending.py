@@ -16,6 +16,9 @@ from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.types import Floats, Ints, Pose
 
+_STEP_M, _STEP_RAD = 0.3, 0.3
+"""What a step may be bent by, metres and radians."""
+
 _N_LEAST = 100
 """Steps over which the mean is taken at the least."""
 
@@ -25,8 +28,10 @@ _SLIP_SHARE = 0.01
 
 def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
     """Return whether the closures of a graph bend the odometry more than it can err."""
-    rows = np.flatnonzero((graph.kinds == EdgeKind.MOTION) | (graph.kinds == EdgeKind.MATCH))
-    edges = Edges.of(graph.ends[rows], graph.measured[rows], graph.covariances[rows])
+    rows = np.flatnonzero(graph.is_step)
+    room = 1.0 + np.square(graph.measured[rows]).sum(axis=1)
+    wide = graph.covariances[rows] + room[:, np.newaxis, np.newaxis] * np.diag(np.square([_STEP_M, _STEP_M, _STEP_RAD]))
+    edges = Edges.of(graph.ends[rows], graph.measured[rows], wide)
     kinds = graph.kinds[rows]
     if bending(graph.poses, edges, kinds) > rules.max_bend:
         return True
@@ -38,7 +43,7 @@ def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:
 
     poses (n, 3); kinds (m,).
     """
-    distances: Floats = squared_distances(poses, edges.chosen(np.flatnonzero(kinds == EdgeKind.MOTION)))
+    distances: Floats = squared_distances(poses, edges)
     n = len(distances)
     n_slips = min(n, max(2, round(_SLIP_SHARE * n)))
     return float(np.sort(distances)[: n - n_slips].sum()) / max(n, _N_LEAST)
@@ -52,10 +57,7 @@ def greatest_turn(poses: Pose, edges: Edges, kinds: Ints) -> float:
 
     poses (n, 3); kinds (m,).
     """
-    n = len(poses)
-    keys = edges.ends[:, 0] * n + edges.ends[:, 1]
-    is_step = kinds == EdgeKind.MOTION
-    rows = np.flatnonzero(is_step & np.isin(keys, keys[kinds == EdgeKind.MATCH]))
+    rows = np.flatnonzero(kinds == EdgeKind.MATCH)
     i, j = edges.ends[rows].T
     turns = se2.wrap(poses[j, 2] - poses[i, 2] - edges.measured[rows, 2])
     return float(np.abs(turns).max(initial=0.0))

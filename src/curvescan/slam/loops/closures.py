@@ -111,7 +111,7 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 
 def vaguely(expected: UncertainPose, config: SlamConfig) -> UncertainPose:
     """Return a relative pose of the graph with all that its covariance may leave out."""
-    return UncertainPose(expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor)
+    return UncertainPose(expected.pose, expected.cov + 4.0 * config.noise.floor)
 
 
 def judged(result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int) -> Closure:
@@ -127,7 +127,7 @@ def judged(result: MatchResult, expected: UncertainPose, config: SlamConfig, *, 
     certain = is_certain(expected, config)
     is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
     distance = fuse(expected, found)[1]
-    sigmas = math.sqrt(max(distance, 0.0)) * config.noise.drift  # of the graph's own covariance
+    sigmas = math.sqrt(max(distance, 0.0))
     is_against = distance > rules.gate if certain else sigmas > rules.sigmas
     is_doubtful = is_unknown or is_against or (not certain and sigmas > rules.likely_sigmas)
     is_linked = j - i <= config.keyframes.n_linked
