@@ -52,9 +52,6 @@ LOGS: dict[str, tuple[str, Truth]] = {
 }
 """Each log, by its path in the folder of logs: what it is, and what its end is compared with."""
 
-CORRECTED = (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
-"""Outcomes that put right the drift since an earlier keyframe."""
-
 NOT_LISTED = ("note",)
 """Kinds of issues that are remarks of the reader."""
 
@@ -125,7 +122,7 @@ def measure(folder: Path, name: str) -> Row:
         issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
         options=[issue.option for issue in issues if issue.option],
         n_failed=int(np.count_nonzero(run.is_failed)),
-        n_relocalized=sum(one in CORRECTED for one in run.outcomes),
+        n_relocalized=run.outcomes.count(StepOutcome.RELOCALIZED),
         length=round(float(travelled(poses)[-1]), 2),
         end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
         version=cs.__version__,
