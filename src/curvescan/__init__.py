@@ -83,7 +83,7 @@ if TYPE_CHECKING:
         SegmentsConfig,
     )
     from curvescan.matchers.registry import MATCHERS
-    from curvescan.matchers.result import Label, MatchResult, Outcome
+    from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome
     from curvescan.odometry import Odometry, OdometryRun, OdometryStep, StepOutcome, run_odometry
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.plots import on_axes as plot
@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from curvescan.runs.batch.jobs import OdometryJob, SlamJob
     from curvescan.runs.run import RunResult, run
     from curvescan.scan import LaserScan
+    from curvescan.se2.uncertain import UncertainPose
     from curvescan.simulation import simulate
     from curvescan.slam import Localizer, LocalizerStep, Slam, SlamConfig, SlamMap, SlamStep, load_map
     from curvescan.types import PoseEdge
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BatchResult": "curvescan.runs.batch.batch",
+    "Candidate": "curvescan.matchers.result",
     "CfSmaConfig": "curvescan.matchers.cfsma.config",
     "ConvergenceConfig": "curvescan.matchers.baselines.config",
     "CoxConfig": "curvescan.matchers.baselines.config",
@@ -157,6 +159,7 @@ _HOMES = {
     "StorageError": "curvescan.errors",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.io.trajectories.trajectory",
+    "UncertainPose": "curvescan.se2.uncertain",
     "UnitWarning": "curvescan.errors",
     "WorkerError": "curvescan.errors",
     "find_issues": "curvescan.diagnostics.issues",
@@ -193,6 +196,7 @@ _MODULES = {"plot": "curvescan.plots.on_axes", "se2": "curvescan.se2"}
 __all__ = [
     "MATCHERS",
     "BatchResult",
+    "Candidate",
     "CfSmaConfig",
     "ConvergenceConfig",
     "CoxConfig",
@@ -251,6 +255,7 @@ __all__ = [
     "StepOutcome",
     "StorageError",
     "Trajectory",
+    "UncertainPose",
     "UnitWarning",
     "WorkerError",
     "__version__",

@@ -88,8 +88,8 @@ def search_loop_closures(
             continue
         n_tried += 1
         # where the chain is vague, it must not talk the matcher into anything
-        guess = expected.pose if is_certain else None
-        result = current.matcher.match(keyframe.scan.features, current.features, guess)
+        prior = expected if is_certain else None
+        result = current.matcher.match(keyframe.scan.features, current.features, prior)
         min_score, max_distance = alone if is_certain else agreeing
         if not result.ok or result.degenerate_direction is not None or result.score < min_score:
             continue
