@@ -25,6 +25,7 @@ from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
@@ -75,6 +76,7 @@ class Slam:
         self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
         self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
+        self._contradictions: tuple[Contradiction, ...] = ()
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
         """Return where the sensor was at this scan.
@@ -210,6 +212,11 @@ class Slam:
         return self.backend.closures
 
     @property
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
+        return self._contradictions
+
+    @property
     def n_fragments(self) -> int:
         """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
         return self.backend.n_fragments
@@ -222,6 +229,7 @@ class Slam:
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
         self.backend.finish()
+        self._contradictions = tuple(self.backend.contradictions())
         return self.trajectory()
 
     def __repr__(self) -> str:
