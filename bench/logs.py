@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from kept_rows import markdown, read_rows, write_rows
 
 import curvescan as cs
 from curvescan import se2
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
+from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import MotionConfig
 from curvescan.odometry.measurement import as_measurement, decided_by_expectation, unguided_measurement
@@ -71,7 +72,7 @@ def test_scans_that_share_nothing_stay_unmatched():
     for i, here in enumerate(views):
         for there in (view for j, view in enumerate(views) if j != i):
             for one, other in zip(here, there, strict=False):
-                result = MATCHER.match(one, other, np.zeros(3))
+                result = MATCHER.match(one, other, prior_of(None, np.zeros(3)))
                 if result.ok:
                     continue
                 n_tried += 1

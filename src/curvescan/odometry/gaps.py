@@ -57,7 +57,7 @@ def close_gap(o: Observation, placement: Placement) -> Placement | None:
         if gap.is_questioned:  # it is known as little as the link
             cov = expected.cov + config.motion.recovery_covariance
             expected = UncertainPose(expected.pose, cov)
-        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected.pose)
+        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected)
         gated = gate(result, expected, config.motion)
         if not _joins(gated, config.keyframes.least_score, tracked if gap.is_questioned else None):
             continue

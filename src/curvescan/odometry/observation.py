@@ -84,7 +84,7 @@ class Matching:
     ) -> GatedMatch:
         """Return a match made from what is expected of it, and compared with that or, where given, the last motion repeated."""
         motion = self.config.motion
-        result = self.matcher.match(reference.features, current.features, expected.pose)
+        result = self.matcher.match(reference.features, current.features, expected)
         measured = None
         if motion.is_fused:
             result = decided_by_expectation(result, expected, motion)

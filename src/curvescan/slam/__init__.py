@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from curvescan.slam.config import SlamConfig
     from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
     from curvescan.slam.localizer import Localizer
+    from curvescan.slam.loops.audit import Contradiction
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
     from curvescan.slam.map import SlamMap, load_map
     from curvescan.slam.run import SlamRun, run_slam
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Closure": "loops.closures",
+    "Contradiction": "loops.audit",
     "Localizer": "localizer",
     "LocalizerOutcome": "localization.step",
     "LocalizerStep": "localization.step",
@@ -33,6 +35,7 @@ _HOMES = {
 __all__ = [
     "Closure",
     "ClosureOutcome",
+    "Contradiction",
     "Localizer",
     "LocalizerOutcome",
     "LocalizerStep",
