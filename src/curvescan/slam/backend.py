@@ -22,6 +22,9 @@ from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Pose
 
+_N_PASSES = 3
+"""Looks at the whole map at the end, as long as one opens it again."""
+
 
 class Backend:
     """The graph, its keyframes, and the search for loop closures."""
@@ -111,7 +114,6 @@ class Backend:
     def _adopt(self, job: Job) -> None:
         """Take the poses of an optimization, and withdraw the closures that bend the odometry: the map is never worse than it."""
         self._map.adopt(job.result())
-        self._search.adopt()
         if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
             self._map.fall_back(self._search.withdraw())
             self._adopt(self._new_job())
@@ -135,8 +137,12 @@ class Backend:
         self._await()
         self._search.finish(self._n_scans)
         self._settle()
-        self._search.densify(self._n_scans)
-        self._settle()
+        for _ in range(_N_PASSES):
+            self._search.densify(self._n_scans)
+            self._settle()
+            if not self._search.reopen():
+                break
+            self._settle()
 
     def _settle(self) -> None:
         self._search.settle()

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from curvescan.errors import require
-from curvescan.odometry import config as odometry_config
 from curvescan.odometry.config import OdometryConfig
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov
@@ -72,7 +71,7 @@ class NoiseConfig:
     """Error of a match besides its covariance, metres and axis."""
     floor_rad: float = 0.002
     """The same of its rotation, radians."""
-    slip: float = 0.1
+    slip: float = 0.05
     """The odometry slips by this share of the way since a match of keyframes last measured all of the motion."""
 
     def __post_init__(self) -> None:
@@ -110,13 +109,9 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
     sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it; where the graph does not know the relative pose well,
-    a match farther away than this contradicts it."""
-    likely_sigmas: float = 2.0
-    """Beyond this twice as many matches must agree."""
+    """A keyframe may lie this many standard deviations from where the graph has it."""
     certain_m: float = 0.25
-    """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
-    agree."""
+    """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
     certain_rad: float = 0.1
     """The same for its rotation, radians."""
     n_certain: int = 5
@@ -136,25 +131,16 @@ class ClosuresConfig:
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
-    n_agreeing: int = 3
-    """Matches that must agree where the graph does not know the relative pose well."""
-    doubt_m: float = 1.5
-    """Matches that contradict the graph by no more than this, metres, wait for twice as many that agree: the graph may be wrong where
-    nothing shows it. Farther away the next room may look the same."""
-    doubt_rad: float = 0.5
-    """The same for the rotation, radians: what is turned by more is another place."""
-    distinctive: float = 0.9
-    """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
-    n_stretch: int = 6
-    """Where it is not, matches must agree from this many keyframes, and these from twice as long a stretch of the way."""
-    margin: float = 2.0
-    """They must be this many times as many as those that agree on another pose."""
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
     max_turn: float = 0.5
     """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
     the mean does not show."""
+    log_odds: float = 10.0
+    """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less what contradicts it."""
+    most_log_odds: float = 14.0
+    """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of the way."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -165,16 +151,13 @@ class ClosuresConfig:
             "certain_m",
             "certain_rad",
             "gate",
-            "margin",
-            "distinctive",
             "max_bend",
             "max_turn",
-            "doubt_m",
-            "doubt_rad",
-            "likely_sigmas",
+            "log_odds",
+            "most_log_odds",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting", "n_stretch"):
+        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
         for name in ("min_score", "min_confidence", "min_similarity"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name))
@@ -203,11 +186,6 @@ class OptimizerConfig:
         require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
 
 
-def _front_end() -> OdometryConfig:
-    # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4))
-
-
 @dataclass(frozen=True, kw_only=True)
 class SlamConfig:
     """The whole of it."""
@@ -222,5 +200,5 @@ class SlamConfig:
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     """Optimization: when and how robustly."""
-    odometry: OdometryConfig = field(default_factory=_front_end)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""

@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, is_confident
+from curvescan.slam.loops.closures import Closure, is_confident, measured
 from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.likelihood import difference
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
@@ -31,13 +31,6 @@ _MOST_VARIANCE = 30.0**2
 
 _NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
 """(3, 3) covariance of such a motion."""
-
-
-def difference(one: Pose, other: Pose) -> Pose:
-    """Return the second pose minus the first, angles wrapped."""
-    off = other - one
-    off[2] = se2.wrap(off[2])
-    return off
 
 
 class GrowingMap:
@@ -136,8 +129,8 @@ class GrowingMap:
         self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
         result, kind = self.keyframes.match(before, k, None), EdgeKind.MOTION
         if result.ok and is_confident(result, self.config):
-            measured = as_measurement(result)
-            found = UncertainPose(measured.pose, noise.edge(measured.cov))
+            found = measured(result)
+            found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
             if distance < self.config.closures.gate:
                 step, kind = fused, EdgeKind.MATCH

@@ -26,6 +26,9 @@ _FROM_AFAR, _NEARBY = 0.05, 6.0
 """Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job left."""
 
 
+_LIMIT = 16.0
+"""Squared Mahalanobis distance from which on a step is known no better than it is off."""
+
 _LEAST_STEP = 1e-4
 """Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
 
@@ -129,7 +132,11 @@ def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> 
 
 def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     """Return (n, 3, 3) covariance of each pose with the current one known exactly, infinite in other components; see :mod:`posterior`."""
-    poses, weights, k = solved.poses, solved.weights, solved.current
+    poses, weights, k = solved.poses, solved.weights.copy(), solved.current
+    # a step that slipped is as wide as it is off
+    is_step = solved.kinds != EdgeKind.CLOSURE
+    off = squared_distances(poses, Edges.of(solved.ends, solved.measured, solved.covariances))
+    weights[is_step] = np.minimum(1.0, _LIMIT / np.maximum(off[is_step], _LIMIT))
     is_match = (solved.kinds != EdgeKind.MOTION) & (weights > 0.5)
     covariances = solved.covariances.copy()
     covariances[is_match] = without_floor(covariances[is_match], noise.floor)

@@ -13,14 +13,14 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.odometry.measurement import as_measurement
+from curvescan.matchers.prior import prior_of
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.map_precision import MapPrecision
-from curvescan.slam.loops.closures import is_confident
+from curvescan.slam.loops.closures import is_confident, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -177,13 +177,13 @@ class MapMatcher:
     def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
-        result = current.matcher.match(reference.features, current.features, guess)
+        result = current.matcher.match(reference.features, current.features, prior_of(None, guess))
         if not result.ok or not is_confident(result, self._config):
             return None
         if guess is None and result.degenerate_direction is not None:
             return None
-        measured = as_measurement(result)
-        found = UncertainPose(measured.pose, measured.cov + self._config.noise.floor)
+        found = measured(result)
+        found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
         return Hit(keyframe=k, here=compose(exact, found), score=result.score, weight=_weight(result.confidence))
 

@@ -33,15 +33,15 @@ def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
     wide = graph.covariances[rows] + room[:, np.newaxis, np.newaxis] * np.diag(np.square([_STEP_M, _STEP_M, _STEP_RAD]))
     edges = Edges.of(graph.ends[rows], graph.measured[rows], wide)
     kinds = graph.kinds[rows]
-    if bending(graph.poses, edges, kinds) > rules.max_bend:
+    if bending(graph.poses, edges) > rules.max_bend:
         return True
     return greatest_turn(graph.poses, edges, kinds) > rules.max_turn
 
 
-def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:
+def bending(poses: Pose, edges: Edges) -> float:
     """Return how far the poses leave the steps of the motion model: mean squared Mahalanobis distance, worst slips left out.
 
-    poses (n, 3); kinds (m,).
+    poses (n, 3).
     """
     distances: Floats = squared_distances(poses, edges)
     n = len(distances)
@@ -55,7 +55,7 @@ def greatest_turn(poses: Pose, edges: Edges, kinds: Ints) -> float:
     Closures put slips along a corridor right by metres, but hardly ever a turn: 0.06 rad at the most on Intel and
     ACES. A map that is folded turns one step by a quarter or a half.
 
-    poses (n, 3); kinds (m,).
+    poses (n, 3).
     """
     rows = np.flatnonzero(kinds == EdgeKind.MATCH)
     i, j = edges.ends[rows].T
