@@ -51,7 +51,7 @@ print(answer(1.0), _jit.n_compiled())
 def write_tiny(parent, number):
     folder = parent / "tiny"
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("_jit.py", "_kernel_cache.py", "_compilation.py", "_interrupts.py", "_processes.py"):
+    for name in ("_jit.py", "_kernel_cache.py", "_compilation.py"):
         text = (SOURCE / name).read_text(encoding="utf-8")
         (folder / name).write_text(text.replace("curvescan.", "tiny."), encoding="utf-8")
     (folder / "__init__.py").write_text("")
