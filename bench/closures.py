@@ -19,6 +19,7 @@ from curvescan import se2
 from curvescan.matchers import MatchResult
 from curvescan.plots.canvas import drawing, segment_colour
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.slam import Slam
@@ -59,8 +60,8 @@ class _Liar:
         self._seen: list[MatchResult] = []
         self.n_forced = 0
 
-    def __call__(self, i: int, j: int, guess: Pose | None) -> MatchResult:
-        result = self._honest(i, j, guess)
+    def __call__(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
+        result = self._honest(i, j, prior)
         if j - i <= self._n_linked:
             return result
         is_lie = self._rng.random() < self._share and len(self._seen) > 0
