@@ -22,7 +22,7 @@ from curvescan.types import Pose
 if TYPE_CHECKING:
     from curvescan.slam import Slam
 
-_N_BEAMS, _PERIOD_S, _RADIUS_M = 180, 0.1, 0.3
+_N_BEAMS, _RANGE_MAX_M, _PERIOD_S, _RADIUS_M = 360, 5.0, 0.1, 0.3
 _N_LAP = 10
 """Scans of a lap on a circle."""
 
@@ -80,13 +80,9 @@ def _laps() -> Pose:
 
 def _drive(method: str, laps: Pose) -> None:
     """Match, with a guess and without, and follow the sensor there and back with a scan of the hall on the way."""
-    room, hall = (_scan(laps[0], rectangles) for rectangles in (_ROOM, _HALL))
-    pairs = (
-        (room, room),
-        (room, _scan(laps[1], _ROOM, person=40)),
-        (room, hall),
-        (hall, _scan(laps[1], _HALL, person=9)),
-    )
+    room, hall = _scan(laps[0], _ROOM), _scan(laps[0], _HALL, person=9)
+    ahead = laps[0] + (0.05, 0.0, 0.0)  # and the person in the hall keeps pace
+    pairs = (room, room), (room, _scan(laps[1], _ROOM, person=40)), (room, hall), (hall, _scan(ahead, _HALL, person=9))
     for reference, current in pairs:
         match(reference, current, method=method)
         match(reference, current, method=method, guess=(0.1, 0.0, 0.0))
@@ -154,7 +150,7 @@ def _scan(
         ranges,
         angle_min=0.0,
         angle_increment=float(angle[1]),
-        range_max=30.0,
+        range_max=_RANGE_MAX_M,
         stamp=k * _PERIOD_S,
         time_increment=_PERIOD_S / _N_BEAMS if is_swept else 0.0,
     )
