@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from curvescan._version import __version__
-from curvescan.errors import CurvescanError, OutputError
+from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 
 MAX_CONNECTIONS = 64
 """Connections served at once; further ones are closed."""
@@ -223,7 +223,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             arguments = json.loads(body)
             if not isinstance(arguments, dict):
-                raise ValueError("an action takes an object")
+                raise InvalidArgumentError("an action takes an object")
             self._send(*self.server.site.act(self._action(), arguments))
         except (CurvescanError, ValueError, TypeError, KeyError, RecursionError) as error:
             text = json.dumps({"error": str(error)}).encode()

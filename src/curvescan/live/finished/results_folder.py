@@ -15,8 +15,8 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.trajectories.tum_csv import csv_rows
-from curvescan.live.live_map import picture_of
 from curvescan.live.finished.status import status_of
+from curvescan.live.live_map import picture_of
 from curvescan.mapping.map_server import read_map
 from curvescan.odometry import StepOutcome
 from curvescan.runs.results import RUN_RECORD
@@ -57,7 +57,9 @@ def read_results(path: Path) -> FinishedRun:
     if path.is_file():
         return _of_map(path)
     if not (path / "trajectory.csv").is_file():
-        raise LogFileError(f"{path} is no results folder: it has no trajectory.csv, as curvescan odometry and slam write it")
+        raise LogFileError(
+            f"{path} is no results folder: it has no trajectory.csv, as curvescan odometry and slam write it"
+        )
     record = _record(path)
     rows, outcomes = csv_rows(path / "trajectory.csv")
     seen = read_view_file(path)
@@ -115,7 +117,9 @@ def describe_map(
     """
     row_of = {int(number): row for row, number in enumerate(numbers.tolist())}
     is_closure = slam_map.kinds == EdgeKind.CLOSURE
-    weight_of = {tuple(e): w for e, w in zip(slam_map.ends[is_closure].tolist(), slam_map.weights[is_closure], strict=True)}
+    weight_of = {
+        tuple(e): w for e, w in zip(slam_map.ends[is_closure].tolist(), slam_map.weights[is_closure], strict=True)
+    }
     kinds: dict[tuple[str, str], int] = {}
     rows: list[tuple[int, int]] = []
     places: list[float] = []
