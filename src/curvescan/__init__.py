@@ -84,15 +84,17 @@ if TYPE_CHECKING:
     )
     from curvescan.matchers.registry import MATCHERS
     from curvescan.matchers.result import Label, MatchResult, Outcome
-    from curvescan.odometry import Odometry, OdometryRun, OdometryStep, StepOutcome, run_odometry
+    from curvescan.odometry import Odometry, Step, StepOutcome
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.plots import on_axes as plot
     from curvescan.runs.batch.batch import BatchResult, run_batch
     from curvescan.runs.batch.jobs import OdometryJob, SlamJob
-    from curvescan.runs.run import RunResult, run
+    from curvescan.runs.evaluation import evaluate
+    from curvescan.runs.result import Run
+    from curvescan.runs.run import localize, run
     from curvescan.scan import LaserScan
     from curvescan.simulation import simulate
-    from curvescan.slam import Localizer, LocalizerStep, Slam, SlamConfig, SlamMap, SlamStep, load_map
+    from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, load_map
     from curvescan.types import PoseEdge
     from curvescan.warmup import warm_up
 
@@ -118,7 +120,6 @@ _HOMES = {
     "LaserScan": "curvescan.scan",
     "LinesConfig": "curvescan.matchers.baselines.config",
     "Localizer": "curvescan.slam",
-    "LocalizerStep": "curvescan.slam",
     "Log": "curvescan.io.log",
     "LogFileError": "curvescan.errors",
     "LogFormatError": "curvescan.errors",
@@ -134,8 +135,6 @@ _HOMES = {
     "Odometry": "curvescan.odometry",
     "OdometryConfig": "curvescan.odometry.config",
     "OdometryJob": "curvescan.runs.batch.jobs",
-    "OdometryRun": "curvescan.odometry",
-    "OdometryStep": "curvescan.odometry",
     "Outcome": "curvescan.matchers.result",
     "OutputError": "curvescan.errors",
     "PlIcpConfig": "curvescan.matchers.baselines.config",
@@ -143,7 +142,7 @@ _HOMES = {
     "PreparedScan": "curvescan.matchers",
     "ReadError": "curvescan.io.files.read_errors",
     "RefinementConfig": "curvescan.matchers.curvescan.config",
-    "RunResult": "curvescan.runs.run",
+    "Run": "curvescan.runs.result",
     "ScoringConfig": "curvescan.matchers.curvescan.config",
     "SegmentationConfig": "curvescan.matchers.cfsma.config",
     "SegmentsConfig": "curvescan.matchers.curvescan.config",
@@ -152,16 +151,18 @@ _HOMES = {
     "SlamConfig": "curvescan.slam",
     "SlamJob": "curvescan.runs.batch.jobs",
     "SlamMap": "curvescan.slam",
-    "SlamStep": "curvescan.slam",
     "SourceError": "curvescan.errors",
     "StorageError": "curvescan.errors",
+    "Step": "curvescan.odometry",
     "StepOutcome": "curvescan.odometry",
     "Trajectory": "curvescan.io.trajectories.trajectory",
     "UnitWarning": "curvescan.errors",
     "WorkerError": "curvescan.errors",
+    "evaluate": "curvescan.runs.evaluation",
     "find_issues": "curvescan.diagnostics.issues",
     "inspect_log": "curvescan.diagnostics.inspect",
     "load_map": "curvescan.slam",
+    "localize": "curvescan.runs.run",
     "log_from_arrays": "curvescan.io",
     "match": "curvescan.matchers",
     "odometry_for": "curvescan.diagnostics.sensor",
@@ -175,7 +176,6 @@ _HOMES = {
     "read_tum": "curvescan.io",
     "run": "curvescan.runs.run",
     "run_batch": "curvescan.runs.batch.batch",
-    "run_odometry": "curvescan.odometry",
     "simulate": "curvescan.simulation",
     "warm_up": "curvescan.warmup",
     "write_config": "curvescan.io",
@@ -213,7 +213,6 @@ __all__ = [
     "LaserScan",
     "LinesConfig",
     "Localizer",
-    "LocalizerStep",
     "Log",
     "LogFileError",
     "LogFormatError",
@@ -228,8 +227,6 @@ __all__ = [
     "Odometry",
     "OdometryConfig",
     "OdometryJob",
-    "OdometryRun",
-    "OdometryStep",
     "Outcome",
     "OutputError",
     "PlIcpConfig",
@@ -237,7 +234,7 @@ __all__ = [
     "PreparedScan",
     "ReadError",
     "RefinementConfig",
-    "RunResult",
+    "Run",
     "ScoringConfig",
     "SegmentationConfig",
     "SegmentsConfig",
@@ -246,17 +243,19 @@ __all__ = [
     "SlamConfig",
     "SlamJob",
     "SlamMap",
-    "SlamStep",
     "SourceError",
+    "Step",
     "StepOutcome",
     "StorageError",
     "Trajectory",
     "UnitWarning",
     "WorkerError",
     "__version__",
+    "evaluate",
     "find_issues",
     "inspect_log",
     "load_map",
+    "localize",
     "log_from_arrays",
     "match",
     "odometry_for",
@@ -271,7 +270,6 @@ __all__ = [
     "read_tum",
     "run",
     "run_batch",
-    "run_odometry",
     "se2",
     "simulate",
     "warm_up",

@@ -12,14 +12,14 @@ from rich.table import Table
 from curvescan.cli.console import table
 from curvescan.diagnostics.issues import Issue
 from curvescan.evaluation.trajectory_errors import trajectory_errors
-from curvescan.odometry import OdometryRun, StepOutcome
+from curvescan.odometry import RunRecord, StepOutcome
 from curvescan.se2 import between
 from curvescan.types import Pose
 
 _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 
 
-def summarise(run: OdometryRun, n_scans: int) -> Table:
+def summarise(run: RunRecord, n_scans: int) -> Table:
     """Return a table of how a run went: scans, failures by reason, end pose, time."""
     n = len(run.outcomes)
     title = f"{run.method}: {n:,} scans" + (f" of {n_scans:,} (partial)" if run.is_partial else "")

@@ -23,7 +23,7 @@ from curvescan.odometry.gaps import LOST_COVARIANCE
 from curvescan.odometry.keyframes import KeyframeGraph
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.step import Step
 from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -95,7 +95,7 @@ class Odometry:
     def __repr__(self) -> str:
         return f"Odometry({self.method!r}, {self._state.n_scans:,} scans, {len(self.keyframes):,} keyframes)"
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -108,7 +108,7 @@ class Odometry:
 
         Returns
         -------
-        OdometryStep
+        Step
             Pose and covariance in the frame of the first scan, and how they came about.
 
         Raises
@@ -171,13 +171,15 @@ def _place(observation: Observation) -> Placement:
     return next(placement for placement in placements if placement is not None)
 
 
-def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
+def _as_step(observation: Observation, placement: Placement) -> Step:
     pose_map_scan = placement.localization.pose_map_scan
-    return OdometryStep(
+    return Step(
         index=observation.index,
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.cov,
+        pose_odom=pose_map_scan.pose,
+        covariance_odom=pose_map_scan.cov,
         motion=placement.step_motion.pose,
         motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,

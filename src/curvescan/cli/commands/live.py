@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
-    from curvescan.live.tracker import Engine
+    from curvescan.slam.run import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
