@@ -117,9 +117,9 @@ class Run:
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the map and the trajectory, and return the axes; see :func:`curvescan.plot.map`."""
-        from curvescan.plots import on_axes
+        from curvescan.plots import plot
 
-        return on_axes.map(self, ax=ax)
+        return plot.map(self, ax=ax)
 
     def save(self, folder: str | os.PathLike[str]) -> tuple[str, ...]:
         """Write all results into a folder, as ``out=`` does, and return the names of the files.

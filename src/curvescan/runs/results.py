@@ -31,6 +31,7 @@ from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.graph_files import describe_graph, save_graph, write_closures
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.runs.plain import as_plain
+from curvescan.runs.view_file import write_view_file
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
 from curvescan.slam.run import is_deskewed, odometry_of
@@ -70,6 +71,16 @@ def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -
         slam_map.save(folder / "map.csmap")
         save_graph(folder, slam_map)
         write_closures(folder / "closures.csv", engine.closures)
+        write_view_file(
+            folder,
+            run.scans,
+            len(record.outcomes),
+            odometry=record.odometry.poses,
+            keyframe_numbers=engine.backend.keyframes.numbers,
+            keyframe_scans=engine.keyframe_scans(),
+        )
+    elif isinstance(engine, Odometry):
+        write_view_file(folder, run.scans, len(record.outcomes))
     if drawn is not None:
         drawn()
     write_record(folder, describe_run(run, maps))

@@ -141,6 +141,7 @@ def run(
     check_exports(exports)
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
+    given: Any = config  # of the engine's class, or its fields
     job = _Job(
         out=out,
         odometry_prior=odometry_prior,
@@ -152,7 +153,7 @@ def run(
     if engine == "odometry":
         if map is not None:
             raise InvalidArgumentError("odometry continues no map: give engine='slam' with map=")
-        rules = as_config(config, OdometryConfig.of_method(method), hint=_HINT)
+        rules = as_config(given, OdometryConfig.of_method(method), hint=_HINT)
 
         def new_odometry(deskew: bool) -> Odometry:
             return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
@@ -162,7 +163,7 @@ def run(
             job.display.begin("exporting", 0)
             result = _export(result, out, exports)
         return result
-    slam_rules = as_config(config, SlamConfig(), hint=_HINT)
+    slam_rules = as_config(given, SlamConfig(), hint=_HINT)
     begun = None if map is None else as_map(map)
     inputs = () if map is None or isinstance(map, SlamMap) else (Path(map),)
 

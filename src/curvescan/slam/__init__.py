@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from curvescan.slam.config import SlamConfig
     from curvescan.slam.localizer import Localizer
+    from curvescan.slam.loops.audit import Contradiction
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
     from curvescan.slam.map import SlamMap, load_map
     from curvescan.slam.run import run_engine
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Closure": "loops.closures",
+    "Contradiction": "loops.audit",
     "Localizer": "localizer",
     "Slam": "slam",
     "SlamConfig": "config",
@@ -24,7 +26,17 @@ _HOMES = {
     "run_engine": "run",
 }
 
-__all__ = ["Closure", "ClosureOutcome", "Localizer", "Slam", "SlamConfig", "SlamMap", "load_map", "run_engine"]
+__all__ = [
+    "Closure",
+    "ClosureOutcome",
+    "Contradiction",
+    "Localizer",
+    "Slam",
+    "SlamConfig",
+    "SlamMap",
+    "load_map",
+    "run_engine",
+]
 
 
 def __getattr__(name: str) -> object:

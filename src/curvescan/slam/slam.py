@@ -27,11 +27,12 @@ from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
 from curvescan.slam.records import Records
-from curvescan.types import Pose
+from curvescan.types import Ints, Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -77,6 +78,7 @@ class Slam:
         self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
         self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
+        self._contradictions: tuple[Contradiction, ...] = ()
 
     def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
@@ -187,6 +189,10 @@ class Slam:
         """Return every pose so far, in the map as it is now."""
         return self._records.trajectory(*self.backend.placed())
 
+    def keyframe_scans(self) -> Ints:
+        """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
+        return self._records.keyframe_scans()
+
     @property
     def map(self) -> SlamMap:
         """The map as it is now."""
@@ -196,6 +202,11 @@ class Slam:
     def closures(self) -> list[Closure]:
         """All loop-closure candidates that were matched, and what became of them."""
         return self.backend.closures
+
+    @property
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """Sure matches that agree with each other and contradict the finished map; empty before :meth:`finish`."""
+        return self._contradictions
 
     @property
     def n_fragments(self) -> int:
@@ -210,6 +221,7 @@ class Slam:
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
         self.backend.finish()
+        self._contradictions = tuple(self.backend.contradictions())
         return self.trajectory()
 
     def __repr__(self) -> str:

@@ -10,14 +10,14 @@ import pytest
 from curvescan.benchmarks.slam.localization_runs import Checked
 from curvescan.benchmarks.slam.localization_single import draw, lines
 from curvescan.benchmarks.slam.localization_tasks import task_of_floor
-from curvescan.slam import LocalizerOutcome
+from curvescan.odometry import StepOutcome
 
 
 def _single(scan: int, shown: float, error_m: float) -> Checked:
     is_found = np.isfinite(error_m)
     return Checked(
         scan=np.array([scan]),
-        outcomes=(LocalizerOutcome.FOUND if is_found else LocalizerOutcome.SEARCHING,),
+        outcomes=(StepOutcome.FOUND if is_found else StepOutcome.SEARCHING,),
         shown=np.array([shown]),
         error_m=np.array([error_m]),
         error_rad=np.array([0.01 if is_found else np.nan]),

@@ -17,7 +17,7 @@ import tyro
 
 import curvescan
 from curvescan._interrupts import stoppable
-from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, MethodName, Reading, ReadingFlags
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -55,13 +55,11 @@ def live(
     foxglove: Flag = False,
     foxglove_port: int = 8766,
     keep_open: Flag = False,
-    method: Method = "curvescan",
+    method: MethodName = "curvescan",
     scans: int | None = None,
     people: int = 3,
     seed: int = 0,
-    topic: Topic = None,
-    range_max: float | None = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
@@ -101,20 +99,12 @@ def live(
         Port of the websocket for Foxglove; 0 for any that is free.
     keep_open
         Serve the page after the source has ended, until Ctrl-C.
-    method
-        The matcher.
     scans
         End after so many scans of the simulated robot.
     people
         How many people walk around the simulated robot.
     seed
         Random seed; selects the simulated building and its people.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
     occupancy
         How to make the occupancy map.
     """
@@ -127,9 +117,9 @@ def live(
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
-        source = _laser(driver, port, laser)
+        source = _laser(driver, port, reading)
     elif log is not None:
-        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+        source = LogSource(reading.open(log), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
@@ -232,12 +222,14 @@ def _simulation(scans: int | None, people: int, seed: int, speed: float) -> Scan
     return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
 
 
-def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
+def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     from curvescan.live.drivers.opening import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(driver, port, is_mirrored=laser.upside_down != laser.clockwise, ignore_beams=laser.ignore_beams)
+    return open_driver(
+        driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
+    )
 
 
 def _preview(source: ScanSource, viewer: Viewer) -> None:
