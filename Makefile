@@ -91,9 +91,7 @@ test-fleet:
 # bench/bench.md and the figures of README, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
 # (FLAGS="--pairs 150 --runs 500" for about half the time)
 bench: $(INSTALLED)
-	mkdir -p .cache
-	$(BIN)/curvescan bench --out .cache/bench $(FLAGS) $(if $(LOGS),--logs $(LOGS))
-	cp .cache/bench/bench.md .cache/bench/turns.png bench/
+	$(BIN)/python bench/benchmark.py $(FLAGS) $(if $(LOGS),--logs $(LOGS))
 	$(BIN)/python bench/readme_table.py
 
 format: $(INSTALLED)

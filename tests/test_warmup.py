@@ -34,14 +34,14 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.odometry import run_odometry
 
 sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
-# a loop, a leap to where it has not been, and back: failures, recovery and loop closures
+# a loop, a leap to where it has not been, and back: failures and recovery
 sim = simulate("office", sensor=sensor, n_scans=220, n_people=2, seed=1)
 rows = [*range(60), *range(190, 220), *range(30, 90)]
 scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
 cs.warm_up()
 before = variants()
 run = run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
-assert {"RELOCALIZED", "LOOP_CLOSED", "CHAINED", "PREDICTED"} <= {o.name for o in run.outcomes}
+assert {"RELOCALIZED", "CHAINED", "PREDICTED"} <= {o.name for o in run.outcomes}
 build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
 sick = simulate("corridor", n_scans=30, n_people=2)
 run_odometry(sick, cs.Odometry())

@@ -62,6 +62,7 @@ from .matchers.curvescan.config import RefinementConfig as RefinementConfig
 from .matchers.curvescan.config import ScoringConfig as ScoringConfig
 from .matchers.curvescan.config import SegmentsConfig as SegmentsConfig
 from .matchers.registry import MATCHERS as MATCHERS
+from .matchers.result import Candidate as Candidate
 from .matchers.result import Label as Label
 from .matchers.result import MatchResult as MatchResult
 from .matchers.result import Outcome as Outcome
@@ -81,6 +82,7 @@ from .runs.result import Run as Run
 from .runs.run import localize as localize
 from .runs.run import run as run
 from .scan import LaserScan as LaserScan
+from .se2.uncertain import UncertainPose as UncertainPose
 from .simulation import simulate as simulate
 from .slam import Localizer as Localizer
 from .slam import Slam as Slam

@@ -19,7 +19,6 @@ class StepOutcome(Enum):
     STARTED = "First scan: its sensor frame is the frame of the trajectory."
     MATCHED = "Matched with the keyframe in use."
     CHAINED = "Matched with the scan before it, which became the keyframe."
-    LOOP_CLOSED = "Matched with an earlier keyframe as well: the place is known."
     RELOCALIZED = "Not matched to the current keyframe or the previous scan; relocalized on an earlier keyframe."
     PREDICTED = "No match: the expected motion was taken."
     HELD = "Matches keep failing: the sensor is taken to stand still."
@@ -29,14 +28,7 @@ class StepOutcome(Enum):
     TRACKED = "Followed in the map: matched with its keyframes, now or a short way before."
 
 
-MATCHES = (
-    StepOutcome.MATCHED,
-    StepOutcome.CHAINED,
-    StepOutcome.LOOP_CLOSED,
-    StepOutcome.RELOCALIZED,
-    StepOutcome.FOUND,
-    StepOutcome.TRACKED,
-)
+MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.RELOCALIZED, StepOutcome.FOUND, StepOutcome.TRACKED)
 """Outcomes that stand on a match."""
 
 IN_MAP = (StepOutcome.SEARCHING, StepOutcome.FOUND, StepOutcome.TRACKED, StepOutcome.PREDICTED)

@@ -17,8 +17,8 @@ GUESS_SIGMAS = (0.1, 0.1, 0.1)
 def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
     """Return the edges of an odometry: one a step but the first, by its match.
 
-    Where the match is with an earlier keyframe, the motion since the scan before is an edge too. A step whose match
-    failed joins its scan with the one before by the expected motion, so that the graph does not fall apart.
+    A step whose match failed joins its scan with the one before by the expected motion, so that the graph does not fall
+    apart.
     """
     edges: list[PoseEdge] = []
 
@@ -29,8 +29,6 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
     for step in steps:
         if step.match is not None and step.match.ok and step.reference is not None:
             join(step.reference, step, step.match.pose, step.match.covariance)
-            if step.outcome is StepOutcome.LOOP_CLOSED:  # the match that led here is a measurement too
-                join(step.index - 1, step, step.motion, step.motion_covariance)
         elif step.outcome is StepOutcome.LOST:
             join(step.index - 1, step, step.motion, step.motion_covariance)
         elif last is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.odometry import Odometry, run_odometry
+from curvescan.runs.table import ResultTable
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, Simulation, simulate
 from curvescan.types import Floats, Pose
@@ -96,3 +97,22 @@ def _jittered(scans: Sequence[LaserScan], jitter: float, rng: np.random.Generato
         towards = rng.choice((-np.inf, np.inf), len(stamps))
         moved = np.where(rng.random(len(stamps)) < 2 / 3, np.nextafter(stamps, towards), stamps)
     return [replace(scan, stamp=float(t)) for scan, t in zip(scans, moved, strict=True)]
+
+
+def jitter_table(spreads: Sequence[JitterSpread]) -> ResultTable:
+    """Return the table of what jittered stamps change, one row a log and jitter."""
+    return ResultTable(
+        title="Odometry with jittered stamps, beside that with the log's own",
+        columns=("log", "scans", "stamps moved by", "runs", "ends apart, most", "poses that differ"),
+        rows=[
+            (
+                one.log,
+                f"{one.n_scans:,}",
+                f"up to {1e3 * one.jitter:g} ms" if one.jitter else "one unit in the last place",
+                f"{len(one.ends):,}",
+                f"{1e3 * one.spread_m:.3g} mm, {np.degrees(one.spread_rad):.2g} deg",
+                f"{100 * one.moved_shares.max():.1f} %",
+            )
+            for one in spreads
+        ],
+    )

@@ -2,18 +2,23 @@
 
 Each deception has a name and a rule for pairs. Its truth is known, and so is whether the two scans show anything of the
 same place: a matcher that answers with another pose, and does not say what it leaves open, is sure and wrong.
+`python bench/deceptive.py [--pairs 100] [WORLD...]` counts how often the default matcher is.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.matchers import DEFAULT_METHOD, match
+from curvescan.paper.random_transform import SUCCESS
+from curvescan.runs.table import ResultTable
 from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import look_up
 from curvescan.simulation.buildings.floor import building
@@ -398,3 +403,111 @@ def _kinds() -> Iterator[Deception]:
 
 DECEPTIONS = {kind.name: kind for kind in _kinds()}
 """Name -> deception."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeceptionScore:
+    """How a matcher did in one deceptive world.
+
+    Attributes
+    ----------
+    world : str
+        Name of the deception.
+    n_pairs : int
+        How many pairs.
+    right : float
+        Share of pairs matched within 0.1 m and 2 degrees.
+    sure_and_wrong : float
+        Share matched elsewhere, without naming a degenerate direction.
+    flagged_and_wrong : float
+        Share matched elsewhere, naming one.
+    """
+
+    world: str
+    n_pairs: int
+    right: float
+    sure_and_wrong: float
+    flagged_and_wrong: float
+
+    @property
+    def unmatched(self) -> float:
+        """Share of pairs with no pose."""
+        return 1.0 - self.right - self.sure_and_wrong - self.flagged_and_wrong
+
+
+def score_deception(
+    world: str,
+    *,
+    method: str = DEFAULT_METHOD,
+    n_pairs: int = 100,
+    seed: int = 1,
+    on_pair: Callable[[], None] | None = None,
+) -> DeceptionScore:
+    """Return how a method does in one deceptive world."""
+    right = sure = flagged = 0
+    for pair in deceptive_pairs(world, n_pairs=n_pairs, seed=seed):
+        result = match(pair.reference, pair.current, method=method, guess=pair.guess)
+        if result.ok and is_right(result.pose, pair.pose):
+            right += 1
+        elif result.ok and result.degenerate_direction is None:
+            sure += 1
+        elif result.ok:
+            flagged += 1
+        if on_pair:
+            on_pair()
+    return DeceptionScore(
+        world=world,
+        n_pairs=n_pairs,
+        right=right / n_pairs,
+        sure_and_wrong=sure / n_pairs,
+        flagged_and_wrong=flagged / n_pairs,
+    )
+
+
+def is_right(pose: Pose, true: Pose | None) -> bool:
+    """Return whether a (3,) pose lies within 0.1 m and 2 degrees of the true one; never where nothing is shared."""
+    if true is None:
+        return False
+    x, y, theta = se2.between(true, pose)
+    return bool(np.hypot(x, y) < SUCCESS[0] and abs(theta) < SUCCESS[1])
+
+
+def deception_table(scores: Sequence[DeceptionScore]) -> ResultTable:
+    """Return the table of the deceptive worlds, one row a world."""
+    return ResultTable(
+        title="Deceptive worlds, the default matcher, no guess but where the world gives one: share of pairs",
+        columns=(
+            "world",
+            "pairs",
+            "success",
+            "false positives",
+            "false positives with a degenerate direction",
+            "no match",
+        ),
+        rows=[
+            (
+                score.world,
+                f"{score.n_pairs:,}",
+                f"{100 * score.right:.1f} %",
+                f"{100 * score.sure_and_wrong:.1f} %",
+                f"{100 * score.flagged_and_wrong:.1f} %",
+                f"{100 * score.unmatched:.1f} %",
+            )
+            for score in scores
+        ],
+    )
+
+
+def main() -> None:
+    """Print the table of all worlds, or of those that are named."""
+    parser = argparse.ArgumentParser(description="How often the default matcher is wrong in deceptive worlds.")
+    parser.add_argument("worlds", nargs="*", default=list(DECEPTIONS), help=", ".join(DECEPTIONS))
+    parser.add_argument("--pairs", type=int, default=100, help="pairs of each world")
+    parser.add_argument("--seed", type=int, default=3)
+    given = parser.parse_args()
+    scores = [score_deception(world, n_pairs=given.pairs, seed=given.seed) for world in given.worlds]
+    print(deception_table(scores).markdown())
+
+
+if __name__ == "__main__":
+    main()

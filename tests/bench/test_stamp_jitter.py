@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from curvescan import read_log
-from curvescan.benchmarks.report import jitter_table
-from curvescan.benchmarks.stamp_jitter import measure_jitter, timed_log
+from stamp_jitter import jitter_table, measure_jitter, timed_log
 
 SCANS = timed_log()[:80]
 

@@ -1,6 +1,6 @@
 """Time and memory to optimize a large pose graph: a square spiral of laps with closures to the lap before.
 
-Run as ``python -m curvescan.benchmarks.slam.large_graph [n_poses]``.
+Run as ``python bench/large_graph.py [n_poses]``.
 """
 
 from __future__ import annotations

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
-from curvescan.benchmarks.slam.localization_tasks import SHOWN, LocalizationTask
 from curvescan.odometry import Step, StepOutcome
 from curvescan.slam import Localizer
 from curvescan.types import Bools, Floats, Ints
+from localization_tasks import SHOWN, LocalizationTask
 
 RIGHT_M, RIGHT_RAD = 0.3, np.radians(5.0)
 """A pose in the map is right within this of the reference, metres and radians."""

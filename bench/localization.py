@@ -1,6 +1,6 @@
 """Localization in a saved map: single scans, first fixes, tracking, and a sensor that is carried away, against reference poses.
 
-Run as ``python -m curvescan.benchmarks.slam.localization [--floors N]`` on simulated floors, or with ``--log LOG --reference POSES`` on
+Run as ``python bench/localization.py [--floors N]`` on simulated floors, or with ``--log LOG --reference POSES`` on
 a log, whose first half makes the map. The map is then read back from its file.
 """
 
@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan.benchmarks.slam import localization_single as single
-from curvescan.benchmarks.slam.localization_runs import Checked, carried_away, false_elsewhere, first_fixes, tracked
-from curvescan.benchmarks.slam.localization_tasks import PARTS, SHOWN, LocalizationTask, task_of_floor, task_of_log
+import localization_single as single
 from curvescan.types import Bools
+from localization_runs import Checked, carried_away, false_elsewhere, first_fixes, tracked
+from localization_tasks import PARTS, SHOWN, LocalizationTask, task_of_floor, task_of_log
 
 
 def report(
@@ -116,7 +116,7 @@ def _first(is_so: Bools) -> int | None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print what localization is worth."""
-    parser = argparse.ArgumentParser(prog="python -m curvescan.benchmarks.slam.localization")
+    parser = argparse.ArgumentParser(prog="python bench/localization.py")
     parser.add_argument("--log", type=Path, help="log whose first half makes the map")
     parser.add_argument("--reference", type=Path, help="poses of its sensor")
     parser.add_argument("--stride", type=int, default=1, help="take every so many scans of the log")

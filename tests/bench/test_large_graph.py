@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.benchmarks.slam.large_graph import large_graph
 from curvescan.slam.pose_graph.optimization import squared_distances
+from large_graph import large_graph
 
 
 def test_its_edges_err_by_what_they_say_and_join_what_is_near() -> None:

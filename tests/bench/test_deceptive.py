@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.benchmarks.deception import is_right, score_deception
 from curvescan.errors import InvalidArgumentError
-from curvescan.simulation.deceptive import DECEPTIONS, deceptive_pairs
+from deceptive import DECEPTIONS, deceptive_pairs, is_right, score_deception
 
 # people who keep pace look at rest: docs/design-notes/confidence.md
 DECEIVED = ("company",)

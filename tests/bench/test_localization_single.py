@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from curvescan.benchmarks.slam.localization_runs import Checked
-from curvescan.benchmarks.slam.localization_single import draw, lines
-from curvescan.benchmarks.slam.localization_tasks import task_of_floor
 from curvescan.odometry import StepOutcome
+from localization_runs import Checked
+from localization_single import draw, lines
+from localization_tasks import task_of_floor
 
 
 def _single(scan: int, shown: float, error_m: float) -> Checked:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan.benchmarks.slam.localization_runs import Checked
-from curvescan.benchmarks.slam.localization_tasks import PARTS, LocalizationTask
 from curvescan.plots.canvas import DARK, FAILED, LIGHT, drawing
 from curvescan.types import Bools, Floats
+from localization_runs import Checked
+from localization_tasks import PARTS, LocalizationTask
 
 _EDGES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0001)
 

@@ -1,7 +1,7 @@
 """Loop closures on simulated floors, counted against the truth: false ones, loops missed, errors, NEES of the final poses.
 
-Run as ``python -m curvescan.benchmarks.slam.closures --kinds offices,people --floors 10 --forced 0.2``. Kinds are those of
-:mod:`curvescan.simulation.lookalikes`, made to deceive, and of :data:`ORDINARY`.
+Run as ``python bench/closures.py --kinds offices,people --floors 10 --forced 0.2``. Kinds are those of
+`lookalikes.py`, made to deceive, and of :data:`ORDINARY`.
 """
 
 from __future__ import annotations
@@ -9,22 +9,23 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.benchmarks.slam.floor_results import FloorResult, stored_results, summary
 from curvescan.matchers import MatchResult
+from curvescan.plots.canvas import drawing, segment_colour
 from curvescan.scan import LaserScan
-from curvescan.simulation.lookalikes import Deceit, deceive
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.slam import Slam
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Bools, Pose
+from curvescan.types import Bools, Floats, Pose
+from lookalikes import Deceit, deceive
 
 FALSE_M, FALSE_RAD = 0.3, 0.15
 """A closure is false when its pose is off by more than this, metres and radians: along a corridor only what it measures counts."""
@@ -44,6 +45,11 @@ ORDINARY: Mapping[str, Sensor] = {"ordinary": SENSORS["sick-lms200"], "noisy": _
 """Office floors of a seed each, and their sensor: 361 beams of 10 mm noise, 181 beams of 30 mm."""
 
 
+_DOF = 3
+_LONGEST = 16.0  # of the axis: chi-square of 3 degrees of freedom, 99.9 %
+_NOISE = {"ordinary": "361 beams, 10 mm noise", "noisy": "181 beams, 30 mm noise"}
+
+
 class _Liar:
     """Matches keyframes, and for a share of those that do not follow each other answers another pair's pose, sure of it."""
 
@@ -54,8 +60,8 @@ class _Liar:
         self._seen: list[MatchResult] = []
         self.n_forced = 0
 
-    def __call__(self, i: int, j: int, guess: Pose | None) -> MatchResult:
-        result = self._honest(i, j, guess)
+    def __call__(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
+        result = self._honest(i, j, prior)
         if j - i <= self._n_linked:
             return result
         is_lie = self._rng.random() < self._share and len(self._seen) > 0
@@ -66,6 +72,76 @@ class _Liar:
             return result
         self.n_forced += 1
         return lie
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloorResult:
+    """SLAM on one floor.
+
+    Attributes
+    ----------
+    n_scans, n_keyframes : int
+        Scans and keyframes.
+    n_closures, n_neighbours : int
+        Loop closures that the graph follows, and matches of neighbours.
+    n_false : int
+        Of both, those whose pose is false.
+    n_revisits, n_missed : int
+        Keyframes at places that were seen before, and those of them without a closure around.
+    n_forced : int
+        False matches that were forced on candidates.
+    nees : float
+        Normalised squared error of the last pose; 3 on average where the covariance is right.
+    odometry, slam : (float, float)
+        Mean and greatest error of the positions, metres, first poses laid over each other.
+    is_deceived : bool
+        Whether closures were withdrawn because they bent the odometry.
+    """
+
+    n_scans: int
+    n_keyframes: int
+    n_closures: int
+    n_neighbours: int
+    n_false: int
+    n_revisits: int
+    n_missed: int
+    n_forced: int
+    nees: float
+    odometry: tuple[float, float]
+    slam: tuple[float, float]
+    is_deceived: bool
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the odometry alone is better, by more than a tenth and a centimetre."""
+        return self.slam[0] > 1.1 * self.odometry[0] + 0.01
+
+
+def summary(results: list[FloorResult]) -> str:
+    """Return a row of a table: floors, closures, false ones, revisits missed, mean errors, worst, floors worse than odometry, NEES."""
+    nees = np.array([r.nees for r in results])
+    n_false = sum(r.n_false for r in results)
+    return (
+        f"{len(results)} floors | {sum(r.n_closures for r in results):,} closures | {n_false} false on "
+        f"{sum(r.n_false > 0 for r in results)} floors ({sum(r.n_forced for r in results):,} forced in) | "
+        f"{sum(r.n_missed for r in results):,} of {sum(r.n_revisits for r in results):,} revisits missed | "
+        f"mean error {np.mean([r.slam[0] for r in results]):.3f} m, odometry {np.mean([r.odometry[0] for r in results]):.3f} m | "
+        f"worst {max(r.slam[1] for r in results):.2f} m, odometry {max(r.odometry[1] for r in results):.2f} m | "
+        f"worse on {sum(r.is_worse for r in results)} | withdrawn on {sum(r.is_deceived for r in results)} | "
+        f"NEES mean {nees.mean():.2f}, median {np.median(nees):.2f}, {np.mean(nees < 7.815):.0%} below 7.8"
+    )
+
+
+def stored_results(file: Path | None) -> dict[tuple[str, int, float], FloorResult]:
+    """Return the floors that a file of results holds."""
+    if file is None or not file.exists():
+        return {}
+    known = {}
+    for line in file.read_text(encoding="utf-8").splitlines():
+        row = json.loads(line)
+        key = row.pop("kind"), row.pop("seed"), row.pop("forced")
+        known[key] = FloorResult(**{**row, "odometry": tuple(row["odometry"]), "slam": tuple(row["slam"])})
+    return known
 
 
 def judge_floor(kind: str, seed: int, forced: float = 0.0) -> FloorResult:
@@ -159,6 +235,30 @@ def run(kinds: list[str], seeds: Iterable[int], forced: float, file: Path | None
         yield f"SUMMARY {kind} forced {forced}: {summary(results)}"
 
 
+def draw_nees(path: Path, found: Mapping[str, Floats]) -> None:
+    """Save a picture of how the squared Mahalanobis distances of final poses are distributed, beside chi-square."""
+    from scipy.stats import chi2
+
+    with drawing(path, 7.0, 4.2) as figure:
+        axes = figure.subplots()
+        at = np.linspace(0.0, _LONGEST, 200)
+        axes.plot(at, chi2.cdf(at, _DOF), color="black", lw=1.0, label="chi-square, 3 dof: mean 3")
+        for k, (name, values) in enumerate(found.items()):
+            n = len(values)
+            low, high = chi2.ppf([0.025, 0.975], _DOF * n) / n
+            label = f"{name}: mean {values.mean():.2f} ({low:.2f} to {high:.2f} of {n})"
+            axes.step(
+                np.sort(values), np.arange(1, n + 1) / n, where="post", color=segment_colour(k), label=label
+            )  # fmt: skip
+        axes.set(
+            xlim=(0.0, _LONGEST),
+            ylim=(0.0, 1.0),
+            xlabel="squared Mahalanobis distance of the last pose",
+            ylabel="share of the floors",
+        )
+        axes.legend(loc="lower right")
+
+
 def main() -> None:
     """Print a line a floor and a summary a kind."""
     import argparse
@@ -170,11 +270,21 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--forced", type=float, default=0.0)
     parser.add_argument("--append", type=Path, default=None, help="file of results, JSON lines")
+    parser.add_argument(
+        "--nees", type=Path, default=None, help="PNG to draw: the NEES of the ordinary floors in that file"
+    )
     given = parser.parse_args()
     seeds = range(given.first, given.first + given.floors)
     for line in run(given.kinds.split(","), seeds, given.forced, given.append):
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
+    if given.nees is not None:
+        rows = stored_results(given.append)
+        found = {
+            words: np.array([r.nees for (named, _, forced), r in rows.items() if named == kind and forced == 0.0])
+            for kind, words in _NOISE.items()
+        }
+        draw_nees(given.nees, {words: values for words, values in found.items() if len(values)})
 
 
 if __name__ == "__main__":

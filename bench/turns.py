@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import match
 from curvescan.paper.random_transform import SUCCESS
+from curvescan.plots.canvas import drawing, segment_colour
 from curvescan.simulation import simulate_pairs
 from curvescan.types import Floats
 
@@ -39,3 +41,15 @@ def success_by_turn(
             if on_pair:
                 on_pair()
     return {method: counts / n_pairs for method, counts in right.items()}
+
+
+def draw_turns(path: Path, shares: dict[str, Floats]) -> None:
+    """Save the share of right matches against the turn of a full-circle sensor."""
+    with drawing(path, 9.0, 4.6) as figure:
+        axes = figure.subplots()
+        for k, (method, share) in enumerate(shares.items()):
+            axes.plot(TURNS_DEG, 100.0 * share, ".-", color=segment_colour(k), label=method)
+        axes.set(xlabel="turn between the scans [deg]", ylabel="right matches [%]", ylim=(-3, 103))
+        axes.set_xticks(TURNS_DEG[::2])
+        axes.set_title(f"360 beams over the full circle, no guess, offices, up to {TRANSLATION_MAX:g} m apart")
+        figure.legend(loc="outside lower center", ncols=4)

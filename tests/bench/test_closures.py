@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.benchmarks.slam.closures import floor_of, judge_floor
+from closures import floor_of, judge_floor
 
 pytestmark = pytest.mark.slow
 

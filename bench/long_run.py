@@ -1,6 +1,6 @@
 """A simulated day on one floor: keyframes, edges, memory, time a scan and error, by the hour.
 
-Run as ``python -m curvescan.benchmarks.slam.long_run [HOURS] [FIGURE]``. The day is accelerated: of each hour the robot drives a few laps
+Run as ``python bench/long_run.py [HOURS] [FIGURE]``. The day is accelerated: of each hour the robot drives a few laps
 of a compact office floor, each a little beside the others and with noise of its own, and stands still for the rest.
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import se2
-from curvescan.benchmarks.slam.figures import draw_day
+from curvescan.plots.canvas import drawing, segment_colour
 from curvescan.scan import LaserScan
 from curvescan.simulation.recording import simulate
 from curvescan.slam import Slam
@@ -109,6 +109,24 @@ def resident_megabytes() -> float:
         return float("nan")
     rows = [line.split() for line in status.splitlines() if line.startswith("VmRSS:")]
     return float(rows[0][1]) / 1024.0 if rows else float("nan")
+
+
+def draw_day(path: Path, *, keyframes: Floats, megabytes: Floats, milliseconds: Floats) -> None:
+    """Save a picture of a day by the hour.
+
+    keyframes, megabytes (n,); milliseconds (n, 3).
+    """
+    hour = np.arange(1, len(keyframes) + 1)
+    with drawing(path, 10.0, 3.4) as figure:
+        graph, memory, times = figure.subplots(1, 3)
+        graph.plot(hour, keyframes, ".-", color=segment_colour(0))
+        graph.set(xlabel="hour", ylabel="keyframes", ylim=(0.0, None))
+        memory.plot(hour, megabytes, ".-", color=segment_colour(1))
+        memory.set(xlabel="hour", ylabel="resident memory [MB]", ylim=(0.0, None))
+        for k, label in enumerate(("median", "99 %", "worst")):
+            times.plot(hour, milliseconds[:, k], ".-", color=segment_colour(2 + k), label=label)
+        times.set(xlabel="hour", ylabel="a scan [ms]", yscale="log")
+        times.legend()
 
 
 def main() -> None:
