@@ -20,6 +20,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.cli.flags import with_flags
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
@@ -120,7 +121,7 @@ def measure(folder: Path, name: str) -> Row:
         format=log.format,
         n_scans=len(poses),
         issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
-        options=[issue.option for issue in issues if issue.option],
+        options=[with_flags(issue.argument) for issue in issues if issue.remedy],
         n_failed=int(np.count_nonzero(run.is_failed)),
         n_relocalized=run.outcomes.count(StepOutcome.RELOCALIZED),
         length=round(float(travelled(poses)[-1]), 2),

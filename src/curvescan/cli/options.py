@@ -187,16 +187,30 @@ ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How th
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prior:
-    """What a run takes from a log besides its scans."""
+class Preparation:
+    """What of a log is used, and what is mended in it."""
 
     odometry_prior: Flag = False
-    """Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion. The
-    matches decide where they can; along a corridor the odometry does."""
+    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
+    laser_only: Flag = False
+    """Leave wheels and gyroscope out, also where they agree with the scans."""
+    as_is: Flag = False
+    """Mend nothing: codes for no return, stale, mirrored or reversed beams are taken as the log has them."""
+
+    def __post_init__(self) -> None:
+        if self.odometry_prior and self.laser_only:
+            raise InvalidArgumentError("--odometry-prior and --laser-only exclude each other: give one")
+
+    @property
+    def wanted(self) -> bool | None:
+        """Whether the motion prior of the log is used: None where it agrees with the scans."""
+        return True if self.odometry_prior else False if self.laser_only else None
 
 
-PriorFlags: TypeAlias = Annotated[Prior, tyro.conf.arg(name="", help="What a run takes from a log besides its scans.")]
-"""What odometry, SLAM, localization and batch take from a log, as flags of their own."""
+PreparationFlags: TypeAlias = Annotated[
+    Preparation, tyro.conf.arg(name="", help="What of a log is used, and what is mended in it.")
+]
+"""What of a log is used, and what is mended in it, as flags of their own."""
 
 
 def odometry_config(method: Method, chain: Chain, given: ChainConfigs) -> OdometryConfig:

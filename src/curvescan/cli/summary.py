@@ -11,7 +11,8 @@ import numpy as np
 from rich.table import Table
 
 from curvescan.cli.console import ERR, OUT, table
-from curvescan.diagnostics.verdict import propose_commands
+from curvescan.cli.flags import with_flags
+from curvescan.cli.proposals import propose_commands
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import StepOutcome
 from curvescan.odometry.step import IN_MAP
@@ -25,8 +26,11 @@ _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 
 def report(run: Run, out: Path) -> int:
     """Print how a run went, what it wrote and whether it can be trusted, and return the exit status."""
-    if run.sensor is not None and not run.sensor.can_deskew:
-        ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+    if run.prepared is not None:
+        for remark in run.prepared.remarks:
+            ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+        if not run.prepared.sensor.can_deskew:
+            ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
     OUT.print(summarise(run))
     engine = run.engine
     if isinstance(engine, Slam):

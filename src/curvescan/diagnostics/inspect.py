@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from curvescan import se2
-from curvescan.diagnostics.odometry_lag import odometry_lag
+from curvescan.diagnostics.prior.lag import odometry_lag
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
@@ -76,6 +76,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         n_repeated_scans=statistics.n_repeats,
         n_blind_beams=statistics.beams.n_blind,
         stale_share=statistics.beams.stale_share,
+        stale_run=statistics.beams.stale_run,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=statistics.largest_reading,
         codes=_codes(statistics),

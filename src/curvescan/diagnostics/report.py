@@ -128,6 +128,8 @@ class LogReport:
     stale_share : float
         Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
         NaN where the scene does not change enough.
+    stale_run : float
+        Share of the readings that repeat the sweep before whose next beam does too; NaN without any.
     fixed_beams : tuple of (int, int)
         Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot.
     largest_reading : float
@@ -174,6 +176,7 @@ class LogReport:
     n_repeated_scans: int
     n_blind_beams: int
     stale_share: float
+    stale_run: float
     fixed_beams: tuple[tuple[int, int], ...]
     largest_reading: float
     codes: tuple[ReadingCode, ...]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan.diagnostics.issues import Issue
-from curvescan.diagnostics.sensor import SensorJudgement
+from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import Verdict
 from curvescan.io.files.output import output_folder
 from curvescan.io.log import Log
@@ -47,12 +47,10 @@ class Run:
         The steps in columns: outcomes, failures, times, poses as reported with each scan and by odometry alone.
     verdict : Verdict
         Whether the trajectory can be trusted, and if not, why.
-    sensor : SensorJudgement or None
-        What the log's scans say of the sensor; None of a live run.
-    issues : tuple of Issue
-        What is wrong or odd with the log, as :func:`curvescan.find_issues` has it.
     scans : Log
-        The log, its scans held in memory where they are few.
+        The log as it was run: mended, its scans held in memory where they are few.
+    prepared : PreparedLog or None
+        What was mended in the log, and whether its wheels or gyroscope are used; None of a live run.
     maps : RunMaps or None
         The maps along the trajectory, where they are made already.
     occupancy : OccupancyConfig
@@ -76,8 +74,7 @@ class Run:
     record: RunRecord
     verdict: Verdict
     scans: Log
-    sensor: SensorJudgement | None = None
-    issues: tuple[Issue, ...] = ()
+    prepared: PreparedLog | None = None
     maps: RunMaps | None = None
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     truth: Pose | None = None
@@ -92,6 +89,11 @@ class Run:
     def trajectory(self) -> Trajectory:
         """Stamp, pose and covariance at each scan; of SLAM every pose revised, in a saved map NaN where it is not known."""
         return self.record.trajectory
+
+    @property
+    def issues(self) -> tuple[Issue, ...]:
+        """What is still wrong or odd with the log, as :func:`curvescan.find_issues` has it."""
+        return () if self.prepared is None else self.prepared.issues
 
     @property
     def steps(self) -> tuple[Step, ...]:

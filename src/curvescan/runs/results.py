@@ -185,6 +185,7 @@ def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:
         "occupancy": as_plain(run.occupancy),
         "left_out": list(left_out(maps)),
         **about,
+        **({} if run.prepared is None else run.prepared.as_plain()),
         **run.details,
     }
 

@@ -6,16 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 from curvescan.configs import as_config, nearest
-from curvescan.diagnostics.inspect import inspect_log
-from curvescan.diagnostics.issues import find_issues
-from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.report import LogReport
-from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge_localization, judge_run
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.arrays.memory import as_log
@@ -75,7 +70,8 @@ def run(
     config: OdometryConfig | SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
     map: SlamMap | PathLike | None = None,  # noqa: A002 - the name that Slam gives it
-    odometry_prior: bool = False,
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
     exports: Sequence[ExportName] = (),
     occupancy: OccupancyConfig | Mapping[str, Any] | None = None,
     truth: Pose | None = None,
@@ -105,8 +101,11 @@ def run(
         Configuration of the matcher.
     map : SlamMap, path or None
         SLAM: a map to continue; the log may begin anywhere in it.
-    odometry_prior : bool
-        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
+    odometry_prior : bool or None
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion; None
+        where it agrees with the scans.
+    as_is : bool
+        Whether to take the log as it is, and mend nothing.
     exports : sequence of str
         Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
     occupancy : OccupancyConfig, mapping or None
@@ -145,6 +144,7 @@ def run(
     job = _Job(
         out=out,
         odometry_prior=odometry_prior,
+        as_is=as_is,
         occupancy=as_config(occupancy, OccupancyConfig(), name="occupancy"),
         display=display or Silent(),
         keeps_steps=keeps_steps or takes_edges(exports),
@@ -187,7 +187,8 @@ def localize(
     method: Method | str = DEFAULT_METHOD,
     config: SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
-    odometry_prior: bool = False,
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
     command: Sequence[str] = (),
     source: PathLike | None = None,
     display: RunDisplay | None = None,
@@ -201,7 +202,7 @@ def localize(
         A log, its scans, or the path of its file.
     map : SlamMap, str or path-like
         The map, or the path of its file, ``map.csmap`` of a SLAM run.
-    out, method, matcher, odometry_prior, command, source, display, keeps_steps
+    out, method, matcher, odometry_prior, as_is, command, source, display, keeps_steps
         As of :func:`curvescan.run`.
     config : SlamConfig, mapping or None
         Configuration that localization shares with SLAM.
@@ -219,6 +220,7 @@ def localize(
     job = _Job(
         out=out,
         odometry_prior=odometry_prior,
+        as_is=as_is,
         occupancy=OccupancyConfig(),
         display=display or Silent(),
         keeps_steps=keeps_steps,
@@ -241,7 +243,8 @@ class _Job:
     """What runs have in common, whatever the engine."""
 
     out: PathLike | None
-    odometry_prior: bool
+    odometry_prior: bool | None
+    as_is: bool
     occupancy: OccupancyConfig
     display: RunDisplay
     keeps_steps: bool
@@ -252,35 +255,35 @@ class _Job:
     def run(self, log: LogLike, source: PathLike | None, stage: str, deskew: bool, new: _NewEngine) -> Run:
         """Return what an engine makes of a log, and write it."""
         opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
-        scans, shown = HeldLog(opened), self.display
+        shown = self.display
         inputs = (*self.inputs, *(() if source is None else (Path(source),)))
         # first of all: a place that cannot be written costs no work
-        with _folder(self.out, inputs) as folder, _other_process(len(scans), self.n_processes) as other:
+        with _folder(self.out, inputs) as folder, _other_process(len(opened), self.n_processes) as other:
             shown.begin("looking for what is wrong with the log", 0)
-            known = look_at(scans, is_order_needed=deskew, odometry_prior=self.odometry_prior)
-            engine = new(deskew and known.sensor.can_deskew)
-            inspected = (other.call_after if other else partial)(_inspect, scans, known.sensor)
+            prepared = prepare_log(
+                HeldLog(opened), odometry_prior=self.odometry_prior, as_is=self.as_is, is_order_needed=deskew
+            )
+            scans, odometry_poses = prepared.log, prepared.odometry_poses
+            engine = new(deskew and prepared.sensor.can_deskew)
             shown.begin(stage, len(scans))
             ahead = None
             if other is not None and isinstance(engine, Slam):
-                ahead = other.place(engine.odometry, scans, known.odometry_poses)
+                ahead = other.place(engine.odometry, scans, odometry_poses)
             record = run_engine(
                 scans,
                 engine,
-                odometry_poses=known.odometry_poses,
+                odometry_poses=odometry_poses,
                 on_step=lambda _: shown.advance(),
                 ahead=ahead,
                 keeps_steps=self.keeps_steps,
             )
-            issues = find_issues(inspected())
             judge = judge_localization if isinstance(engine, Localizer) else judge_run
             result = Run(
                 log=opened,
                 engine=engine,
                 record=record,
-                sensor=known.sensor,
-                issues=tuple(issues),
-                verdict=judge(record, issues),
+                prepared=prepared,
+                verdict=judge(record, prepared.issues),
                 scans=scans,
                 occupancy=self.occupancy,
                 source=None if source is None else Path(source),
@@ -293,28 +296,6 @@ class _Job:
                 files = tuple(sorted(file.name for file in folder.iterdir()))
                 result = replace(result, maps=maps, files=files, left_out=left_out(maps))
         return result
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Known:
-    """What is known of a log before its scans are matched: what its scans say of the sensor, and the motion prior."""
-
-    sensor: SensorJudgement
-    odometry_poses: Pose | None
-
-
-def look_at(log: Log, *, is_order_needed: bool, odometry_prior: bool) -> _Known:
-    """Return what is known of a log before its scans are matched.
-
-    This is the one place where a run decides what it uses of a log.
-    """
-    sensor = judge_sensor(log, is_order_needed=is_order_needed)
-    return _Known(sensor=sensor, odometry_poses=motion_prior(log, sensor.rotation) if odometry_prior else None)
-
-
-def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
-    """Return what is in a log; here, so that another process loads what draws the maps before it is needed."""
-    return inspect_log(log, sensor)
 
 
 def _export(result: Run, out: PathLike, exports: Sequence[ExportName]) -> Run:

@@ -19,8 +19,8 @@ from curvescan.cli.options import (
     MapConfig,
     MethodConfigs,
     MethodName,
-    Prior,
-    PriorFlags,
+    Preparation,
+    PreparationFlags,
     Reading,
     ReadingFlags,
     SlamConfigs,
@@ -50,7 +50,7 @@ def batch(
     workers: int | None = None,
     timeout: float = 3600.0,
     method: MethodName = "curvescan",
-    prior: PriorFlags = Prior(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
@@ -88,7 +88,8 @@ def batch(
     shared: dict[str, Any] = {
         "method": method,
         "matcher": configs.of(method),
-        "odometry_prior": prior.odometry_prior,
+        "odometry_prior": preparation.wanted,
+        "as_is": preparation.as_is,
         "occupancy": occupancy,
         "logs": LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup()),
         "command": tuple(sys.argv),

@@ -201,10 +201,10 @@ def _saved_map(path: Path) -> Any:
 def _can_deskew(log: Log) -> bool:
     """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
     from curvescan.cli.console import ERR
+    from curvescan.cli.proposals import propose_commands
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.diagnostics.verdict import propose_commands
 
     with ERR.status("looking for what is wrong with the log"):
         sensor = judge_sensor(log)

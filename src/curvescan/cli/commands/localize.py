@@ -12,8 +12,8 @@ from curvescan.cli.options import (
     MethodConfigs,
     MethodName,
     OutFolder,
-    Prior,
-    PriorFlags,
+    Preparation,
+    PreparationFlags,
     Reading,
     ReadingFlags,
     SlamConfigs,
@@ -28,7 +28,7 @@ def localize(
     map: MapFile,  # noqa: A002 - the flag's name
     out: OutFolder,
     method: MethodName = "curvescan",
-    prior: PriorFlags = Prior(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -52,7 +52,8 @@ def localize(
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
-            odometry_prior=prior.odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             command=sys.argv,
             source=log,
             display=display,

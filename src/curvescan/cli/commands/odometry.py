@@ -15,8 +15,8 @@ from curvescan.cli.options import (
     MethodConfigs,
     MethodName,
     OutFolder,
-    Prior,
-    PriorFlags,
+    Preparation,
+    PreparationFlags,
     Reading,
     ReadingFlags,
     odometry_config,
@@ -33,7 +33,7 @@ def odometry(
     method: MethodName = "curvescan",
     chain: Chain = "auto",
     export: tuple[ExportName, ...] = (),
-    prior: PriorFlags = Prior(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
@@ -70,7 +70,8 @@ def odometry(
             method=method,
             config=odometry_config(method, chain, chain_config),
             matcher=configs.of(method),
-            odometry_prior=prior.odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             exports=export,
             occupancy=occupancy,
             command=sys.argv,

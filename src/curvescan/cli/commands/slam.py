@@ -16,8 +16,8 @@ from curvescan.cli.options import (
     MethodConfigs,
     MethodName,
     OutFolder,
-    Prior,
-    PriorFlags,
+    Preparation,
+    PreparationFlags,
     Reading,
     ReadingFlags,
     SlamConfigs,
@@ -35,7 +35,7 @@ def slam(
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
     method: MethodName = "curvescan",
     export: tuple[ExportName, ...] = (),
-    prior: PriorFlags = Prior(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
@@ -71,7 +71,8 @@ def slam(
             config=slam_config.slam,
             matcher=configs.of(method),
             map=map,
-            odometry_prior=prior.odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             exports=export,
             occupancy=occupancy,
             command=sys.argv,

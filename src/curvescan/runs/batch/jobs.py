@@ -56,8 +56,10 @@ class _LogJob:
     """Configuration of the matcher; a mapping of the fields that differ; None for the defaults."""
     config: Any = None
     """Configuration of the engine."""
-    odometry_prior: bool = False
-    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
+    odometry_prior: bool | None = None
+    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives; None where it agrees with the scans."""
+    as_is: bool = False
+    """Whether to take each log as it is, and mend nothing."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     """How to make the occupancy maps."""
     logs: LogOptions = field(default_factory=LogOptions)
@@ -82,6 +84,7 @@ class _LogJob:
             config=self.config,
             matcher=self.matcher,
             odometry_prior=self.odometry_prior,
+            as_is=self.as_is,
             occupancy=self.occupancy,
             command=self.command,
             source=log,
