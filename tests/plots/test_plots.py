@@ -72,7 +72,7 @@ def test_run_json_holds_what_a_repeat_needs(tmp_path, log):
     assert record["input"]["sha256"] == hashlib.sha256(b"scans").hexdigest()
     assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 30
     assert sum(record["outcomes"].values()) == record["scans"] == 6
-    assert sum(f["count"] for f in record["failures"].values()) == sum(run.failures.values())
+    assert sum(f["count"] for f in record["failures"].values()) == sum(run.record.failures.values())
     assert record["is_partial"] is False
     assert record["occupancy"]["resolution"] == 0.05
     assert record["left_out"] == []

@@ -36,6 +36,7 @@ EngineName: TypeAlias = Literal["odometry", "slam"]
 PathLike: TypeAlias = str | os.PathLike[str]
 LogLike: TypeAlias = Log | Iterable[LaserScan] | PathLike
 
+_STAGES: dict[EngineName, str] = {"odometry": "odometry", "slam": "SLAM"}
 _HINT = "the configuration of the matcher is given as matcher="
 
 
@@ -137,10 +138,18 @@ def run(
         raise InvalidArgumentError(
             f"engine must be of {known}, got {engine!r}. {nearest(str(engine), known.split(', '))}"
         )
+    if engine == "odometry" and map is not None:
+        raise InvalidArgumentError("odometry continues no map: give engine='slam' with map=")
     check_exports(exports)
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
     given: Any = config  # of the engine's class, or its fields
+    if engine == "odometry":
+        new, deskew = _new_odometry(method, as_config(given, OdometryConfig.of_method(method), hint=_HINT), matcher)
+    else:
+        begun = None if map is None else as_map(map)
+        new, deskew = _new_slam(method, as_config(given, SlamConfig(), hint=_HINT), matcher, begun)
+        exports = [name for name in exports if name != "g2o"]  # the graph is written as it is
     job = _Job(
         out=out,
         odometry_prior=odometry_prior,
@@ -149,33 +158,13 @@ def run(
         display=display or Silent(),
         keeps_steps=keeps_steps or takes_edges(exports),
         about={"truth": truth, "command": tuple(command)},
+        inputs=_files(map),
+        n_processes=n_processes if engine == "slam" else 1,
     )
-    if engine == "odometry":
-        if map is not None:
-            raise InvalidArgumentError("odometry continues no map: give engine='slam' with map=")
-        rules = as_config(given, OdometryConfig.of_method(method), hint=_HINT)
-
-        def new_odometry(deskew: bool) -> Odometry:
-            return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
-
-        result = job.run(log, source, "odometry", rules.deskew, new_odometry)
-        if exports and out is not None:
-            job.display.begin("exporting", 0)
-            result = _export(result, out, exports)
-        return result
-    slam_rules = as_config(given, SlamConfig(), hint=_HINT)
-    begun = None if map is None else as_map(map)
-    inputs = () if map is None or isinstance(map, SlamMap) else (Path(map),)
-
-    def new_slam(deskew: bool) -> Slam:
-        return Slam(method, matcher=matcher, config=_deskewing(slam_rules, deskew), map=begun)
-
-    job = replace(job, inputs=inputs, n_processes=n_processes)
-    result = job.run(log, source, "SLAM", slam_rules.odometry.deskew, new_slam)
-    further = [name for name in exports if name != "g2o"]  # the graph is written as it is
-    if further and out is not None:
+    result = job.run(log, source, _STAGES[engine], deskew, new)
+    if exports and out is not None:
         job.display.begin("exporting", 0)
-        result = _export(result, out, further)
+        result = _export(result, out, exports)
     return result
 
 
@@ -225,17 +214,39 @@ def localize(
         display=display or Silent(),
         keeps_steps=keeps_steps,
         about={"command": tuple(command)},
-        inputs=() if isinstance(map, SlamMap) else (Path(map),),
+        inputs=_files(map),
     )
     return job.run(log, source, "localization", rules.odometry.deskew, new)
 
 
-def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:
-    return replace(rules, odometry=replace(rules.odometry, deskew=deskew))
-
-
 _NewEngine: TypeAlias = Callable[[bool], Engine]
 """Makes an engine that deskews, or not."""
+
+
+def _new_odometry(method: str, rules: OdometryConfig, matcher: MatcherConfig | None) -> tuple[_NewEngine, bool]:
+    """Return what makes the engine, and whether it is to deskew."""
+
+    def new(deskew: bool) -> Odometry:
+        return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
+
+    return new, rules.deskew
+
+
+def _new_slam(
+    method: str, rules: SlamConfig, matcher: MatcherConfig | None, begun: SlamMap | None
+) -> tuple[_NewEngine, bool]:
+    def new(deskew: bool) -> Slam:
+        return Slam(method, matcher=matcher, config=_deskewing(rules, deskew), map=begun)
+
+    return new, rules.odometry.deskew
+
+
+def _files(map: SlamMap | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
+    return () if map is None or isinstance(map, SlamMap) else (Path(map),)
+
+
+def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:
+    return replace(rules, odometry=replace(rules.odometry, deskew=deskew))
 
 
 @dataclass(frozen=True, kw_only=True)
