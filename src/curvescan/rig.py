@@ -207,7 +207,7 @@ def _from_the_base(points: Points, step: float, body_radius: float) -> tuple[Flo
     """Return rising directions all around, and the ranges of the nearest points in each, NaN without; both (n,)."""
     n = max(int(2.0 * math.pi / step), 1)
     width = 2.0 * math.pi / n
-    angles = -math.pi + width * (np.arange(n) + 0.5)
+    angles: Floats = -math.pi + width * (np.arange(n) + 0.5)
     ranges = np.full(n, np.nan)
     distance = np.hypot(points[:, 0], points[:, 1])
     is_other = distance > body_radius
@@ -217,8 +217,8 @@ def _from_the_base(points: Points, step: float, body_radius: float) -> tuple[Flo
     order = np.argsort(-distance, kind="stable")  # the nearest is written last
     angles[cell[order]], ranges[cell[order]] = bearing[order], distance[order]
     beside: Any = np.fmax(_nearest(ranges, 1), _nearest(ranges, -1))
-    ranges[ranges - beside > _HIDDEN * ranges] = np.nan
-    return angles, ranges
+    seen: Floats = np.where(ranges - beside > _HIDDEN * ranges, np.nan, ranges)
+    return angles, seen
 
 
 def _nearest(ranges: Floats, way: int) -> Floats:

@@ -7,8 +7,10 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.mounts import common_motions, find_mount, find_mounts
+from curvescan.evaluation.mounts import check_mounts, common_motions, find_mount, find_mounts
+from tests.bags import scan, transform, write_bag
 from tests.test_rig import MOUNTS, recorded
 
 
@@ -76,3 +78,27 @@ def test_the_mount_of_a_simulated_laser_is_found_from_its_scans():
     assert abs(error[2]) < np.radians(1.0)
     with pytest.raises(InvalidArgumentError, match="base must be one of front, rear"):
         find_mounts(logs, base="left")
+
+
+@pytest.mark.slow
+def test_a_bag_with_a_wrong_mount_is_told(tmp_path, capsys):
+    drive = cs.simulate("office", n_scans=120, seed=3)
+    logs = recorded(drive.truth.poses, world=drive.world)
+    wrong = {"front": MOUNTS["front"], "rear": np.add(MOUNTS["rear"], (0.05, 0.0, np.radians(2.0)))}
+    for name, mounts, status in (("right", MOUNTS, 0), ("wrong", wrong, 3)):
+        entries = [transform(1, "base_link", laser, tuple(pose), topic="/tf_static") for laser, pose in mounts.items()]
+        for laser, log in logs.items():
+            for one in log:
+                limits = {
+                    "angle_min": one.angle_min,
+                    "angle_increment": one.angle_increment,
+                    "range_max": one.range_max,
+                }
+                stamp = round(1e9 * (1.0 + one.stamp))
+                entries.append(scan(stamp, one.ranges, topic=f"/{laser}", frame=laser, scan_time=0.2, **limits))
+        bag = write_bag(tmp_path / name, "mcap", sorted(entries, key=lambda entry: entry[2]))
+        [check] = check_mounts(bag)
+        assert (check.topic, check.base) == ("/rear", "/front")
+        assert check.is_wrong == (status == 3)
+        assert command(["calibrate", str(bag), "--mounts"]) == status
+        assert name in capsys.readouterr().out

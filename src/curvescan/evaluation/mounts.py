@@ -8,7 +8,10 @@ way fixes its direction: a drive needs both.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +19,9 @@ from scipy.optimize import least_squares
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.log import Log
+from curvescan.io import read_log
+from curvescan.io.log import Log, MountedLog
+from curvescan.io.ros.mount import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
 from curvescan.se2.uncertain import UncertainPose
@@ -24,6 +29,12 @@ from curvescan.types import Floats, Pose
 
 WAY, TURN = 0.3, 0.3
 """A piece of the drive ends after so much way, metres, or turn, radians."""
+
+WRONG_M, WRONG_RAD = 0.03, 0.02
+"""A given mount that differs from the found one by more, metres or radians, doubles walls."""
+
+_CHANCE = 16.3
+"""Squared Mahalanobis distance that a right mount exceeds once in a thousand times: chi-square, three dimensions."""
 
 _LEAST_PIECES = 8
 _LEAST_TURN = 0.5
@@ -95,6 +106,78 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
     return {
         name: find_mount(*common_motions(seen_from, track)) for name, track in tracks.items() if track is not seen_from
     }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MountCheck:
+    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give.
+
+    Attributes
+    ----------
+    topic, base : str
+        The laser, and what it is seen from: the topic of another laser, or ``"the wheels"``.
+    found : UncertainPose
+        By :func:`find_mount`.
+    given : (3,) float64 or None
+        By the transforms; None where they do not lead there.
+    """
+
+    topic: str
+    base: str
+    found: UncertainPose
+    given: Pose | None
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the given mount contradicts the scans: by more than its bounds, and by more than chance allows."""
+        if self.given is None:
+            return False
+        error = self.found.pose - self.given
+        error[2] = se2.wrap(error[2])
+        is_far = float(np.hypot(*error[:2])) > WRONG_M or abs(error[2]) > WRONG_RAD
+        return is_far and float(error @ np.linalg.solve(self.found.covariance, error)) > _CHANCE
+
+
+def check_mounts(path: str | os.PathLike[str]) -> list[MountCheck]:
+    """Return the mounts of the lasers of a bag, from their scans and the wheels, beside those of its transforms.
+
+    With wheels each laser is seen from the robot's base, else each from the first one.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A ROS 1 or ROS 2 bag with scans of one laser or more.
+
+    Raises
+    ------
+    LogFileError, LogFormatError
+        When it cannot be read.
+    InvalidArgumentError
+        When it holds a single laser and no wheels, or the drive is too short or too straight to tell.
+    """
+    given = laser_mounts(Path(path))
+    logs = {topic: read_log(path, topic=topic) for topic in given}
+    first, laser = next(iter(logs.items()))
+    wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+    if wheels is None and len(logs) < 2:
+        raise InvalidArgumentError(
+            f"{path} holds one laser and no wheels: a mount is found from two sensors on one robot"
+        )
+    found = find_mounts(logs, base=first if wheels is None else wheels)
+    seen_from = given[first] if wheels is None else np.zeros(3)
+    return [
+        MountCheck(
+            topic=topic,
+            base="the wheels" if wheels is not None else first,
+            found=mount,
+            given=_seen(seen_from, given[topic]),
+        )
+        for topic, mount in found.items()
+    ]
+
+
+def _seen(a: Pose | None, b: Pose | None) -> Pose | None:
+    return None if a is None or b is None else se2.between(a, b)
 
 
 def track_of(log: Log) -> Trajectory:
