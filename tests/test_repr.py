@@ -41,7 +41,7 @@ def objects():
         "empty": (run.trajectory[:0], "Trajectory(no pose)"),
         "result": (run, "RunResult('office"),
         "run": (run.run, "OdometryRun('curvescan': 6 scans, 0 not matched)"),
-        "odometry": (odometry, "Odometry('curvescan', 1 scans, 1 keyframes)"),
+        "odometry": (odometry, "Odometry('curvescan', 1 scans)"),
         "step": (step, "OdometryStep(0: STARTED, x=0.0000 m"),
         "builder": (builder, "OccupancyBuilder(1 scans in cells of 0.05 m)"),
         "grid": (builder.grid(), "OccupancyGrid("),

@@ -35,6 +35,7 @@ from .io.trajectories.g2o import write_g2o as write_g2o
 from .io.trajectories.kitti import write_kitti as write_kitti
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
+from .live.finished.view import view as view
 from .mapping.config import OccupancyConfig as OccupancyConfig
 from .mapping.map_server import write_map as write_map
 from .mapping.occupancy import OccupancyBuilder as OccupancyBuilder
