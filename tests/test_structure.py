@@ -26,8 +26,8 @@ PLAIN = (0.0, 0.5, 1.0, 2.0)
 N_POSE = 3
 """Indices below it are those of a pose, a point or a small matrix; other columns have names."""
 
-LONG = {"live.py:live"}
-"""Functions that are longer: a command, with one parameter a flag."""
+LONG = {"calibrate.py:calibrate", "live.py:live"}
+"""Functions that are longer: commands, with one parameter a flag."""
 
 
 def _functions(tree: ast.AST) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
