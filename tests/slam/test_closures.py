@@ -51,8 +51,9 @@ def test_the_farther_off_and_the_vaguer_the_less_the_graph_speaks_for_it(result:
 
 
 def test_the_odometry_may_slip_along_its_way_and_not_turn(result: MatchResult) -> None:
-    slipped = [_tested(result, off, 0.02).expectation for off in (1.0, 3.0, 5.0)]
-    assert min(slipped) > -10.0
+    # as far as a metre; another room is farther
+    assert _tested(result, 1.0, 0.02).expectation > -6.0
+    assert _tested(result, 3.7, 0.02).expectation < -16.0
     # a corridor seen from its other end
     assert _tested(result, 0.0, 0.02, turn=np.pi).expectation < -1000.0
 

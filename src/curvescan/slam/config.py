@@ -137,7 +137,7 @@ class ClosuresConfig:
     max_turn: float = 0.5
     """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
     the mean does not show."""
-    log_odds: float = 10.0
+    log_odds: float = 8.0
     """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less what contradicts it."""
     most_log_odds: float = 14.0
     """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of the way."""

@@ -114,7 +114,7 @@ def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> 
     optimum = optimize_robustly(
         problem.poses,
         graph_edges,
-        np.where(problem.kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP),
+        least_weights(problem.kinds),
         anchors,
         limit=limit,
         weights=problem.weights,
@@ -128,6 +128,11 @@ def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> 
         covariances=covariances_seen_from(solved, noise),
         current=problem.current,
     )
+
+
+def least_weights(kinds: Ints) -> Floats:
+    """Return (m,) weight that each edge keeps: a closure none, a step a little."""
+    return np.where(kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP)
 
 
 def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:

@@ -118,7 +118,7 @@ class LoopSearch:
         ]
         for group in groups_against(self._refused, growing.graph.poses, self.config):
             group = [replace(c, expectation=self._after_slips(c)) for c in group]
-            near = [c for c in known if min(abs(c.j - one.j) for one in group) <= _N_NEAR]
+            near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= _N_NEAR]
             missed = np.concatenate((np.zeros(len(near)), np.ones(len(group))))
             found, against = best_group([*near, *group], growing.chain(), self.config, missed, 0.0)
             if found.log_odds - max(against, 0.0) > self.config.closures.log_odds:

@@ -44,7 +44,9 @@ def best_group(
     friends = np.flatnonzero(agrees[last, :last])
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
-    others = others[~agrees[np.ix_(others, members)].any(axis=1)]
+    # a way that is not known well excludes nothing
+    is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
+    others = others[is_possible.mean(axis=1) < 0.5]
     against = others[largest_clique(agrees[np.ix_(others, others)])]
     chosen = Group(members.tolist(), _odds(pool, members, chain, config, missed))
     return chosen, _odds(pool, against, chain, config, np.zeros(len(pool)))

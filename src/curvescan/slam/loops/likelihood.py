@@ -15,8 +15,8 @@ _ANYWHERE_M = 10.0
 SLIP: Cov = np.diag(np.square([0.7, 0.7, 0.0]))
 """(3, 3) covariance of a slip that the odometry did not notice: it moves the sensor, and does not turn it."""
 
-ANY_SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.0]))
-"""(3, 3) covariance of all the slips of a way that a finished map contradicts."""
+ANY_SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.3]))
+"""(3, 3) covariance of all that a way may have slipped and bent between places of a finished map."""
 
 _SLIP_ODDS = -9.0
 """Log odds of such a slip on the way between two keyframes."""
