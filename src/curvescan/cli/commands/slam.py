@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
@@ -12,7 +13,6 @@ from curvescan.cli.options import (
     ConfigFile,
     Configs,
     Laser,
-    LogPath,
     MapConfig,
     MethodConfigs,
     Preparation,
@@ -23,16 +23,26 @@ from curvescan.cli.options import (
     Topic,
     open_log,
 )
+from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
+if TYPE_CHECKING:
+    from curvescan.slam import SlamMap
+
+
+Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="I J")]
+
 
 def slam(
-    log: LogPath,
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="LOG")] = None,
     /,
     *,
     out: Path,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
+    drop: Pairs = (),
+    add: Pairs = (),
+    edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     method: Method = "curvescan",
     range_max: float | None = None,
     topic: Topic = None,
@@ -57,7 +67,13 @@ def slam(
     out
         Folder for the results; made if it is missing.
     map
-        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it.
+        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only mended.
+    drop
+        Drop the closures between keyframes I and J of the map; may be repeated.
+    add
+        Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated.
+    edits
+        File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them.
     method
         The matcher.
     range_max
@@ -84,8 +100,12 @@ def slam(
     from curvescan.runs.slam_log import slam_log
     from curvescan.slam import load_map
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     begin = None if map is None else load_map(map)
+    if drop or add or edits or log is None:
+        begin = _mended(begin, drop, add, edits, None if log else out)
+    if log is None:
+        return 0
+    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
     with run_display(lambda: load_kernels(method, slam=True)) as display:
         result = slam_log(
             source,
@@ -120,3 +140,26 @@ def slam(
         ERR.print(proposal, markup=False, soft_wrap=True)
     OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
     return 0 if result.verdict.is_trusted else 3
+
+
+def _mended(
+    begin: SlamMap | None,
+    drop: Sequence[tuple[int, int]],
+    add: Sequence[tuple[int, int]],
+    file: Path | None,
+    out: Path | None,
+) -> SlamMap:
+    """Return the map with its edits, written with them into a folder, if there is one."""
+    from curvescan.cli.console import OUT
+    from curvescan.slam.editing.edits import Edit, added, edited, read_edits
+    from curvescan.slam.editing.saving import save_map_folder
+
+    if begin is None:
+        raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")
+    edits = [*(read_edits(file) if file else ()), *(Edit(do="drop", i=i, j=j) for i, j in drop)]
+    edits += [added(begin, i, j) for i, j in add]
+    mended = edited(begin, edits)
+    if out is not None:
+        names = save_map_folder(out, mended, edits)
+        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}", markup=False)
+    return mended
