@@ -32,7 +32,7 @@ test-ros:
 
 # the site, with its gallery run and warnings as errors: docs/_build/html/index.html
 docs: $(DOCS_INSTALLED)
-	CURVESCAN_COMPILE_HELPERS=0 $(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)

@@ -15,6 +15,7 @@ from .errors import SourceError as SourceError
 from .errors import StorageError as StorageError
 from .errors import UnitWarning as UnitWarning
 from .errors import WorkerError as WorkerError
+from .evaluation.mounts import find_mounts as find_mounts
 from .io import log_from_arrays as log_from_arrays
 from .io import read_config as read_config
 from .io import read_csv as read_csv
@@ -76,6 +77,7 @@ from .odometry.config import KeyframesConfig as KeyframesConfig
 from .odometry.config import MotionConfig as MotionConfig
 from .odometry.config import OdometryConfig as OdometryConfig
 from .plots import plot as plot
+from .rig import Rig as Rig
 from .runs.batch.batch import BatchResult as BatchResult
 from .runs.batch.batch import run_batch as run_batch
 from .runs.batch.jobs import OdometryJob as OdometryJob
