@@ -38,7 +38,9 @@ def test_no_edit_changes_no_bit():
 def test_a_pinned_keyframe_stays_where_it_was_said_to_be():
     slam_map, truth = ring()
     pinned = edited(slam_map, [Edit(do="pin", i=30, j=30, pose=tuple(truth[30].tolist()))])
-    np.testing.assert_allclose(pinned.poses[30, :2], truth[30, :2], atol=0.01)  # a millimetre against the odometry's pull
+    np.testing.assert_allclose(
+        pinned.poses[30, :2], truth[30, :2], atol=0.01
+    )  # a millimetre against the odometry's pull
     assert np.abs(pinned.poses[0]).max() == 0.0
 
 

@@ -28,6 +28,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
+    from curvescan.runs.slam_log import SlamResult
     from curvescan.slam import SlamMap
 
 
@@ -93,10 +94,7 @@ def slam(
     slam_config
         Parameters of SLAM.
     """
-    from curvescan.cli.console import ERR, OUT, load_kernels, run_display
-    from curvescan.cli.flags import with_flags
-    from curvescan.cli.proposals import propose_commands
-    from curvescan.cli.summary import on_the_file, summarise, wrote_slam
+    from curvescan.cli.console import load_kernels, run_display
     from curvescan.runs.slam_log import slam_log
     from curvescan.slam import load_map
 
@@ -122,24 +120,7 @@ def slam(
             inputs=() if map is None else (map,),
             display=display,
         )
-    for remark in result.prepared.remarks:
-        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
-    OUT.print(summarise(result.run.revised, len(source)))
-    seconds = result.run.seconds_to_finish
-    OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)
-    if result.run.slam.is_deceived:
-        OUT.print(
-            "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly the "
-            "odometry's",
-            markup=False,
-        )
-    for remark in (*on_the_file(result.issues), *result.left_out):
-        ERR.print(remark, markup=False)
-    OUT.print(wrote_slam(out, result.left_out), markup=False)
-    for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
-        ERR.print(proposal, markup=False, soft_wrap=True)
-    OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
-    return 0 if result.verdict.is_trusted else 3
+    return _report(result, len(source), out)
 
 
 def _mended(
@@ -163,3 +144,30 @@ def _mended(
         names = save_map_folder(out, mended, edits)
         OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}", markup=False)
     return mended
+
+
+def _report(result: SlamResult, n_scans: int, out: Path) -> int:
+    """Print how a run went, and return the exit status."""
+    from curvescan.cli.console import ERR, OUT
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import propose_commands
+    from curvescan.cli.summary import on_the_file, summarise, wrote_slam
+
+    for remark in result.prepared.remarks:
+        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+    OUT.print(summarise(result.run.revised, n_scans))
+    seconds = result.run.seconds_to_finish
+    OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)
+    if result.run.slam.is_deceived:
+        OUT.print(
+            "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly the "
+            "odometry's",
+            markup=False,
+        )
+    for remark in (*on_the_file(result.issues), *result.left_out):
+        ERR.print(remark, markup=False)
+    OUT.print(wrote_slam(out, result.left_out), markup=False)
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
+    return 0 if result.verdict.is_trusted else 3

@@ -150,7 +150,8 @@ function drawEllipses(poses, covariances) {
   let pu = NaN, pv = NaN;
   for (let i = 0; 3 * i < poses.length; i++) {
     const [u, v] = toScreen(poses[3 * i], poses[3 * i + 1]);
-    if (Math.hypot(u - pu, v - pv) < 22 || u < pane.x0 - 200 || u > pane.x1 + 200 || v < pane.y0 - 200 || v > pane.y1 + 200) continue;
+    const wide = view.scale * Math.sqrt(covariances[4 * i] + covariances[4 * i + 2]);
+    if (Math.hypot(u - pu, v - pv) < Math.max(22, 0.8 * wide) || u < pane.x0 - 200 || u > pane.x1 + 200 || v < pane.y0 - 200 || v > pane.y1 + 200) continue;
     [pu, pv] = [u, v];
     drawEllipse(poses[3 * i], poses[3 * i + 1], covariances.subarray(4 * i, 4 * i + 3), { alpha: 0.06 });
   }
