@@ -15,6 +15,7 @@ from .errors import SourceError as SourceError
 from .errors import StorageError as StorageError
 from .errors import UnitWarning as UnitWarning
 from .errors import WorkerError as WorkerError
+from .io import datasets as datasets
 from .io import log_from_arrays as log_from_arrays
 from .io import read_config as read_config
 from .io import read_csv as read_csv

@@ -6,6 +6,7 @@ file, never from its name.
 
 from __future__ import annotations
 
+from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
 from curvescan.io.files.output import output_folder
@@ -29,6 +30,7 @@ __all__ = [
     "SensorSetup",
     "Trajectory",
     "apply_setup",
+    "datasets",
     "log_from_arrays",
     "output_folder",
     "pick_scans",
