@@ -32,7 +32,7 @@ from .io.log import Log as Log
 from .io.log import LogSlice as LogSlice
 from .io.ros.writing.odometry_export import write_odometry_mcap as write_odometry_mcap
 from .io.trajectories.g2o import write_g2o as write_g2o
-from .io.trajectories.kitti import write_kitti as write_kitti
+from .io.trajectories.layouts import write_kitti as write_kitti
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
 from .mapping.config import OccupancyConfig as OccupancyConfig

@@ -15,9 +15,9 @@ from curvescan.io.log import Log, pick_scans
 from curvescan.io.poses import PoseFile, read_poses
 from curvescan.io.reading import read_log
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.io.writers import WRITERS, write_log
 
 __all__ = [

@@ -12,8 +12,8 @@ import numpy as np
 
 from curvescan._interrupts import stoppable
 from curvescan._version import __version__
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.odometry.run import pose_at
 from curvescan.plots.canvas import DARK, PATH, as_place, drawing_places
 from curvescan.runs.plain import as_plain

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from curvescan.io.log import Log
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps

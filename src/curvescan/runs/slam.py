@@ -13,8 +13,8 @@ import numpy as np
 from curvescan.diagnostics.verdict import Verdict
 from curvescan.io.log import Log
 from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.layouts import write_tum
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.io.trajectories.tum_csv import write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import OdometryRun
