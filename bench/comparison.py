@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from kept_rows import markdown, read_rows, write_rows
-
 import curvescan as cs
 from curvescan.evaluation.published import BENCHMARKS
 from curvescan.evaluation.relations import relation_errors
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS
 from curvescan.runs.slam_log import slam_log
+from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
 ROWS, TABLES = HERE / "comparison.jsonl", HERE / "comparison.md"

@@ -15,6 +15,7 @@ from .errors import SourceError as SourceError
 from .errors import StorageError as StorageError
 from .errors import UnitWarning as UnitWarning
 from .errors import WorkerError as WorkerError
+from .evaluation.mounts import find_mounts as find_mounts
 from .io import datasets as datasets
 from .io import log_from_arrays as log_from_arrays
 from .io import read_config as read_config
@@ -35,6 +36,7 @@ from .io.trajectories.g2o import write_g2o as write_g2o
 from .io.trajectories.layouts import write_kitti as write_kitti
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
+from .live.finished.view import view as view
 from .mapping.config import OccupancyConfig as OccupancyConfig
 from .mapping.map_server import write_map as write_map
 from .mapping.occupancy import OccupancyBuilder as OccupancyBuilder
@@ -63,6 +65,7 @@ from .matchers.curvescan.config import RefinementConfig as RefinementConfig
 from .matchers.curvescan.config import ScoringConfig as ScoringConfig
 from .matchers.curvescan.config import SegmentsConfig as SegmentsConfig
 from .matchers.registry import MATCHERS as MATCHERS
+from .matchers.result import Candidate as Candidate
 from .matchers.result import Label as Label
 from .matchers.result import MatchResult as MatchResult
 from .matchers.result import Outcome as Outcome
@@ -75,6 +78,7 @@ from .odometry.config import KeyframesConfig as KeyframesConfig
 from .odometry.config import MotionConfig as MotionConfig
 from .odometry.config import OdometryConfig as OdometryConfig
 from .plots import plot as plot
+from .rig import Rig as Rig
 from .runs.batch.batch import BatchResult as BatchResult
 from .runs.batch.batch import run_batch as run_batch
 from .runs.batch.jobs import OdometryJob as OdometryJob
@@ -82,6 +86,7 @@ from .runs.batch.jobs import SlamJob as SlamJob
 from .runs.run import RunResult as RunResult
 from .runs.run import run as run
 from .scan import LaserScan as LaserScan
+from .se2.uncertain import UncertainPose as UncertainPose
 from .simulation import simulate as simulate
 from .slam import Localizer as Localizer
 from .slam import LocalizerStep as LocalizerStep

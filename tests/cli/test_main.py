@@ -219,19 +219,7 @@ def test_demo_needs_no_data(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_bench_measures_and_tabulates(log, tmp_path, capsys):
-    arguments = [
-        "bench",
-        "--pairs",
-        "2",
-        "--runs",
-        "3",
-        "--deceptive",
-        "1",
-        "--logs",
-        str(log),
-        "--out",
-        str(tmp_path / "bench"),
-    ]
+    arguments = ["bench", "--pairs", "2", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
     assert run(arguments) == 0
     printed = capsys.readouterr().out
     written = (tmp_path / "bench" / "bench.md").read_text()

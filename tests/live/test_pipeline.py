@@ -278,7 +278,7 @@ def test_the_viewer_keeps_no_scan_and_draws_the_map(log):
     viewer = Viewer("a test", is_lossless=True)
     run_live(LogSource(log, speed=0), Tracker(Odometry()), [viewer])
     viewer.close()
-    assert viewer.picture.png.startswith(b"\x89PNG")
+    assert viewer.content("/map.png")[0].startswith(b"\x89PNG")
     viewer.stop()
     events = dict(viewer.events())
     assert list(events) == ["about", "status", "path", "map", "times", "scan"]

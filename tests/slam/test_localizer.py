@@ -11,18 +11,13 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.benchmarks.slam.localization_runs import false_elsewhere, first_fixes, tracked
-from curvescan.benchmarks.slam.localization_tasks import (
-    in_frame_of,
-    task_of_floor,
-    with_closed_doors,
-    with_moved_things,
-)
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import build_world
 from curvescan.slam import LocalizerOutcome, SlamMap
 from curvescan.slam.localization.matching import Hit, fused
+from localization_runs import false_elsewhere, first_fixes, tracked
+from localization_tasks import in_frame_of, task_of_floor, with_closed_doors, with_moved_things
 from tests.slam.map_example import FILE, ROOM, lap, scans
 
 

@@ -135,6 +135,30 @@ class Laser:
             raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Preparation:
+    """What of a log is used, and what is mended in it."""
+
+    odometry_prior: Flag = False
+    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
+    laser_only: Flag = False
+    """Leave wheels and gyroscope out, also where they agree with the scans."""
+    as_is: Flag = False
+    """Mend nothing: codes for no return, stale, mirrored or reversed beams are taken as the log has them."""
+
+    def __post_init__(self) -> None:
+        if self.odometry_prior and self.laser_only:
+            raise InvalidArgumentError("--odometry-prior and --laser-only exclude each other: give one")
+
+    @property
+    def wanted(self) -> bool | None:
+        """Whether the motion prior of the log is used: None where it agrees with the scans."""
+        return True if self.odometry_prior else False if self.laser_only else None
+
+
+PreparationFlags: TypeAlias = Annotated[Preparation, tyro.conf.arg(name="")]
+"""What of a log is used, and what is mended in it, as flags of their own."""
+
 SensorFlags: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
 """How the laser is set up, as flags of their own."""
 

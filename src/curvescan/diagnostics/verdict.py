@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,9 +27,6 @@ MAX_SIGMA = 0.5
 
 MAX_SIGMA_SHARE = 0.02
 """The same on a long path, as a share of it: what odometry may drift by."""
-
-_REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
-"""Options that turn the beams round: one that was given, and is asked for all the same, is to be left out."""
 
 _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
@@ -69,20 +65,6 @@ def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
         *(issue.what for issue in issues if issue.kind in _SPOILING),
     ]
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
-
-
-def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
-    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy."""
-    options = [issue for issue in issues if issue.option]
-    if not options:
-        return ()
-    found = dict.fromkeys(issue.option for issue in options)
-    # one that turns the beams round, and was given, was wrong if they are now the wrong way round: it is left out
-    wrong = _REVERSING & found.keys() & set(command)
-    added = [word for option in found if option not in wrong for word in shlex.split(option)]
-    what = "; ".join(issue.what for issue in options)
-    proposed = shlex.join([*(word for word in command if word not in wrong), *added])
-    return (f"{what}; try: {proposed}",)
 
 
 def _on_matches(run: OdometryRun) -> list[str]:

@@ -15,14 +15,13 @@ class StepOutcome(Enum):
     STARTED = "First scan: its sensor frame is the frame of the trajectory."
     MATCHED = "Matched with the keyframe in use."
     CHAINED = "Matched with the scan before it, which became the keyframe."
-    LOOP_CLOSED = "Matched with an earlier keyframe as well: the place is known."
     RELOCALIZED = "Not matched to the current keyframe or the previous scan; relocalized on an earlier keyframe."
     PREDICTED = "No match: the expected motion was taken."
     HELD = "Matches keep failing: the sensor is taken to stand still."
     LOST = "Lost: nothing known before matches; the track starts anew, its place in the old one is unknown."
 
 
-MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
+MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.RELOCALIZED)
 """Outcomes that stand on a match."""
 
 
@@ -42,7 +41,7 @@ class OdometryStep:
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta; zero at the first scan.
     motion : (3,) float64
-        Pose of the sensor seen from where it was at the previous scan, without the leaps of loop closures and
+        Pose of the sensor seen from where it was at the previous scan, without the leaps of
         relocalizations: chained, it is a continuous track (`odom` of REP-105). Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.

@@ -22,6 +22,7 @@ from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import Odometry, OdometryRun, StepOutcome
 from curvescan.runs.plain import as_plain
 from curvescan.runs.results import save_trajectory_and_maps, write_record
+from curvescan.runs.view_file import write_view_file
 from curvescan.types import Pose
 
 
@@ -52,6 +53,7 @@ def save_run(
     saved = save_trajectory_and_maps(
         folder, run, log, is_deskewed=odometry.config.deskew, occupancy=occupancy, truth=truth, maps=maps
     )
+    write_view_file(folder, log, len(run.outcomes))
     record = describe_run(run, log, odometry, command, source, verdict)
     record |= {"occupancy": as_plain(occupancy), "left_out": list(saved.left_out)}
     write_record(folder, {**record, **(further or {})})

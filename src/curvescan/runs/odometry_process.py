@@ -32,7 +32,7 @@ from curvescan.types import Pose
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-_ENVIRONMENT = {"CURVESCAN_COMPILE_HELPERS": "0", "OMP_NUM_THREADS": "1"}
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 
 _BATCH = 32
 """Scans sent at once."""

@@ -21,8 +21,7 @@ class PoseGraph:
     Attributes
     ----------
     edges : list of PoseEdge
-        One a step but the first; two where a step returns to an earlier keyframe: that match, and the motion since the
-        scan before.
+        One a step but the first.
     """
 
     def __init__(self) -> None:
@@ -33,8 +32,6 @@ class PoseGraph:
         """Take up a step."""
         if step.match is not None and step.match.ok and step.reference is not None:
             self._join(step.reference, step, step.match.pose, step.match.covariance)
-            if step.outcome is StepOutcome.LOOP_CLOSED:  # the match that led here is a measurement too
-                self._join(step.index - 1, step, step.motion, step.motion_covariance)
         elif step.outcome is StepOutcome.LOST:
             self._join(step.index - 1, step, step.motion, step.motion_covariance)
         elif self._last is not None:

@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from curvescan.configs import as_config
-from curvescan.diagnostics.inspect import inspect_log
-from curvescan.diagnostics.issues import Issue, find_issues
-from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.issues import Issue
+from curvescan.diagnostics.preparation import PreparedLog, prepare_log
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.exports import ExportName, RunData, check_exports, takes_edges, write_exports
@@ -55,8 +53,8 @@ class RunResult:
         Trajectory, outcomes, times.
     odometry : Odometry
         What ran, in its last state.
-    sensor : SensorJudgement
-        What the log's scans say of the sensor.
+    prepared : PreparedLog
+        What was mended in the log, and whether its wheels or gyroscope are used.
     issues : tuple of Issue
         What is wrong or odd with the log, as :func:`curvescan.find_issues` has it.
     verdict : Verdict
@@ -70,7 +68,7 @@ class RunResult:
     log: Log
     run: OdometryRun
     odometry: Odometry
-    sensor: SensorJudgement
+    prepared: PreparedLog
     issues: tuple[Issue, ...]
     verdict: Verdict
     files: tuple[str, ...] = ()
@@ -93,7 +91,8 @@ def run(
     method: Method | str = DEFAULT_METHOD,
     config: OdometryConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
-    odometry_prior: bool = False,
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
     exports: Sequence[ExportName] = (),
     occupancy: OccupancyConfig | Mapping[str, Any] | None = None,
     truth: Pose | None = None,
@@ -118,8 +117,11 @@ def run(
         Configuration of the odometry; None for what suits the method.
     matcher : dataclass, mapping or None
         Configuration of the matcher.
-    odometry_prior : bool
-        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
+    odometry_prior : bool or None
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion; None
+        where it agrees with the scans.
+    as_is : bool
+        Whether to take the log as it is, and mend nothing.
     exports : sequence of str
         Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
     occupancy : OccupancyConfig, mapping or None
@@ -154,20 +156,23 @@ def run(
     graph = PoseGraph() if takes_edges(exports) else None
     # first of all: a place that cannot be written costs no work
     with _folder(out, source) as folder:
-        result = _judged_run(scans, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph)
+        result = _judged_run(
+            scans, method, config, matcher, odometry_prior=odometry_prior, as_is=as_is, shown=shown, graph=graph
+        )
         result = replace(result, log=opened)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_run(
                 folder,
                 result.run,
-                scans,
+                result.prepared.log,
                 odometry=result.odometry,
                 command=command,
                 source=None if source is None else Path(source),
                 occupancy=map_config,
                 truth=truth,
                 verdict=result.verdict,
+                further=result.prepared.as_plain(),
             )
             files = tuple(sorted(file.name for file in folder.iterdir()))
             result = replace(result, files=files, left_out=left_out)
@@ -175,7 +180,7 @@ def run(
         # on their own: what goes wrong here must not cost the results of the run
         shown.begin("exporting", 0)
         edges = graph.edges if graph else ()
-        data = RunData(trajectory=result.trajectory, edges=edges, scans=scans)
+        data = RunData(trajectory=result.trajectory, edges=edges, scans=result.prepared.log)
         exported = _write_exports(out, source, exports, data)
         result = replace(result, files=(*result.files, *exported))
     return result
@@ -187,7 +192,8 @@ def _judged_run(
     config: OdometryConfig,
     matcher: MatcherConfig | None,
     *,
-    has_prior: bool,
+    odometry_prior: bool | None,
+    as_is: bool,
     shown: RunDisplay,
     graph: PoseGraph | None,
 ) -> RunResult:
@@ -199,15 +205,14 @@ def _judged_run(
         shown.advance()
 
     shown.begin("looking for what is wrong with the log", 0)
-    sensor = judge_sensor(log, is_order_needed=config.deskew)
-    issues = find_issues(inspect_log(log, sensor))
-    odometry_poses = motion_prior(log, sensor.rotation) if has_prior else None
-    config = replace(config, deskew=config.deskew and sensor.can_deskew)
+    prepared = prepare_log(log, odometry_prior=odometry_prior, as_is=as_is, is_order_needed=config.deskew)
+    log, issues = prepared.log, prepared.issues
+    config = replace(config, deskew=config.deskew and prepared.sensor.can_deskew)
     odometry = Odometry(method, config=config, matcher=matcher)
     shown.begin("odometry", len(log))
-    done = run_odometry(log, odometry, odometry_poses=odometry_poses, on_step=on_step)
+    done = run_odometry(log, odometry, odometry_poses=prepared.odometry_poses, on_step=on_step)
     return RunResult(
-        log=log, run=done, odometry=odometry, sensor=sensor, issues=issues, verdict=judge_run(done, issues)
+        log=log, run=done, odometry=odometry, prepared=prepared, issues=issues, verdict=judge_run(done, issues)
     )
 
 

@@ -24,6 +24,7 @@ from curvescan.runs.odometry import describe_run
 from curvescan.runs.odometry_process import OdometryProcess
 from curvescan.runs.plain import as_plain
 from curvescan.runs.results import maps_of, save_trajectory_and_maps, title_of, write_record
+from curvescan.runs.view_file import write_view_file
 from curvescan.slam import ClosureOutcome, SlamRun
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
@@ -85,6 +86,14 @@ def save_slam_run(
     slam_map.save(folder / "map.csmap")
     save_graph(folder, slam_map)
     write_closures(folder / "closures.csv", slam.closures)
+    write_view_file(
+        folder,
+        log,
+        len(revised.outcomes),
+        odometry=run.odometry.poses,
+        keyframe_numbers=slam.backend.keyframes.numbers,
+        keyframe_scans=slam.keyframe_scans(),
+    )
     if drawn is None:
         _draw_graph(folder, slam_map, saved.maps, saved.title)
     else:

@@ -6,14 +6,10 @@ import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
-from curvescan.diagnostics.inspect import inspect_log
-from curvescan.diagnostics.issues import Issue, find_issues
-from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.report import LogReport
-from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.issues import Issue
+from curvescan.diagnostics.preparation import PreparedLog, prepare_log
 from curvescan.diagnostics.verdict import Verdict, judge_run
 from curvescan.io.files.output import output_folder
 from curvescan.io.held import HeldLog
@@ -38,6 +34,8 @@ class SlamResult:
         What is wrong or odd with the log.
     verdict : Verdict
         Whether the trajectory can be trusted, and if not, why.
+    prepared : PreparedLog
+        What was mended in the log, and whether its wheels or gyroscope are used.
     left_out : tuple of str
         What was not written and why, a sentence each.
     """
@@ -45,6 +43,7 @@ class SlamResult:
     run: SlamRun
     issues: tuple[Issue, ...]
     verdict: Verdict
+    prepared: PreparedLog
     left_out: tuple[str, ...] = ()
 
 
@@ -56,7 +55,8 @@ def slam_log(
     config: SlamConfig | None = None,
     matcher: MatcherConfig | None = None,
     map: SlamMap | None = None,  # noqa: A002 - the name that Slam gives it
-    odometry_prior: bool = False,
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
     occupancy: OccupancyConfig | None = None,
     command: Sequence[str] = (),
     source: str | os.PathLike[str] | None = None,
@@ -79,40 +79,35 @@ def slam_log(
         _other_process(len(held), n_processes) as other,
     ):
         shown.begin("looking for what is wrong with the log", 0)
-        sensor = judge_sensor(held, is_order_needed=config.odometry.deskew)
-        odometry_poses = motion_prior(held, sensor.rotation) if odometry_prior else None
-        deskew = config.odometry.deskew and sensor.can_deskew
+        is_order_needed = config.odometry.deskew
+        prepared = prepare_log(held, odometry_prior=odometry_prior, as_is=as_is, is_order_needed=is_order_needed)
+        mended, odometry_poses, issues = prepared.log, prepared.odometry_poses, prepared.issues
+        deskew = config.odometry.deskew and prepared.sensor.can_deskew
         rules = replace(config, odometry=replace(config.odometry, deskew=deskew))
         slam = Slam(method, matcher=matcher, config=rules, map=map)
-        inspected = (other.call_after if other else partial)(_inspect, held, sensor)
-        shown.begin("SLAM", len(held))
+        shown.begin("SLAM", len(mended))
         run = run_slam(
-            held,
+            mended,
             slam,
             odometry_poses=odometry_poses,
             on_step=lambda _: shown.advance(),
-            ahead=other.place(slam.odometry, held, odometry_poses) if other else None,
+            ahead=other.place(slam.odometry, mended, odometry_poses) if other else None,
         )
-        issues = find_issues(inspected())
         verdict = judge_run(run.revised, issues)
         if folder is not None:
             shown.begin("drawing the maps", 0)
             left_out = save_slam_run(
                 folder,
                 run,
-                held,
+                mended,
                 command=command,
                 source=None if source is None else Path(source),
                 occupancy=occupancy,
                 verdict=verdict,
+                further=prepared.as_plain(),
                 helper=other,
             )
-    return SlamResult(run=run, issues=tuple(issues), verdict=verdict, left_out=left_out)
-
-
-def _inspect(log: Log, sensor: SensorJudgement) -> LogReport:
-    """Return what is in a log; that it stands in this file has another process load what draws the maps, before it is needed."""
-    return inspect_log(log, sensor)
+    return SlamResult(run=run, issues=issues, verdict=verdict, prepared=prepared, left_out=left_out)
 
 
 def _other_process(n_scans: int, n_processes: int) -> AbstractContextManager[OdometryProcess | None]:

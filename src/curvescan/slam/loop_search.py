@@ -125,10 +125,10 @@ class LoopSearch:
         poses = self._map.graph.poses
         expected = UncertainPose(se2.between(poses[i], poses[j]), candidate.expected.cov)
         expected = vaguely(expected, self.config)
-        guess = expected.pose if is_certain(expected, self.config) else None
-        result = self._map.keyframes.match(i, j, guess)
+        prior = expected if is_certain(expected, self.config) else None
+        result = self._map.keyframes.match(i, j, prior)
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
-        if guess is not None and not self._is_linked(i, j):
+        if prior is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
         if closure.outcome is ClosureOutcome.WAITING:
             return self._wait(closure, expected)

@@ -31,7 +31,7 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
 from curvescan.slam.records import Records
 from curvescan.slam.step import SlamStep
-from curvescan.types import Pose
+from curvescan.types import Ints, Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -196,6 +196,10 @@ class Slam:
     def trajectory(self) -> Trajectory:
         """Return every pose so far, in the map as it is now."""
         return self._records.trajectory(*self.backend.placed())
+
+    def keyframe_scans(self) -> Ints:
+        """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
+        return self._records.keyframe_scans()
 
     @property
     def map(self) -> SlamMap:

@@ -19,6 +19,8 @@ from curvescan.cli.options import (
     Laser,
     MapConfig,
     MethodConfigs,
+    Preparation,
+    PreparationFlags,
     SensorFlags,
     SlamConfigs,
     SlamFlags,
@@ -49,10 +51,10 @@ def batch(
     workers: int | None = None,
     timeout: float = 3600.0,
     method: Method = "curvescan",
-    odometry_prior: bool = False,
     range_max: float | None = None,
     topic: Topic = None,
     laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -82,14 +84,14 @@ def batch(
         Time that one log may take, seconds; inf for any.
     method
         The matcher.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
     laser
         How the laser is set up, where its log does not say so or is wrong.
+    preparation
+        What of the log is used, and what is mended in it.
     occupancy
         How to make the occupancy map.
     config
@@ -114,7 +116,8 @@ def batch(
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
-            odometry_prior=odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             occupancy=occupancy,
             logs=logs,
             command=tuple(sys.argv),
@@ -124,7 +127,8 @@ def batch(
             method=method,
             config=make_config(method, "auto", chain_config),
             matcher=configs.of(method),
-            odometry_prior=odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             occupancy=occupancy,
             logs=logs,
             command=tuple(sys.argv),

@@ -35,7 +35,7 @@ def info(
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
     json
-        Print JSON: `usable` (bool), `findings` (a list of topic, kind, what, consequence, option) and `report` (all figures;
+        Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report` (all figures;
         null where one is not known or has no limit). The keys are the same for every log.
     laser
         How the laser is set up, where its log does not say so or is wrong.
@@ -43,6 +43,7 @@ def info(
     from rich.markup import escape
 
     from curvescan.cli.console import OUT
+    from curvescan.cli.flags import with_flags
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.report_json import report_as_plain
@@ -58,7 +59,7 @@ def info(
             OUT.print(f"  {name:<16} {escape(value)}")
     issues = find_issues(report)
     for issue in issues:
-        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(issue.sentence_with_option)}")
+        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(with_flags(issue.sentence))}")
     if not issues:
         OUT.print("  nothing wrong found")
     if not report.is_usable:

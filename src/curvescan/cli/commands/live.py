@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import sys
 import time
-import webbrowser
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
@@ -16,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
-from curvescan._interrupts import stoppable
 from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
@@ -30,12 +26,6 @@ if TYPE_CHECKING:
     from curvescan.live.tracker import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
-
-DEFAULT_PORT = 8765
-"""Default port of the page, unless it is in use."""
-
-_POLL_S = 0.2
-"""Time between two looks whether to close the page, seconds."""
 
 
 def live(
@@ -120,6 +110,7 @@ def live(
     """
     import curvescan.live as live_package  # each loads when it is named: the first picture needs neither plots nor bags
     from curvescan.cli.console import ERR, OUT
+    from curvescan.cli.serving import free_port, open_browser, wait
     from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
 
@@ -139,9 +130,9 @@ def live(
         viewer = None
         if not no_page:
             viewer = Viewer(source.name, saved_map=saved, **maps)
-            server = PageServer(viewer, host=host, port=_free_port(host, http_port))
+            server = PageServer(viewer, host=host, port=free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
-            _open_browser(server.url)
+            open_browser(server.url)
             if saved is None:
                 _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
@@ -171,7 +162,7 @@ def live(
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None and not report.is_interrupted:
-            _wait("the source has ended; Ctrl-C closes the page")
+            wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
     return 0
@@ -211,10 +202,10 @@ def _saved_map(path: Path) -> Any:
 def _can_deskew(log: Log) -> bool:
     """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
     from curvescan.cli.console import ERR
+    from curvescan.cli.proposals import propose_commands
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.diagnostics.verdict import propose_commands
 
     with ERR.status("looking for what is wrong with the log"):
         sensor = judge_sensor(log)
@@ -297,36 +288,3 @@ def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: S
         if sink.error is not None:
             raise sink.error
     return report
-
-
-def _free_port(host: str, port: int | None) -> int:
-    """Return the given port; else the default one, or 0, for any, where that is in use."""
-    if port is not None:
-        return port
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((host, DEFAULT_PORT))
-        except OSError:
-            return 0
-    return DEFAULT_PORT
-
-
-def _open_browser(url: str) -> None:
-    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
-    has_desktop = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    if sys.stdout.isatty() and has_desktop:
-        webbrowser.open(url)
-
-
-def _wait(sentence: str) -> None:
-    """Wait for Ctrl-C, and say so once it is waited for."""
-    from curvescan.cli.console import ERR
-
-    with stoppable() as stop:
-        ERR.print(sentence, markup=False)
-        while not stop.is_asked:
-            time.sleep(_POLL_S)

@@ -9,7 +9,18 @@ from typing import Annotated
 
 import tyro
 
-from curvescan.cli.options import ConfigFile, Laser, LogPath, SensorFlags, SlamConfigs, SlamFlags, Topic, open_log
+from curvescan.cli.options import (
+    ConfigFile,
+    Laser,
+    LogPath,
+    Preparation,
+    PreparationFlags,
+    SensorFlags,
+    SlamConfigs,
+    SlamFlags,
+    Topic,
+    open_log,
+)
 
 
 def localize(
@@ -18,10 +29,10 @@ def localize(
     *,
     map: Annotated[Path, tyro.conf.arg(metavar="FILE")],  # noqa: A002 - the flag's name
     out: Path,
-    odometry_prior: bool = False,
     range_max: float | None = None,
     topic: Topic = None,
     laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -38,23 +49,24 @@ def localize(
         The map, as `curvescan slam` wrote it: map.csmap.
     out
         Folder for the results; made if it is missing.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
     laser
         How the laser is set up, where its log does not say so or is wrong.
+    preparation
+        What of the log is used, and what is mended in it.
     config
         TOML file of parameters. Flags change what it says.
     slam_config
         Parameters of SLAM that localization shares.
     """
-    from curvescan.cli.console import OUT, load_kernels, progress_bar, table
-    from curvescan.diagnostics.motion_prior import motion_prior
-    from curvescan.diagnostics.sensor import judge_sensor
+    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar, table
+    from curvescan.cli.flags import with_flags
+    from curvescan.diagnostics.preparation import prepare_log
     from curvescan.io import output_folder
+    from curvescan.io.held import HeldLog
     from curvescan.runs.localize import run_localizer, save_localizer_run
     from curvescan.slam import Localizer, LocalizerOutcome, load_map
 
@@ -63,14 +75,17 @@ def localize(
     with output_folder(out, inputs=(log, map)) as folder:
         load_kernels("curvescan", slam=True)
         given = slam_config.slam
-        sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)
-        deskew = given.odometry.deskew and sensor.can_deskew
+        prepared = prepare_log(HeldLog(source), odometry_prior=preparation.wanted, as_is=preparation.as_is)
+        for remark in prepared.remarks:
+            ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+        deskew = given.odometry.deskew and prepared.sensor.can_deskew
         rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
-        odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
         localizer = Localizer(slam_map, config=rules)
         with progress_bar("localization", len(source)) as advance:
-            run = run_localizer(source, localizer, odometry_poses=odometry_poses, on_step=lambda _: advance())
-        save_localizer_run(folder, run, name=source.name, command=tuple(sys.argv))
+            run = run_localizer(
+                prepared.log, localizer, odometry_poses=prepared.odometry_poses, on_step=lambda _: advance()
+            )
+        save_localizer_run(folder, run, name=source.name, command=tuple(sys.argv), further=prepared.as_plain())
     result = table(f"{len(run.outcomes):,} scans in {slam_map!r}", "", "count", "share")
     for outcome in LocalizerOutcome:
         n = run.outcomes.count(outcome)

@@ -15,6 +15,8 @@ from curvescan.cli.options import (
     LogPath,
     MapConfig,
     MethodConfigs,
+    Preparation,
+    PreparationFlags,
     SensorFlags,
     Topic,
     open_log,
@@ -30,12 +32,12 @@ def odometry(
     *,
     out: Path,
     method: Method = "curvescan",
-    odometry_prior: bool = False,
     chain: Chain = "auto",
     range_max: float | None = None,
     topic: Topic = None,
     export: tuple[ExportName, ...] = (),
     laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -59,9 +61,6 @@ def odometry(
         Folder for the results; made if it is missing.
     method
         The matcher.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion. The
-        matches decide where they can; along a corridor the odometry does.
     chain
         What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is known;
         `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
@@ -74,6 +73,8 @@ def odometry(
         for Foxglove and ROS 2).
     laser
         How the laser is set up, where its log does not say so or is wrong.
+    preparation
+        What of the log is used, and what is mended in it.
     occupancy
         How to make the occupancy map.
     config
@@ -84,9 +85,10 @@ def odometry(
         Parameters of the odometry, where keyframes are used.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import propose_commands
     from curvescan.cli.summary import on_the_file, summarise, wrote
     from curvescan.cli.tracker import make_config
-    from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.run import run
 
     source = open_log(log, range_max=range_max, topic=topic, laser=laser)
@@ -97,14 +99,17 @@ def odometry(
             method=method,
             config=make_config(method, chain, chain_config),
             matcher=configs.of(method),
-            odometry_prior=odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             exports=export,
             occupancy=occupancy,
             command=sys.argv,
             source=log,
             display=display,
         )
-    if not result.sensor.can_deskew:
+    for remark in result.prepared.remarks:
+        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+    if not result.prepared.sensor.can_deskew:
         ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
     OUT.print(summarise(result.run, len(source)))
     for remark in (*on_the_file(result.issues), *result.left_out):

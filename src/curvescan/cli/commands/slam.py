@@ -15,6 +15,8 @@ from curvescan.cli.options import (
     LogPath,
     MapConfig,
     MethodConfigs,
+    Preparation,
+    PreparationFlags,
     SensorFlags,
     SlamConfigs,
     SlamFlags,
@@ -32,10 +34,10 @@ def slam(
     out: Path,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
     method: Method = "curvescan",
-    odometry_prior: bool = False,
     range_max: float | None = None,
     topic: Topic = None,
     laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -58,14 +60,14 @@ def slam(
         A map to continue, map.csmap of an earlier run: the log may begin anywhere in it.
     method
         The matcher.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion.
     range_max
         Upper limit of a valid reading, metres, in place of what the log says.
     topic
         Which topic of a ROS bag to read, where it holds laser scans on several.
     laser
         How the laser is set up, where its log does not say so or is wrong.
+    preparation
+        What of the log is used, and what is mended in it.
     occupancy
         How to make the occupancy map.
     config
@@ -76,8 +78,9 @@ def slam(
         Parameters of SLAM.
     """
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import propose_commands
     from curvescan.cli.summary import on_the_file, summarise, wrote_slam
-    from curvescan.diagnostics.verdict import propose_commands
     from curvescan.runs.slam_log import slam_log
     from curvescan.slam import load_map
 
@@ -91,13 +94,16 @@ def slam(
             config=slam_config.slam,
             matcher=configs.of(method),
             map=begin,
-            odometry_prior=odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
             occupancy=occupancy,
             command=sys.argv,
             source=log,
             inputs=() if map is None else (map,),
             display=display,
         )
+    for remark in result.prepared.remarks:
+        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
     OUT.print(summarise(result.run.revised, len(source)))
     seconds = result.run.seconds_to_finish
     OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)

@@ -53,8 +53,10 @@ class _LogJob:
     """Name of the matcher."""
     matcher: MatcherConfig | None = None
     """Configuration of the matcher; a mapping of the fields that differ; None for the defaults."""
-    odometry_prior: bool = False
-    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
+    odometry_prior: bool | None = None
+    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives; None where it agrees with the scans."""
+    as_is: bool = False
+    """Whether to take each log as it is, and mend nothing."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     """How to make the occupancy maps."""
     logs: LogOptions = field(default_factory=LogOptions)
@@ -75,6 +77,7 @@ class _LogJob:
             "method": self.method,
             "matcher": self.matcher,
             "odometry_prior": self.odometry_prior,
+            "as_is": self.as_is,
             "occupancy": self.occupancy,
             "command": self.command,
             "source": log,
