@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curvescan.diagnostics.prior.agreement import compare_motion
 from curvescan.diagnostics.prior.lag import without_lag
 from curvescan.diagnostics.prior.reference import why_reference
-from curvescan.diagnostics.report import LogReport
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
 from curvescan.types import Pose
+
+if TYPE_CHECKING:
+    from curvescan.diagnostics.report import LogReport
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
