@@ -16,6 +16,7 @@ from .errors import StorageError as StorageError
 from .errors import UnitWarning as UnitWarning
 from .errors import WorkerError as WorkerError
 from .evaluation.mounts import find_mounts as find_mounts
+from .io import datasets as datasets
 from .io import log_from_arrays as log_from_arrays
 from .io import read_config as read_config
 from .io import read_csv as read_csv
@@ -32,7 +33,7 @@ from .io.log import Log as Log
 from .io.log import LogSlice as LogSlice
 from .io.ros.writing.odometry_export import write_odometry_mcap as write_odometry_mcap
 from .io.trajectories.g2o import write_g2o as write_g2o
-from .io.trajectories.kitti import write_kitti as write_kitti
+from .io.trajectories.layouts import write_kitti as write_kitti
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
 from .live.finished.view import view as view
