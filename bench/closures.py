@@ -76,40 +76,24 @@ class _Liar:
 
 @dataclass(frozen=True, kw_only=True)
 class FloorResult:
-    """SLAM on one floor.
+    """SLAM on one floor."""
 
-    Attributes
-    ----------
-    n_scans, n_keyframes : int
-        Scans and keyframes.
-    n_closures, n_neighbours : int
-        Loop closures that the graph follows, and matches of neighbours.
-    n_false : int
-        Of both, those whose pose is false.
-    n_revisits, n_missed : int
-        Keyframes at places that were seen before, and those of them without a closure around.
-    n_forced : int
-        False matches that were forced on candidates.
-    nees : float
-        Normalised squared error of the last pose; 3 on average where the covariance is right.
-    odometry, slam : (float, float)
-        Mean and greatest error of the positions, metres, first poses laid over each other.
-    is_deceived : bool
-        Whether closures were withdrawn because they bent the odometry.
-    """
-
+    # scans and keyframes
     n_scans: int
     n_keyframes: int
+    # loop closures that the graph follows, and matches of neighbours
     n_closures: int
     n_neighbours: int
-    n_false: int
+    n_false: int  # of both, those whose pose is false
+    # keyframes at places that were seen before, and those of them without a closure around
     n_revisits: int
     n_missed: int
-    n_forced: int
-    nees: float
+    n_forced: int  # false matches that were forced on candidates
+    nees: float  # normalised squared error of the last pose; 3 on average where the covariance is right
+    # mean and greatest error of the positions, metres, first poses laid over each other
     odometry: tuple[float, float]
     slam: tuple[float, float]
-    is_deceived: bool
+    is_deceived: bool  # whether closures were withdrawn because they bent the odometry
 
     @property
     def is_worse(self) -> bool:

@@ -37,37 +37,19 @@ _FIT_M, _FIT_GAIN = 0.6, 0.02
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LocalizationTask:
-    """A map, and a log of the same place with reference poses in the frame of the map.
+    """A map, and a log of the same place with reference poses in the frame of the map."""
 
-    Attributes
-    ----------
-    name : str
-        For people.
-    slam_map : SlamMap
-        The map.
-    scans : sequence of LaserScan
-        The log.
-    references, keyframes : (n, 3), (m, 3) float64
-        Poses of the scans, and of the map's keyframes, by the reference, in a frame of its own.
-    poses : (n, 3) float64
-        Where each scan was taken in the frame of the map, by the keyframe nearest to it: metres, metres, radians.
-    is_exact : (n,) bool
-        Whether its reference pose was given, not interpolated.
-    is_true : bool
-        Whether the reference is the truth; else it is SLAM's, and may itself err against the map.
-    field : DistanceField
-        The map as cells.
-    """
-
-    name: str
-    slam_map: SlamMap
-    scans: Sequence[LaserScan]
+    name: str  # for people
+    slam_map: SlamMap  # the map
+    scans: Sequence[LaserScan]  # the log
+    # poses of the scans, and of the map's keyframes, by the reference, in a frame of its own
     references: Pose
     keyframes: Pose
+    # (n, 3): where each scan was taken in the frame of the map, by the keyframe nearest to it: metres, metres, radians
     poses: Pose
-    is_exact: Bools
-    is_true: bool
-    field: DistanceField
+    is_exact: Bools  # (n,): whether its reference pose was given, not interpolated
+    is_true: bool  # whether the reference is the truth; else it is SLAM's, and may itself err against the map
+    field: DistanceField  # the map as cells
 
     def shown(self, k: int) -> float:
         """Return the share of the readings of a scan that end on walls of the map."""

@@ -110,22 +110,13 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MountCheck:
-    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give.
+    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give."""
 
-    Attributes
-    ----------
-    topic, base : str
-        The laser, and what it is seen from: the topic of another laser, or ``"the wheels"``.
-    found : UncertainPose
-        By :func:`find_mount`.
-    given : (3,) float64 or None
-        By the transforms; None where they do not lead there.
-    """
-
+    # the laser, and what it is seen from: the topic of another laser, or ``"the wheels"``
     topic: str
     base: str
-    found: UncertainPose
-    given: Pose | None
+    found: UncertainPose  # by :func:`find_mount`
+    given: Pose | None  # (3,): by the transforms; None where they do not lead there
 
     @property
     def is_wrong(self) -> bool:

@@ -18,40 +18,21 @@ SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartogr
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedError:
-    """What one method reached on one log, over all of its relations.
+    """What one method reached on one log, over all of its relations."""
 
-    Attributes
-    ----------
-    method : str
-        In words.
-    translation : (float, float)
-        Mean and standard deviation, metres.
-    rotation : (float, float or None) or None
-        Mean and standard deviation, degrees, as far as they were published.
-    """
-
-    method: str
-    translation: tuple[float, float]
+    method: str  # in words
+    translation: tuple[float, float]  # mean and standard deviation, metres
+    # mean and standard deviation, degrees, as far as they were published
     rotation: tuple[float, float | None] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkLog:
-    """A log of the benchmark.
+    """A log of the benchmark."""
 
-    Attributes
-    ----------
-    name : str
-        In words.
-    keys : tuple of str
-        A file whose name holds one of these belongs to it.
-    errors : tuple of PublishedError
-        What was published.
-    """
-
-    name: str
-    keys: tuple[str, ...]
-    errors: tuple[PublishedError, ...]
+    name: str  # in words
+    keys: tuple[str, ...]  # A file whose name holds one of these belongs to it
+    errors: tuple[PublishedError, ...]  # what was published
 
 
 _CARTOGRAPHER: dict[str, tuple[tuple[float, float], float]] = {

@@ -15,39 +15,19 @@ from curvescan.types import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A laser scanner. Its sweep is instantaneous, or takes `time_increment` a beam and is distorted by motion.
+    """A laser scanner. Its sweep is instantaneous, or takes `time_increment` a beam and is distorted by motion."""
 
-    Parameters
-    ----------
-    name : str
-        Name for titles and messages.
-    n_beams : int
-        Beams of a sweep, >= 1.
-    angle_min : float
-        Direction of beam 0 in the sensor frame, radians.
-    angle_increment : float
-        From a beam to the next, radians; not 0; negative for a clockwise sensor.
-    range_min, range_max : float
-        Limits of a reading, metres; 0 <= range_min < range_max.
-    sigma_range : float
-        Standard deviation of the Gaussian range noise, metres, >= 0, the same at all ranges.
-    dropout : float
-        Probability that a return is lost (dark or shiny surface), in [0, 1].
-    period : float
-        Time from a sweep to the next, seconds, > 0.
-    time_increment : float
-        Time from a beam to the next, seconds, >= 0; all beams of a sweep must fit into `period`.
-    """
-
-    name: str
-    n_beams: int
-    angle_min: float
-    angle_increment: float
+    name: str  # name for titles and messages
+    n_beams: int  # beams of a sweep, >= 1
+    angle_min: float  # direction of beam 0 in the sensor frame, radians
+    angle_increment: float  # from a beam to the next, radians; not 0; negative for a clockwise sensor
+    # limits of a reading, metres; 0 <= range_min < range_max
     range_min: float
     range_max: float
-    sigma_range: float
-    dropout: float
-    period: float
+    sigma_range: float  # standard deviation of the Gaussian range noise, metres, >= 0, the same at all ranges
+    dropout: float  # probability that a return is lost (dark or shiny surface), in [0, 1]
+    period: float  # time from a sweep to the next, seconds, > 0
+    # time from a beam to the next, seconds, >= 0; all beams of a sweep must fit into `period`
     time_increment: float = 0.0
 
     def __post_init__(self) -> None:
