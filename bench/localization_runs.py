@@ -80,7 +80,8 @@ def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[in
 def _errors(task: LocalizationTask, k: int, step: Step, keyframe: int) -> tuple[float, float, float]:
     """Return distance, angle and squared Mahalanobis distance of a step from where its scan was taken.
 
-    Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's: the nearer of the two counts.
+    Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's:
+    the nearer of the two counts.
     """
     reference = task.poses[k] if keyframe < 0 else task.seen_from(keyframe, k)
     off = step.pose - reference

@@ -23,7 +23,8 @@ from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.types import Bools, Floats, Points, Pose
 
 SHOWN, PARTLY_SHOWN = 0.8, 0.5
-"""A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one does."""
+"""A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one
+does."""
 
 PARTS = ((SHOWN, 1.1, "in the map"), (PARTLY_SHOWN, SHOWN, "partly in the map"), (0.0, PARTLY_SHOWN, "outside"))
 """Shares of a scan that the map shows: from, below, and what it is called."""
@@ -32,7 +33,8 @@ _DOOR_M, _WALL_M = (0.6, 1.5), 0.2
 """A gap so wide, metres, between two walls in a line, no thicker than this, is a door."""
 
 _FIT_M, _FIT_GAIN = 0.6, 0.02
-"""A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near, metres."""
+"""A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near,
+metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

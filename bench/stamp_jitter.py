@@ -1,7 +1,7 @@
 """How far apart a log ends when its stamps are moved by nothing that matters: by a unit in the last place, by a millisecond.
 
-Every threshold of the odometry turns a change in the last place of a guess into another keyframe sooner or later; stamps
-must not be where such a change comes from. What remains of a larger jitter is what the deskewing makes of it.
+Every threshold of the odometry turns a change in the last place of a guess into another keyframe sooner or later;
+stamps must not be where such a change comes from. What remains of a larger jitter is what the deskewing makes of it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How a matcher does on a recorded log: each scan matched with the one before, no guess, laser alone.
 
 A log has no truth. Wheel odometry is good from one scan to the next, and so are the poses of a log that a SLAM system
-has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations, checked
-by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
+has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations,
+checked by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Errors of a trajectory against relations: the measure of the Freiburg SLAM benchmark.
 
 R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009): the error of relation
-(i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are reported separately.
-Near relations, between scans a few seconds apart, measure the matching; far ones, between visits of one place, measure what
-has added up in between, which a trajectory without loop closing cannot avoid.
+(i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are reported
+separately. Near relations, between scans a few seconds apart, measure the matching; far ones, between visits of one
+place, measure what has added up in between, which a trajectory without loop closing cannot avoid.
 """
 
 from __future__ import annotations

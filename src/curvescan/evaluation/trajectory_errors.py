@@ -1,9 +1,9 @@
 """Errors of a trajectory against the true one: step by step, absolute (ATE) and relative (RPE), and drift.
 
-J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (IROS 2012), for ATE and RPE, with the definitions
-of the program evo, so that figures can be compared. R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms",
-Autonomous Robots 27 (2009): the error of a *relative* pose does not depend on what came before, as that of an absolute
-one does.
+J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (IROS 2012), for ATE and RPE, with the
+definitions of the program evo, so that figures can be compared. R. Kümmerle et al., "On measuring the accuracy of SLAM
+algorithms", Autonomous Robots 27 (2009): the error of a *relative* pose does not depend on what came before, as that of
+an absolute one does.
 """
 
 from __future__ import annotations

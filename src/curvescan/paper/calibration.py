@@ -1,8 +1,9 @@
 """The paper's way of finding its parameters, from scans of plane surfaces and of corners (the paper's section 3.1).
 
-sigma_rho: the least margin at which a wall that is seen at a grazing angle stays one segment. U_k: the least tolerance at which no false peak shows on a
-plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: the least at which
-planes show none, as it finds most corners. n and S_min: see :mod:`curvescan.paper.calibration_pairs`.
+sigma_rho: the least margin at which a wall that is seen at a grazing angle stays one segment. U_k: the least tolerance
+at which no false peak shows on a plane. U_c: just above what the functions of planes, which are noise, correlate. U_p:
+the least at which planes show none, as it finds most corners. n and S_min: see
+:mod:`curvescan.paper.calibration_pairs`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """How the paper found n and S_min (its section 3.1): from pairs of scans whose relative pose is known.
 
-n: accuracy against time. S_min: pairs of characteristic points of consecutive scans, of which the wrong ones shall be rejected.
+n: accuracy against time. S_min: pairs of characteristic points of consecutive scans, of which the wrong ones shall be
+rejected.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The paper's experiments 2, 3 and 4: runs of a robot, every method on the same scans (its sections 3.2 and 3.3).
 
-Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to the
-next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to 17
-degrees, a crowd.
+Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to
+the next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to
+17 degrees, a crowd.
 """
 
 from __future__ import annotations
