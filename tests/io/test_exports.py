@@ -17,7 +17,7 @@ from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
-from curvescan.io.trajectories.kitti import write_kitti
+from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, Step, run_odometry
 from curvescan.runs import run as runner
