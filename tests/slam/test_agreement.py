@@ -65,7 +65,7 @@ def test_what_contradicts_a_set_has_its_own_odds() -> None:
 
 
 def test_a_slip_is_accepted_where_the_graph_as_it_is_does_not_explain_the_views() -> None:
-    slipped = [_closure(i, i + 30, ROOM, expectation=-4.5) for i in (0, 3, 6, 9)]
+    slipped = [_closure(i, i + 30, ROOM, expectation=-6.0) for i in (0, 3, 6, 9)]
     assert _lead(slipped)[1] < CONFIG.closures.log_odds
     assert _lead(slipped, missed=1.0)[1] > CONFIG.closures.log_odds
 

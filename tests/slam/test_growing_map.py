@@ -38,7 +38,7 @@ def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() 
     for k in (1, 2, 3):
         growing.append(scans[k], k, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
     graph = growing.graph
-    assert (graph.kinds == EdgeKind.MATCH).all()
+    assert (graph.kinds == EdgeKind.MOTION).all()
     np.testing.assert_allclose(graph.measured, [[0.45, 0.0, 0.0]] * 3, atol=0.03)
     sigma = np.sqrt(np.diagonal(graph.covariances, axis1=1, axis2=2))
     assert sigma[:, 1].max() < 0.03

@@ -133,8 +133,9 @@ class GrowingMap:
             found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
             if distance < self.config.closures.gate:
-                step, kind = fused, EdgeKind.MATCH
-                self._open_way *= result.degenerate_direction is not None
+                step = fused
+                if result.degenerate_direction is None:
+                    self._open_way, kind = 0.0, EdgeKind.MATCH
             else:
                 off = difference(step.pose, found.pose)
                 step = UncertainPose(step.pose, step.cov + np.outer(off, off))

@@ -29,6 +29,9 @@ _FROM_AFAR, _NEARBY = 0.05, 6.0
 _LIMIT = 16.0
 """Squared Mahalanobis distance from which on a step is known no better than it is off."""
 
+_OPEN = 1.0
+"""Variance of a match from which on it leaves a direction open, square metres."""
+
 _LEAST_STEP = 1e-4
 """Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
 
@@ -154,7 +157,9 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
     found = _marginals(poses, scaled, weights, labels, k)
     common = noise.common(covariances)
-    return with_own_noise(found, poses, own_noise(poses, solved.ends, common, is_match), k)
+    # of what a match leaves open it says nothing
+    is_full = is_match & (np.trace(covariances[:, :2, :2], axis1=1, axis2=2) < _OPEN)
+    return with_own_noise(found, poses, own_noise(poses, solved.ends, common, is_full), k)
 
 
 def _marginals(poses: Pose, edges: Edges, weights: Floats, labels: Ints, k: int) -> Cov:

@@ -19,9 +19,9 @@ class EdgeKind(IntEnum):
     """Where an edge comes from."""
 
     MATCH = 0
-    """A step: a match of keyframes that follow each other, and the odometry along what it leaves open."""
+    """A step: a match of keyframes that follow each other."""
     MOTION = 1
-    """A step by the odometry alone."""
+    """A step by the odometry, alone or along what the match leaves open."""
     CLOSURE = 3
     """A loop closure: a match of keyframes that do not follow each other."""
 
