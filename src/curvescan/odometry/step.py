@@ -41,8 +41,7 @@ class OdometryStep:
     covariance : (3, 3) float64
         Covariance of the pose, x, y, theta; zero at the first scan.
     motion : (3,) float64
-        Pose of the sensor seen from where it was at the previous scan, without the leaps of
-        relocalizations: chained, it is a continuous track (`odom` of REP-105). Zero at the first scan.
+        Pose of the sensor seen from where it was at the previous scan. Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.
     outcome : StepOutcome
