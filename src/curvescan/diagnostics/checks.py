@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -9,6 +10,7 @@ from curvescan.diagnostics.report import LogReport
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.issues import Topic
+    from curvescan.diagnostics.prior.gyroscope import Gyroscope
     from curvescan.diagnostics.rotation_direction import RotationDirection
 
 _LOW_VALID_SHARE = 0.25
@@ -62,6 +64,11 @@ def _sense(r: LogReport) -> RotationDirection:
 
 def _n_ordered(r: LogReport) -> int:
     return r.beam_order.n_pairs if r.beam_order else 0
+
+
+def _gyroscope(r: LogReport) -> Gyroscope:
+    assert r.gyroscope is not None
+    return r.gyroscope
 
 
 def _range_limit(r: LogReport) -> float:
@@ -200,6 +207,29 @@ CHECKS: tuple[Check, ...] = (
         "it gives degrees where REP-103 requires radians",
         None,
         lambda r: f"taken for degrees: the gyroscope, which turns {_sense(r).ratio:.0f} times as far as the scans",
+    ),
+    Check(
+        "beams",
+        "gyro_bias",
+        lambda r: r.gyroscope is not None and r.gyroscope.is_biased,
+        lambda r: f"the gyroscope turns by {math.degrees(_gyroscope(r).bias):.1f} deg/s while the scans do not",
+        "as a motion prior it would turn the robot by as much",
+        None,
+        lambda r: f"taken off: the gyroscope's bias of {math.degrees(_gyroscope(r).bias):.1f} deg/s",
+    ),
+    Check(
+        "beams",
+        "bent_sweeps",
+        lambda r: r.gyroscope is not None and r.gyroscope.straightens,
+        lambda r: (
+            f"sweeps are bent on the turn: without the gyroscope's turn during each they agree better in "
+            f"{_gyroscope(r).n_turns} sharp turns"
+        ),
+        "the beams have no times of their own; a sweep takes the time from one stamp to the next",
+        None,
+        lambda r: (
+            f"straightened: sweeps, by the gyroscope's turn during each; they agree better in {_gyroscope(r).n_turns} turns"
+        ),
     ),
     Check(
         "time",

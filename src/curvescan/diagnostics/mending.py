@@ -6,6 +6,7 @@ What a user has set up by hand is left as it is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
+from curvescan.diagnostics.prior.gyroscope import straightened
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.sensor import judge_sensor
 from curvescan.io.held import HeldLog
@@ -21,7 +23,10 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_ROUNDS = 3
+_DROPS = ("stale_beams", "undeclared_codes")
+"""Kinds of issues whose mending leaves readings out."""
+
+_ROUNDS = 4
 """Most inspections: what is mended first can hide what is mended next."""
 
 
@@ -49,7 +54,9 @@ class Mended:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was mended, a sentence each."""
-        return tuple(f"{issue.mending}; as_is=True keeps them" for issue in self.done)
+        return tuple(
+            f"{issue.mending}; as_is=True {'keeps' if issue.kind in _DROPS else 'leaves'} them" for issue in self.done
+        )
 
 
 def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mended:
@@ -72,7 +79,7 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mend
         faults = [i for i in issues if i.mending and not _is_set(given, i) and i.kind not in {d.kind for d in done}]
         if as_is or not faults:
             break
-        log, done = HeldLog(_without(log, faults)), (*done, *faults)
+        log, done = HeldLog(_without(log, faults, report)), (*done, *faults)
     return Mended(log=log, done=done, issues=issues, report=report)
 
 
@@ -84,41 +91,55 @@ def _is_set(given: SensorSetup, fault: Issue) -> bool:
     return bool(getattr(given, name, False))
 
 
-def _without(log: Log, faults: list[Issue]) -> Log:
-    """Return a log with the remedies of its faults applied."""
+def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
+    """Return a log without its faults."""
+    kinds = {fault.kind for fault in faults}
     remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
-    range_max = remedies.pop("range_max", None)
-    is_mirrored = bool(remedies.pop("clockwise", False)) or "upside_down" in remedies
-    in_degrees = any(fault.kind == "gyro_in_degrees" for fault in faults)
-    if range_max is not None or in_degrees:
-        log = _Limited(log, range_max, in_degrees=in_degrees)
+    range_max = remedies.get("range_max", math.inf)
+    gyroscope = report.gyroscope
+    if kinds & {"undeclared_codes", "gyro_in_degrees", "gyro_bias", "bent_sweeps"}:
+        log = _Corrected(
+            log,
+            range_max=float(range_max) if isinstance(range_max, float) else math.inf,
+            scale=math.radians(1.0) if "gyro_in_degrees" in kinds else 1.0,
+            bias=gyroscope.bias if gyroscope and "gyro_bias" in kinds else 0.0,
+            seconds=report.time.step_median if "bent_sweeps" in kinds else 0.0,
+        )
     setup = SensorSetup(
         upside_down=False,
-        clockwise=is_mirrored,
-        drop_stale=bool(remedies.get("drop_stale", False)),
-        backwards=bool(remedies.get("backwards", False)),
+        clockwise="turns_against" in kinds,
+        drop_stale="stale_beams" in kinds,
+        backwards="beams_reversed" in kinds,
     )
     return apply_setup(log, setup)
 
 
-class _Limited(LogView):
-    """A log whose readings end at a limit, and whose gyroscope may give degrees; a Log."""
+class _Corrected(LogView):
+    """A log whose readings end at a limit, with another scale and bias of its gyroscope, its sweeps straightened by it; a Log."""
 
-    def __init__(self, log: Log, range_max: object, *, in_degrees: bool) -> None:
+    def __init__(self, log: Log, *, range_max: float, scale: float, bias: float, seconds: float) -> None:
         super().__init__(log)
-        self._range_max = range_max if isinstance(range_max, float) else np.inf
-        self._in_degrees = in_degrees
+        self._range_max, self._seconds = range_max, seconds
+        self._turned = super().turned_by_gyro()
+        self._rates = np.empty(0)
+        if self._turned is not None:
+            stamps = np.array([scan.stamp for scan in log])
+            self._turned = scale * self._turned - bias * (stamps - stamps[:1])
+            steps = np.diff(stamps, prepend=np.nan)
+            self._rates = np.full(steps.size, np.nan)
+            np.divide(np.diff(self._turned, prepend=np.nan), steps, out=self._rates, where=steps > 0.0)
 
     def turned_by_gyro(self) -> Floats | None:
         """Return the angle that the gyroscope has turned by at each scan, radians."""
-        turned = super().turned_by_gyro()
-        return np.radians(turned) if turned is not None and self._in_degrees else turned
+        return self._turned
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return map(self._limited, self._log)
+        return (self._corrected(k, scan) for k, scan in enumerate(self._log))
 
     def _scan_at(self, i: int) -> LaserScan:
-        return self._limited(self._log[i])
+        return self._corrected(i, self._log[i])
 
-    def _limited(self, scan: LaserScan) -> LaserScan:
-        return replace(scan, range_max=self._range_max) if scan.range_max > self._range_max else scan
+    def _corrected(self, k: int, scan: LaserScan) -> LaserScan:
+        if scan.range_max > self._range_max:
+            scan = replace(scan, range_max=self._range_max)
+        return straightened(scan, float(self._rates[k]), self._seconds) if self._seconds > 0.0 else scan

@@ -37,7 +37,7 @@ _DEGREES = (30.0, 90.0)
 
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
-_CERTAIN_SHARE = 0.95
+_CERTAIN_SHARE = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)

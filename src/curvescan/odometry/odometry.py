@@ -20,7 +20,7 @@ from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_mat
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.motion import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, Reference, State, step_motion
-from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.odometry.strategies import LOST_COVARIANCE, doubted, start, track
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -85,7 +85,7 @@ class Odometry:
     def __repr__(self) -> str:
         return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -98,7 +98,7 @@ class Odometry:
 
         Returns
         -------
-        OdometryStep
+        Step
             Pose and covariance in the frame of the first scan, and how they came about.
 
         Raises
@@ -153,15 +153,17 @@ def _as_reference(o: Observation, placement: Placement) -> Reference | None:
     return Reference(placement.current, o.index) if is_reference else None
 
 
-def _as_step(o: Observation, placement: Placement, moved: Pose) -> OdometryStep:
+def _as_step(o: Observation, placement: Placement, moved: Pose) -> Step:
     here, fit = placement.track.pose_map_scan, placement.fit
     lost = LOST_COVARIANCE if placement.outcome is StepOutcome.LOST else np.zeros((3, 3))
     is_first = o.state.track is None
-    return OdometryStep(
+    return Step(
         index=o.index,
         stamp=o.scan.stamp,
         pose=here.pose,
         covariance=here.cov,
+        pose_odom=here.pose,
+        covariance_odom=here.cov,
         motion=moved,
         motion_covariance=np.zeros((3, 3)) if is_first else placement.track.motion(o.seconds).cov + lost,
         outcome=placement.outcome,

@@ -172,7 +172,7 @@ def _nearness(o: Observation, placement: Placement, outage: Outage) -> float:
         return 0.0
     rules, here = o.config.keyframes, placement.track.pose_map_scan.pose
     x, y, theta = np.abs(se2.between(outage.anchors[0].place.pose, here)).tolist()
-    return 1.0 / (1.0 + (math.hypot(x, y) / rules.distance) ** 2 + (theta / rules.turn) ** 2)
+    return float(1.0 / (1.0 + (math.hypot(x, y) / max(rules.distance, 0.1)) ** 2 + (theta / max(rules.turn, 0.1)) ** 2))
 
 
 def _opened(o: Observation, last: Track) -> Outage:

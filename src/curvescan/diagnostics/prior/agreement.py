@@ -1,4 +1,4 @@
-"""Whether wheels measure the motion that the scans show: short motions from all over a log, matched without a guess."""
+"""Whether wheels, or a gyroscope, measure the motion that the scans show: short motions from all over a log, matched without a guess."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _N_SURE = 10
 """Sure matches that it takes to judge."""
 
 _OFF, _OFF_RAD, _OFF_SHARE = 0.05, 0.03, 0.25
-"""Wheels agree that differ by no more than this, metres and radians, and this share of the motion: they may slip."""
+"""Motions agree that differ by no more than this, metres and radians, and this share of the motion: they may slip."""
 
 _SHARE = 0.6
 """Share of the sure matches that agree with wheels that are used."""
@@ -43,9 +43,9 @@ class Agreement:
 
 
 def compare_motion(log: Log, poses: Pose) -> Agreement:
-    """Return whether wheels agree with matches of scans.
+    """Return whether wheels or a gyroscope agree with matches of scans.
 
-    poses (n, 3): of the sensor by its wheels.
+    poses (n, 3): of the sensor by its wheels; x and y are NaN by a gyroscope.
     """
     n_sure = n_agreeing = 0
     for i, j in _motions(poses[: len(log)]):
@@ -53,10 +53,11 @@ def compare_motion(log: Log, poses: Pose) -> Agreement:
         if seen is None:
             continue
         n_sure += 1
-        by_wheels = se2.between(poses[i], poses[j])
-        off = seen - by_wheels
-        is_near = math.hypot(off[0], off[1]) <= _OFF + _OFF_SHARE * math.hypot(by_wheels[0], by_wheels[1])
-        n_agreeing += is_near and abs(se2.wrap(off[2])) <= _OFF_RAD + _OFF_SHARE * abs(by_wheels[2])
+        measured = se2.between(poses[i], poses[j])
+        off = seen - measured
+        # no comparison with the NaN of a gyroscope holds
+        is_far = math.hypot(off[0], off[1]) > _OFF + _OFF_SHARE * math.hypot(measured[0], measured[1])
+        n_agreeing += not is_far and abs(se2.wrap(off[2])) <= _OFF_RAD + _OFF_SHARE * abs(measured[2])
     if n_sure < _N_SURE:
         return Agreement(
             is_good=False, sentence="cannot be compared with the scans: too few motions are matched surely"
@@ -80,7 +81,7 @@ def _motions(poses: Pose) -> list[tuple[int, int]]:
         best, size = None, 0.0
         for i in range(begin, end, max((end - begin) // 8, 1)):
             moved = se2.between(poses[i], poses[i + 1 : i + 1 + _MAX_SCANS])
-            length, turn = np.hypot(moved[:, 0], moved[:, 1]), np.abs(moved[:, 2])
+            length, turn = np.nan_to_num(np.hypot(moved[:, 0], moved[:, 1])), np.abs(moved[:, 2])
             is_short = (length <= _LONGEST) & (turn <= _MAX_TURN)
             n_short = int(np.argmin(is_short)) if not is_short.all() else is_short.size
             is_motion = (length >= _SHORTEST) | (turn >= _SHORTEST)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from curvescan.diagnostics.prior.agreement import Agreement, compare_motion
+from curvescan.diagnostics.prior.agreement import compare_motion
 from curvescan.diagnostics.prior.lag import without_lag
 from curvescan.diagnostics.prior.reference import why_reference
-from curvescan.diagnostics.report import LogReport
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
 from curvescan.types import Pose
 
-_RATIO = (0.7, 1.4)
-"""A gyroscope agrees that turns between so many times as far as the scans, in the median of the sharp turns."""
+if TYPE_CHECKING:
+    from curvescan.diagnostics.report import LogReport
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +66,7 @@ def choose_prior(log: Log, report: LogReport, *, wanted: bool | None = None) -> 
         return Prior(sentence=f"left out: the {found} of the log {against.format('the')}")
     if wanted:
         return Prior(poses=poses, sentence=f"used: the {found} of the log, as odometry_prior=True asks")
-    agreement = compare_motion(log, poses) if found == "wheel odometry" else _of_turns(report)
+    agreement = compare_motion(log, poses)
     verb = "used" if agreement.is_good else "left out"
     return Prior(
         poses=poses if agreement.is_good else None,
@@ -84,13 +84,3 @@ def _poses_of(log: Log, report: LogReport) -> tuple[str, Pose | None]:
         return "", None
     nowhere = np.full(turned.size, np.nan)
     return "gyroscope", np.column_stack([nowhere, nowhere, turned])
-
-
-def _of_turns(report: LogReport) -> Agreement:
-    """Return whether a gyroscope agrees with the scans."""
-    sense = report.sense
-    if sense is None or not sense.is_along:
-        return Agreement(is_good=False, sentence="cannot be compared with the scans: too few turns are sharp")
-    n_along = sense.n_turns - sense.n_reversed
-    count = f"turns with the scans in {n_along} of {sense.n_turns} sharp turns, {sense.ratio:.2g} times as far"
-    return Agreement(is_good=_RATIO[0] < sense.ratio < _RATIO[1], sentence=count)
