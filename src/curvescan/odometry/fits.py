@@ -117,7 +117,7 @@ def fitted(result: MatchResult, expected: Track, config: OdometryConfig, unknown
     track, distance = expected.at_pose(claim.pose, claim.information)
     if distance <= config.motion.gate_chi2:
         track = track if is_full else _along(track, result)
-        return Fit(result, track, expected, _foreseen(claim, expected, distance), False, is_full, claim)
+        return Fit(result, track, expected, _foreseen(claim, expected), False, is_full, claim)
     if not is_full or claim.confidence < SURE:
         return Fit(result, expected, expected)
     # its motion may go on, or have been a single leap
@@ -162,13 +162,18 @@ def _along(track: Track, result: MatchResult) -> Track:
     return nearer if distance <= _LIKELY_CHI2 else track
 
 
-def _foreseen(claim: Claim, expected: Track, distance: float) -> float:
-    """Return the probability that a match is right which lies at a squared distance from where the motion led.
+def _foreseen(claim: Claim, expected: Track) -> float:
+    """Return the probability that a match is right which lies about where the motion led."""
+    confidence = min(claim.confidence, 1.0 - 1e-6)
+    odds = math.exp(max(_log_evidence(claim, expected), 0.0)) * confidence / (1.0 - confidence)
+    return odds / (1.0 + odds)
+
+
+def _log_evidence(claim: Claim, expected: Track) -> float:
+    """Return what it says for a match that it lies where the motion led, logarithm of the odds.
 
     One by chance lies anywhere about there, a right one within the error of the prediction.
     """
     shares = [np.linalg.det(np.eye(3) + claim.information @ cov) for cov in (_CHANCE, expected.seen.cov)]
-    odds = math.sqrt(max(shares[0] / shares[1], 1.0)) * math.exp(-0.5 * distance)
-    confidence = min(claim.confidence, 1.0 - 1e-6)
-    odds = max(odds, 1.0) * confidence / (1.0 - confidence)
-    return odds / (1.0 + odds)
+    distance = expected.at_pose(claim.pose, claim.information)[1]
+    return 0.5 * (math.log(max(shares[0] / shares[1], 1.0)) - distance)

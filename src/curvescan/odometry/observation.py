@@ -13,7 +13,6 @@ from curvescan.matchers import PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.clock import Clock
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.constant_ranges import ConstantRanges
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.fits import Fit, fitted
 from curvescan.odometry.motion import MotionModel, Wheels
@@ -89,8 +88,6 @@ class State:
         Scans without a match in a row.
     outage : Outage or None
         Doubts whether the sensor is still where it was tracked.
-    constant : ConstantRanges
-        Readings that turn with the sensor.
     """
 
     motion: MotionModel
@@ -105,7 +102,6 @@ class State:
     last_motion: Pose = field(default_factory=lambda: np.zeros(3))
     n_failed: int = 0
     outage: Outage | None = None
-    constant: ConstantRanges = field(default_factory=ConstantRanges)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,6 +122,8 @@ class Observation:
         The motion since the last scan by the wheels.
     deskewer : Deskewer
         At the time of the scan.
+    is_missed : bool
+        Whether the wheels were not updated since the last scan.
     """
 
     scan: LaserScan
@@ -134,6 +132,7 @@ class Observation:
     seconds: float
     wheels: Wheels | None
     deskewer: Deskewer
+    is_missed: bool = False
 
     @property
     def config(self) -> OdometryConfig:
@@ -210,6 +209,8 @@ class Placement(NamedTuple):
         Scans without a match in a row.
     outage : Outage or None
         Doubts that remain.
+    is_reference : bool
+        Whether the next scan may be matched with this one.
     """
 
     outcome: StepOutcome
@@ -222,6 +223,7 @@ class Placement(NamedTuple):
     reference: int | None = None
     n_failed: int = 0
     outage: Outage | None = None
+    is_reference: bool = True
 
 
 def step_motion(o: Observation, track: Track) -> Pose:

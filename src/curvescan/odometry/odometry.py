@@ -111,13 +111,14 @@ class Odometry:
         state = self._state
         wheels = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
         clock, seconds = state.clock.ticked(scan.stamp)
-        constant, geometry = state.constant.without_constant(scan)
+        measured = state.motion.measured(wheels, state.last_motion) if self.config.is_filtered else None
         observation = Observation(
-            scan=geometry,
+            scan=scan,
             state=state,
             matching=self._matching,
             seconds=seconds,
-            wheels=state.motion.measured(wheels, state.last_motion) if self.config.is_filtered else None,
+            wheels=measured,
+            is_missed=wheels is not None and measured is None and state.motion.wheels is not None,
             deskewer=state.deskewer.ticked(scan),
         )
         placement = _place(observation)
@@ -132,11 +133,10 @@ class Odometry:
             previous=_as_reference(observation, placement),
             clock=clock,
             deskewer=observation.deskewer,
-            first=geometry if observation.index == 0 else None,
+            first=scan if observation.index == 0 else None,
             last_motion=moved,
             n_failed=placement.n_failed,
             outage=placement.outage,
-            constant=constant.moved(moved),
         )
         watch.report()
         return _as_step(observation, placement, moved)
@@ -149,7 +149,7 @@ def _place(o: Observation) -> Placement:
 
 
 def _as_reference(o: Observation, placement: Placement) -> Reference | None:
-    is_reference = o.matching.is_reference(placement.current)
+    is_reference = placement.is_reference and o.matching.is_reference(placement.current)
     return Reference(placement.current, o.index) if is_reference else None
 
 

@@ -133,6 +133,8 @@ def _extrapolated(o: Observation, last: Track, failed: Fit) -> Placement:
     outcome = StepOutcome.HELD if is_held else StepOutcome.PREDICTED
     keyframe = o.state.keyframe
     placement = Placement(outcome, here, here, o.current, keyframe, o.state.motion, failed, keyframe.number, n_failed)
+    if o.is_missed:  # the next update of the wheels says where the sensor is, and not where it was at this scan
+        return placement._replace(is_reference=False)
     return with_keyframe(o, placement) if o.matching.is_reference(o.current) else placement
 
 
@@ -189,7 +191,7 @@ def _opened(o: Observation, last: Track) -> Outage:
 def _fit_with(o: Observation, placement: Placement, anchor: Anchor, outage: Outage) -> Fit:
     """Return the match with what was known before an outage; the sensor is as far as it may have come since."""
     prior = between(anchor.place, placement.track.pose_map_scan)
-    if outage.is_broken or np.linalg.eigvalsh(prior.cov)[0] <= 0.0:
+    if outage.is_lost or np.linalg.eigvalsh(prior.cov)[0] <= 0.0:
         prior = o.state.motion.reach(prior.pose, outage.seconds)
     result = o.matching.matcher.match(anchor.scan.features, placement.current.features, prior)
     unknown = o.state.motion.unknown_speed
