@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam import Localizer, LocalizerOutcome, LocalizerStep
+from curvescan.odometry import Step, StepOutcome
+from curvescan.slam import Localizer
 from curvescan.types import Bools, Floats, Ints
 from localization_tasks import SHOWN, LocalizationTask
 
@@ -28,7 +29,7 @@ class Checked:
     ----------
     scan : (n,) int64
         Number of the scan in the log.
-    outcomes : tuple of LocalizerOutcome
+    outcomes : tuple of StepOutcome
         Of each.
     shown : (n,) float64
         Share of its readings that the map shows.
@@ -44,7 +45,7 @@ class Checked:
     """
 
     scan: Ints
-    outcomes: tuple[LocalizerOutcome, ...]
+    outcomes: tuple[StepOutcome, ...]
     shown: Floats
     error_m: Floats
     error_rad: Floats
@@ -67,7 +68,7 @@ class Checked:
 
 def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[int], *, until_found: bool) -> Checked:
     """Return the steps of a localizer over some scans, one after the other whatever their stamps say."""
-    steps: list[LocalizerStep] = []
+    steps: list[Step] = []
     spent = []
     for k in numbers:
         started = time.process_time()
@@ -93,7 +94,7 @@ def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[in
     )
 
 
-def _errors(task: LocalizationTask, k: int, step: LocalizerStep, keyframe: int) -> tuple[float, float, float]:
+def _errors(task: LocalizationTask, k: int, step: Step, keyframe: int) -> tuple[float, float, float]:
     """Return distance, angle and squared Mahalanobis distance of a step from where its scan was taken.
 
     Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's: the nearer of the two counts.

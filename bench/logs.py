@@ -114,7 +114,7 @@ def measure(folder: Path, name: str) -> Row:
     words = [issue.argument.partition("=") for issue in issues if issue.argument]
     given = {name: ast.literal_eval(value) for name, _, value in words}
     log = cs.read_log(folder / name, **given)
-    run = cs.run_odometry(log)
+    run = cs.run(log).record
     poses = run.trajectory.poses
     return Row(
         log=name,

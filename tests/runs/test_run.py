@@ -10,7 +10,17 @@ import pytest
 import curvescan as cs
 from curvescan.cli.main import run as command
 
-FILES = ("map.pgm", "map.png", "map.yaml", "occupancy.png", "run.json", "trajectory.csv", "trajectory.tum")
+FILES = (
+    "map.pgm",
+    "map.png",
+    "map.yaml",
+    "occupancy.png",
+    "run.json",
+    "trajectory.csv",
+    "trajectory.tum",
+    "view.npz",
+    "wheels.png",
+)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +81,7 @@ def test_reversed_beams_are_judged_alike_by_run_odometry_and_info(tmp_path, monk
     monkeypatch.setattr("curvescan.diagnostics.sensor.beam_order_of_log", lambda log: found)
     result = cs.run(log)
     assert not result.prepared.sensor.can_deskew
-    assert result.odometry.config.deskew is False
+    assert result.engine.config.deskew is False
     assert cs.odometry_for(log).config.deskew is False
     (issue,) = (i for i in cs.find_issues(cs.inspect_log(log)) if i.kind == "beams_reversed")
     assert issue in result.issues

@@ -15,6 +15,8 @@ _FLAGS = {
     "odometry_prior": "--odometry-prior",
     "out": "--out",
     "range_max": "--range-max",
+    "reference": "--reference",
+    "relations": "--relations",
     "timeout": "--timeout",
     "topic": "--topic",
 }

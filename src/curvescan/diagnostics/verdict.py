@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.diagnostics.issues import Issue
-from curvescan.odometry.run import OdometryRun
+from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.types import Bools
 
@@ -55,7 +55,7 @@ class Verdict:
         return f"not to be trusted: {'; '.join(self.reasons)}"
 
 
-def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
+def judge_run(run: RunRecord, issues: Sequence[Issue] = ()) -> Verdict:
     """Return whether the trajectory of a run can be trusted, and why not."""
     reasons = [
         *_on_lost_tracks(run),
@@ -67,7 +67,15 @@ def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
 
 
-def _on_matches(run: OdometryRun) -> list[str]:
+def judge_localization(run: RunRecord, issues: Sequence[Issue] = ()) -> Verdict:
+    """Return whether the poses of a localization can be trusted, and why not."""
+    reasons = [issue.what for issue in issues if issue.kind in _SPOILING]
+    if not np.isfinite(run.trajectory.poses[:, 0]).any():
+        reasons.insert(0, "the sensor was not found in the map")
+    return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
+
+
+def _on_matches(run: RunRecord) -> list[str]:
     n_steps = len(run.outcomes) - 1
     if n_steps < 1:
         return [f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"]
@@ -80,7 +88,7 @@ def _on_matches(run: OdometryRun) -> list[str]:
     ]
 
 
-def _on_lost_tracks(run: OdometryRun) -> list[str]:
+def _on_lost_tracks(run: RunRecord) -> list[str]:
     n_lost = run.outcomes.count(StepOutcome.LOST)
     if not n_lost:
         return []
@@ -91,7 +99,7 @@ def _on_lost_tracks(run: OdometryRun) -> list[str]:
     ]
 
 
-def _on_uncertainty(run: OdometryRun) -> list[str]:
+def _on_uncertainty(run: RunRecord) -> list[str]:
     if StepOutcome.LOST in run.outcomes:  # which says more than any figure
         return []
     covariances = run.trajectory.covariances
@@ -111,7 +119,7 @@ def _on_uncertainty(run: OdometryRun) -> list[str]:
     return [f"the position is uncertain by up to {sigma:.1f} m (standard deviation)" + cause * (n_open > 0)]
 
 
-def _on_prior(run: OdometryRun) -> list[str]:
+def _on_prior(run: RunRecord) -> list[str]:
     n_steps = len(run.outcomes) - 1
     if run.n_prior_rejected <= MAX_REJECTED_SHARE * n_steps:
         return []

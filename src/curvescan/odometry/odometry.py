@@ -21,7 +21,7 @@ from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_mat
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.step import Step
 from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -86,7 +86,7 @@ class Odometry:
     def __repr__(self) -> str:
         return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -99,7 +99,7 @@ class Odometry:
 
         Returns
         -------
-        OdometryStep
+        Step
             Pose and covariance in the frame of the first scan, and how they came about.
 
         Raises
@@ -148,13 +148,15 @@ def _place(observation: Observation) -> Placement:
     return next(placement for placement in placements if placement is not None)
 
 
-def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
+def _as_step(observation: Observation, placement: Placement) -> Step:
     pose_map_scan = placement.localization.pose_map_scan
-    return OdometryStep(
+    return Step(
         index=observation.index,
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.cov,
+        pose_odom=pose_map_scan.pose,
+        covariance_odom=pose_map_scan.cov,
         motion=placement.step_motion.pose,
         motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,

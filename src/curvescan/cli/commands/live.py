@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
-from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, MethodName, Reading, ReadingFlags
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
-    from curvescan.live.tracker import Engine
+    from curvescan.slam.run import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
@@ -45,13 +45,11 @@ def live(
     foxglove: Flag = False,
     foxglove_port: int = 8766,
     keep_open: Flag = False,
-    method: Method = "curvescan",
+    method: MethodName = "curvescan",
     scans: int | None = None,
     people: int = 3,
     seed: int = 0,
-    topic: Topic = None,
-    range_max: float | None = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
@@ -91,20 +89,12 @@ def live(
         Port of the websocket for Foxglove; 0 for any that is free.
     keep_open
         Serve the page after the source has ended, until Ctrl-C.
-    method
-        The matcher.
     scans
         End after so many scans of the simulated robot.
     people
         How many people walk around the simulated robot.
     seed
         Random seed; selects the simulated building and its people.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
     occupancy
         How to make the occupancy map.
     """
@@ -118,9 +108,9 @@ def live(
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
-        source = _laser(driver, port, laser)
+        source = _laser(driver, port, reading)
     elif log is not None:
-        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+        source = LogSource(reading.open(log), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
@@ -223,12 +213,14 @@ def _simulation(scans: int | None, people: int, seed: int, speed: float) -> Scan
     return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
 
 
-def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
+def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     from curvescan.live.drivers.opening import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(driver, port, is_mirrored=laser.upside_down != laser.clockwise, ignore_beams=laser.ignore_beams)
+    return open_driver(
+        driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
+    )
 
 
 def _preview(source: ScanSource, viewer: Viewer) -> None:

@@ -22,12 +22,11 @@ from curvescan.odometry import StepOutcome
 from curvescan.runs.results import RUN_RECORD
 from curvescan.runs.view_file import beams_of, read_view_file
 from curvescan.slam import SlamMap, load_map
-from curvescan.slam.localization.step import LocalizerOutcome
 from curvescan.slam.loops.closures import ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Floats, Ints, Pose
 
-_SENTENCES = {o.name.lower(): o.value for kind in (StepOutcome, LocalizerOutcome) for o in kind}
+_SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("carried_over", "It is of an earlier session, or of keyframes that have gone.")
