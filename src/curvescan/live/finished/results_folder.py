@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.trajectories.tum_csv import csv_rows
+from curvescan.io.trajectories.layouts import csv_rows
 from curvescan.live.finished.status import status_of
 from curvescan.live.live_map import picture_of
 from curvescan.mapping.map_server import read_map
