@@ -66,34 +66,10 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """The figures of a result that a verdict is judged by.
+    """The figures of a result that a verdict is judged by; engine: "odometry", "slam" or "localization".
 
-    Attributes
-    ----------
-    engine : str
-        ``"odometry"``, ``"slam"`` or ``"localization"``.
-    n_scans, n_recorded : int
-        Scans that were run, and scans that the log holds by its own count: more where it is cut short.
-    is_cut : bool
-        Whether the end of the log is missing.
-    is_unmatched, is_open : (n,) bool
-        Scans without a match; scans whose match leaves a direction unobservable.
-    is_known : (n,) bool
-        Scans whose pose is known.
-    path : float
-        Length of the path, metres.
-    sigma : float
-        Greatest standard deviation of a position, metres.
-    n_parts : int
-        Parts of the trajectory whose places relative to each other are not known.
-    contradictions : tuple of (int, int, float, float)
-        Matches and keyframes of each group of sure matches that contradict the map, and where, metres.
-    is_aliased : bool
-        Whether loop closures were withdrawn because places look alike.
-    motion : str
-        ``"used"``, ``"left out"`` or ``"none"``: wheels or gyroscope of the log.
-    faults : tuple of str
-        What of the log spoils readings.
+    is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose; path and
+    sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left out" or "none".
     """
 
     engine: str = "odometry"
