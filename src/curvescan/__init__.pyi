@@ -75,8 +75,8 @@ from .odometry import StepOutcome as StepOutcome
 from .odometry.config import KeyframesConfig as KeyframesConfig
 from .odometry.config import MotionConfig as MotionConfig
 from .odometry.config import OdometryConfig as OdometryConfig
+from .odometry.rig import Rig as Rig
 from .plots import plot as plot
-from .rig import Rig as Rig
 from .runs.batch.batch import BatchResult as BatchResult
 from .runs.batch.batch import run_batch as run_batch
 from .runs.batch.jobs import OdometryJob as OdometryJob

@@ -156,7 +156,8 @@ def run_odometry_steps() -> list[Step]:
 
 
 def test_the_information_is_of_g2os_error(tmp_path: Path) -> None:
-    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is spread
+    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is
+    # spread
     pose, rng = np.array([0.4, -0.2, 1.1]), np.random.default_rng(5)
     cov = random_cov(rng) * 1e-4  # small, where first order holds
     edge = PoseEdge(i=0, j=1, pose=pose, covariance=cov)

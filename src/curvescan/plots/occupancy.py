@@ -55,7 +55,7 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
 
 
 def _merged_ranks(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float]:
-    """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the highest of each block, and a block's side in metres."""
+    """Return 0, 1, 2 for unknown, free, occupied blocks of cells (the highest of each), and their side in metres."""
     ranks = grid.is_free.astype(np.uint8)
     ranks[grid.is_occupied] = 2
     n = -(-max(ranks.shape) // _MAX_PIXELS)
