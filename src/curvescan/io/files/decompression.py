@@ -14,6 +14,8 @@ MIN_UNPACKED_LIMIT = 64 << 20
 MAX_UNPACKED_RATIO = 100
 """Beyond, it may unpack to this many times its size."""
 
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
 
 def unpacked_limit(path: Path) -> int:
     """Return how many bytes a compressed file may unpack to."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
+from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, ZSTD_MAGIC
 
 MIN_CHUNK_LIMIT = 16 << 20
 """Up to this many bytes a single chunk may unpack to: recorders begin a new one after 1 to 4 MiB."""
@@ -18,7 +18,6 @@ MAX_CHUNK_RATIO = 20
 
 _PIECE_BYTES = 1 << 20
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LZ4_MAGIC = b"\x04\x22\x4d\x18"
 _SKIPPABLE = b"\x2a\x4d\x18"
 _TOO_MUCH = (
