@@ -132,3 +132,8 @@ def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
         read_map(tmp_path / "map.yaml")
     with pytest.raises(LogFileError):
         read_map(tmp_path / "none.yaml")
+
+
+def test_a_map_that_is_none_is_told(tmp_path):
+    with pytest.raises(InvalidArgumentError, match="grid must be an OccupancyGrid, got NoneType"):
+        write_map(tmp_path, None)

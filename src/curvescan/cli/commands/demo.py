@@ -5,15 +5,27 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
-from curvescan.cli.options import ConfigFile, Configs, MethodConfigs, MethodName, OutFolder, SlamConfigs, SlamFlags
+import tyro
+
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    MethodConfigs,
+    MethodName,
+    SensorName,
+    SlamConfigs,
+    SlamFlags,
+    WorldName,
+)
 
 
 def demo(
     *,
-    out: OutFolder = Path("demo"),
-    world: str = "office-floor",
-    sensor: str = "urg-04lx",
+    out: Annotated[Path, tyro.conf.arg(help="Folder for the results; made if it is missing.")] = Path("demo"),
+    world: WorldName = "office-floor",
+    sensor: SensorName = "urg-04lx",
     scans: int = 700,
     people: int = 0,
     seed: int = 0,
@@ -30,15 +42,15 @@ def demo(
     Parameters
     ----------
     world
-        Kind of the simulated world.
+        The simulated world.
     sensor
-        Simulated sensor.
+        The simulated sensor.
     scans
         How many scans.
     people
         How many people walk around the robot.
     seed
-        Another seed, another building and another drive.
+        Random seed; selects the building and the route.
     """
     from curvescan import run, simulate
     from curvescan.cli.console import ERR, OUT, load_kernels, run_display

@@ -22,6 +22,7 @@ from curvescan.cli.options import (
     ReadingFlags,
     SlamConfigs,
     SlamFlags,
+    results_folder,
 )
 from curvescan.io.exports import ExportName
 from curvescan.mapping.config import OccupancyConfig
@@ -31,7 +32,7 @@ def slam(
     log: LogPath,
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
     method: MethodName = "curvescan",
     export: tuple[ExportName, ...] = (),
@@ -61,7 +62,7 @@ def slam(
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
-    source = reading.open(log)
+    source, out = reading.open(log), results_folder(out, log, "slam")
     with run_display(lambda: load_kernels(method, slam=True)) as display:
         result = run(
             source,
