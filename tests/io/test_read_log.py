@@ -336,12 +336,12 @@ def test_real_carmen_log(real_data: Path) -> None:
 
 def test_an_address_is_no_file():
     with pytest.raises(
-        LogFileError, match="s3://bucket/a.bag is an address, and a log is read from a file: download it first"
+        LogFileError, match=r"s3://bucket/a\.bag is an address, and a log is read from a file: download it first"
     ):
         read_log("s3://bucket/a.bag")
 
 
 def test_text_of_another_format_names_the_page_that_helps(tmp_path):
     (tmp_path / "diary.txt").write_text("Dear diary\n")
-    with pytest.raises(LogFormatError, match="docs/howto/format.md shows how to read any other in eight lines"):
+    with pytest.raises(LogFormatError, match=r"docs/howto/format\.md shows how to read any other in eight lines"):
         read_log(tmp_path / "diary.txt")

@@ -95,5 +95,5 @@ def test_an_array_that_is_not_known_is_left_aside(tmp_path: Path) -> None:
 
 def test_a_picture_is_no_map(tmp_path: Path) -> None:
     (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n")
-    with pytest.raises(cs.LogFormatError, match="picture.png is not a map that curvescan saved: give the map.csmap of"):
-        cs.load_map(tmp_path / "picture.png")
+    with pytest.raises(LogFormatError, match=r"picture\.png is not a map that curvescan saved: give the map\.csmap of"):
+        load_map(tmp_path / "picture.png")
