@@ -55,8 +55,8 @@ class LaserScan:
     Raises
     ------
     InvalidArgumentError
-        When a shape or a scalar breaks the rules above, when directions are given twice or not at all, and when they are
-        plainly degrees. Bad *readings* never raise.
+        When a shape or a scalar breaks the rules above, when directions are given twice or not at all, and when they
+        are plainly degrees. Bad *readings* never raise.
 
     Warns
     -----

@@ -1,4 +1,7 @@
-"""Files made to harm: bombs, loops, lengths that are only claimed. Each is refused in a sentence, at once and in little memory."""
+"""Files made to harm: bombs, loops, lengths that are only claimed.
+
+Each is refused in a sentence, at once and in little memory.
+"""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class ExportFormat:
 
 EXPORTS: dict[str, ExportFormat] = {
     "kitti": ExportFormat(
-        filename="trajectory.kitti", writer="curvescan.io.trajectories.kitti:write_kitti", takes=("trajectory",)
+        filename="trajectory.kitti", writer="curvescan.io.trajectories.layouts:write_kitti", takes=("trajectory",)
     ),
     "g2o": ExportFormat(
         filename="graph.g2o", writer="curvescan.io.trajectories.g2o:write_g2o", takes=("trajectory", "edges")

@@ -15,7 +15,7 @@ from typing import Protocol, cast
 
 from curvescan.errors import LogFormatError
 from curvescan.io.arrays.coreslam import N_COLUMNS
-from curvescan.io.arrays.csv_layout import header_names, is_content
+from curvescan.io.arrays.csv_file import header_names, is_content
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind
 
@@ -96,7 +96,7 @@ _NUMBER = re.compile(rb"[-+]?[0-9.]+(e[-+]?[0-9]+)?")
 FORMATS: tuple[LogFormat, ...] = (
     *(LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.ros.reader:RosbagLog") for kind in BagKind),
     LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.arrays.npz_reader:open_npz"),
-    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_reader:open_csv"),
+    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_file:open_csv"),
     LogFormat(name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.arrays.coreslam:open_coreslam"),
     LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen.reader:CarmenLog"),
 )

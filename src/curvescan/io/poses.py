@@ -14,7 +14,7 @@ from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.files.lines import read_head
 from curvescan.io.formats import FORMATS, HEAD_BYTES
 from curvescan.io.reading import read_log
-from curvescan.io.trajectories.files import first_line, is_our_csv, plain_rows, results_file
+from curvescan.io.trajectories.layouts import first_line, is_our_csv, plain_rows, results_file
 from curvescan.io.trajectories.trajectory import Trajectory
 
 

@@ -63,7 +63,7 @@ WRITERS: dict[str, OutputFormat] = {
     "carmen": OutputFormat(
         suffixes=(".clf", ".log", ".carmen"), writer="curvescan.io.carmen.writer:write_carmen", is_text=True
     ),
-    "csv": OutputFormat(suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True),
+    "csv": OutputFormat(suffixes=(".csv",), writer="curvescan.io.arrays.csv_file:write_csv_scans", is_text=True),
     "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.arrays.npz_writer:write_npz"),
     "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.ros.writing.log_writer:write_ros1"),
     "ros2": OutputFormat(suffixes=("",), writer="curvescan.io.ros.writing.log_writer:write_sqlite3", is_folder=True),

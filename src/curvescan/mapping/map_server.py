@@ -33,7 +33,7 @@ free_thresh: 0.196
 
 
 def map_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Return the (n_rows, n_columns) uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
+    """Return the uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
     pixels = np.full(grid.log_odds.shape, UNKNOWN, dtype=np.uint8)
     pixels[grid.is_occupied] = OCCUPIED
     pixels[grid.is_free] = FREE

@@ -178,7 +178,7 @@ class OccupancyBuilder:
         return np.isposinf(scan.ranges)
 
     def _holds(self, low: Floats, high: Floats) -> bool:
-        """Return whether the grid holds all places of a box, and a cell more on each side: they are rounded once more."""
+        """Return whether the grid holds a box and, as places are rounded once more, a cell on each side."""
         n_rows, n_columns = self._log_odds.shape
         (left, bottom), (i, j) = low.tolist(), self._corner.tolist()
         right, top = high.tolist()

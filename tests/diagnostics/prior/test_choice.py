@@ -1,4 +1,4 @@
-"""What a log tells of the motion from scan to scan: wheels first, a gyroscope else, used where they agree with the scans."""
+"""What a log tells of the motion: wheels first, a gyroscope else, used where they agree with the scans."""
 
 from __future__ import annotations
 

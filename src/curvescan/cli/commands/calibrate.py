@@ -56,6 +56,20 @@ def calibrate(
         Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
         of its own: some minutes.
     """
+    if mounts:
+        return _show_mounts(log)
+    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed, sweep)
+
+
+def _find_parameters(
+    log: Path | None,
+    out: Path,
+    sensor: str,
+    distances: tuple[float, ...],
+    range_max: float | None,
+    seed: int,
+    sweep: bool,
+) -> int:
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
@@ -73,9 +87,6 @@ def calibrate(
     from curvescan.paper.sweep import sweep as sweep_parameters
     from curvescan.simulation.sensing.sensors import choose_sensor
 
-    if mounts:
-        return _show_mounts(log)
-    out = out or Path("calibration")
     if log is None:
         source, planes = choose_sensor(sensor), None
     else:

@@ -22,11 +22,6 @@ PoseRow: TypeAlias = tuple[float, float, float]
 
 NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
-OPTIONAL: Mapping[str, float] = MappingProxyType(
-    {"range_min": 0.0, "range_max": math.inf, "time_increment": 0.0, "scan_time": 0.0}
-)
-"""Numbers of a scan that a file of a layout of ours may leave out, by their names there, and what is then taken."""
-
 
 class Record(NamedTuple):
     """One scan as a file gives it.

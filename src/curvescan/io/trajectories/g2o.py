@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.rows import writing_text
+from curvescan.io.trajectories.layouts import writing_text
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Bools, Cov, PoseEdge
 

@@ -10,9 +10,7 @@ from typing import overload
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.files import TrajectoryFormat, read_rows, write_poses
-from curvescan.io.trajectories.kitti import kitti_rows
-from curvescan.io.trajectories.tum_csv import csv_rows, tum_rows
+from curvescan.io.trajectories.layouts import TrajectoryFormat, csv_rows, kitti_rows, read_rows, tum_rows, write_poses
 from curvescan.types import Cov, Floats, Pose
 
 

@@ -27,23 +27,13 @@ _CROWD_ATTEMPTS = 80  # places tried for the people around one scan
 
 @dataclass(frozen=True, kw_only=True)
 class People:
-    """What walkers look like and how they walk.
+    """What walkers look like and how they walk."""
 
-    Parameters
-    ----------
-    leg_radius : float
-        Metres; each walker shows two legs, unless `body_radius` is given.
-    hip_width : float
-        Distance between the legs across the walking direction, metres.
-    body_radius : float or None
-        Radius of the one circle a walker shows to a sensor at body height, metres; None: two legs.
-    speed_min, speed_max : float
-        Each walker's speed is drawn between them, m/s.
-    """
-
-    leg_radius: float = 0.07
-    hip_width: float = 0.2
+    leg_radius: float = 0.07  # metres; each walker shows two legs, unless `body_radius` is given
+    hip_width: float = 0.2  # distance between the legs across the walking direction, metres
+    # radius of the one circle a walker shows to a sensor at body height, metres; None: two legs
     body_radius: float | None = None
+    # each walker's speed is drawn between them, m/s
     speed_min: float = 0.5
     speed_max: float = 1.5
 

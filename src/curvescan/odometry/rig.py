@@ -207,7 +207,7 @@ def _from_the_base(points: Points, step: float, body_radius: float) -> tuple[Flo
     """Return rising directions all around, and the ranges of the nearest points in each, NaN without; both (n,)."""
     n = max(int(2.0 * math.pi / step), 1)
     width = 2.0 * math.pi / n
-    angles = np.asarray(-math.pi + width * (np.arange(n) + 0.5), dtype=np.float64)
+    angles: Floats = np.arange(n, dtype=np.float64) * width + (0.5 * width - math.pi)
     ranges = np.full(n, np.nan)
     distance = np.hypot(points[:, 0], points[:, 1])
     is_other = distance > body_radius
