@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from curvescan.diagnostics.report import LogReport
 
 if TYPE_CHECKING:
-    from curvescan.diagnostics.issues import Topic
     from curvescan.diagnostics.prior.gyroscope import Gyroscope
     from curvescan.diagnostics.rotation_direction import RotationDirection
 
@@ -26,6 +25,9 @@ _MIN_ORDERED = 20
 
 _SCATTERED = 0.7
 """Bins that no beam hit are scattered, 0.27 to 0.39 of them beside another; beams along a wall repeat in long runs."""
+
+Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
+"""What an issue is about."""
 
 Value: TypeAlias = float | bool | tuple[int, int]
 
