@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _LOW_VALID_SHARE = 0.25
 _UNEVEN = 3.0
 _MISSING = 0.005
+_REST_IS_READ = "; the rest of the log is read"
 
 _STALE, _CERTAINLY_STALE = 0.1, 0.2
 """Shares of readings that repeat the sweep before: the sound logs at hand have up to 0.09, the faulty ones 0.30 and 0.32."""
@@ -108,7 +109,7 @@ CHECKS: tuple[Check, ...] = (
         "read_error",
         lambda r: bool(r.read_errors),
         lambda r: tuple(
-            f"{e.rule}: {_counted(e.count, 'time')}, first in {e.first}; the rest of the log is read"
+            f"{e.rule}: {_counted(e.count, 'time')}, first in {e.first}" + _REST_IS_READ * ("is read" not in e.rule)
             for e in r.read_errors
         ),
     ),
