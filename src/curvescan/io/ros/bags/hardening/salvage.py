@@ -20,8 +20,8 @@ from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag1.reader import Header
 
-from curvescan.io.files.decompression import Unpacker
 from curvescan.io.ros.bags.bag_files import BagKind
+from curvescan.io.ros.bags.hardening.chunks import Unpacker
 
 _PIECE_BYTES = 1 << 20
 _MAX_CHUNK_BYTES = 1 << 30
