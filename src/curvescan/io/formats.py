@@ -101,6 +101,7 @@ FORMATS: tuple[LogFormat, ...] = (
     LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen.reader:CarmenLog"),
 )
 
+_OWN_FORMAT = "https://github.com/curvescan/curvescan/blob/main/docs/howto/format.md"
 _UNPACK = "unpack it first"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"BZh", "compressed with bzip2", _UNPACK),
@@ -132,4 +133,7 @@ def find_format(head: bytes, path: Path) -> LogFormat:
         raise LogFormatError(f"{path} holds binary data of an unknown format; read are: {known}")
     first = next(line for line in head.splitlines() if line.strip()).strip()
     shown = first[:40].decode("utf-8", errors="replace")
-    raise LogFormatError(f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}")
+    raise LogFormatError(
+        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}. {_OWN_FORMAT} shows how to read any other "
+        "in eight lines"
+    )

@@ -55,10 +55,14 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     Raises
     ------
     InvalidArgumentError
-        When the map has no cells.
+        When the map is none, or has no cells.
     OutputError
         When the files cannot be written.
     """
+    if not isinstance(grid, OccupancyGrid):
+        raise InvalidArgumentError(
+            f"grid must be an OccupancyGrid, got {type(grid).__name__}: OccupancyBuilder().grid() is one"
+        )
     if not grid.log_odds.size:
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
     pixels = map_pixels(grid)

@@ -21,7 +21,7 @@ from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
 from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, child
 from curvescan.simulation.sensing.people import People, walk
-from curvescan.simulation.sensing.sensors import Sensor, choose_sensor, measure, sight
+from curvescan.simulation.sensing.sensors import Sensor, cast_beams, choose_sensor, measure, sight
 from curvescan.types import Bools, Floats, Pose
 
 if TYPE_CHECKING:
@@ -164,22 +164,14 @@ def observe(
     the sensor during each sweep; None: it stands still.
     """
     # Numba loads when something is cast
-    from curvescan.simulation.sensing.raycast import cast_rays, cast_sweep
+    from curvescan.simulation.sensing.raycast import cast_sweep
 
     shape = (len(poses), sensor.n_beams)
     ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
     beams: Floats = np.arange(sensor.n_beams, dtype=np.float64)
     for i, pose in enumerate(poses):
         if velocities is None:
-            exact[i], hit_idx = cast_rays(
-                world,
-                pose,
-                angle_min=sensor.angle_min,
-                angle_increment=sensor.angle_increment,
-                n_beams=sensor.n_beams,
-                range_max=sight(sensor),
-                people=people[i],
-            )
+            exact[i], hit_idx = cast_beams(world, pose, sensor, range_max=sight(sensor), people=people[i])
         else:
             times = sensor.time_increment * beams[:, np.newaxis]
             exact[i], hit_idx = cast_sweep(

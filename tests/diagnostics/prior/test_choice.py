@@ -30,7 +30,7 @@ class GyroOnly(FakeLog):
 
 def prior_of(log, wanted=None, *, as_is=False):
     mended = mend(log, as_is=as_is)
-    return choose_prior(mended.log, mended.report, wanted=wanted)
+    return choose_prior(mended.log, sense=mended.report.sense, wanted=wanted)
 
 
 def drive(scale=1.0, turn=1.0, n=80):

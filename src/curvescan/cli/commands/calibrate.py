@@ -9,6 +9,8 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from curvescan.cli.options import SensorName
+
 
 def calibrate(
     log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
@@ -16,7 +18,7 @@ def calibrate(
     *,
     out: Path | None = None,
     mounts: bool = False,
-    sensor: str = "sick-lms200-5mm",
+    sensor: SensorName = "sick-lms200-5mm",
     distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
     range_max: float | None = None,
     seed: int = 0,
@@ -43,7 +45,7 @@ def calibrate(
     mounts
         Find the mounts of the lasers of LOG, a bag; nothing is written.
     sensor
-        Simulated sensor, where there is no log.
+        The simulated sensor, where there is no log.
     distances
         Distances of the simulated planes, metres.
     range_max

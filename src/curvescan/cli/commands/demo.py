@@ -9,7 +9,16 @@ from typing import Annotated, Any, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import ConfigFile, Configs, MethodConfigs, MethodName, OutFolder, SlamConfigs, SlamFlags
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    MethodConfigs,
+    MethodName,
+    SensorName,
+    SlamConfigs,
+    SlamFlags,
+    WorldName,
+)
 from curvescan.io.datasets import DATASETS
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
@@ -17,10 +26,10 @@ DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
 def demo(
     *,
-    out: OutFolder = Path("demo"),
+    out: Annotated[Path, tyro.conf.arg(help="Folder for the results; made if it is missing.")] = Path("demo"),
     log: DatasetName = None,
-    world: str = "office-floor",
-    sensor: str = "urg-04lx",
+    world: WorldName = "office-floor",
+    sensor: SensorName = "urg-04lx",
     scans: int = 700,
     people: int = 0,
     seed: int = 0,
@@ -40,15 +49,15 @@ def demo(
         A public log instead of the simulated building: it is downloaded on its first use, mapped as by `curvescan slam`, and
         compared with its relations where it has them.
     world
-        Kind of the simulated world.
+        The simulated world.
     sensor
-        Simulated sensor.
+        The simulated sensor.
     scans
         How many scans.
     people
         How many people walk around the robot.
     seed
-        Another seed, another building and another drive.
+        Random seed; selects the building and the route.
     """
     if log is not None:
         return _map_public_log(log, out, method=method, config=config, configs=configs, slam_config=slam_config)

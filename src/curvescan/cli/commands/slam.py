@@ -23,6 +23,7 @@ from curvescan.cli.options import (
     ReadingFlags,
     SlamConfigs,
     SlamFlags,
+    results_folder,
 )
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.exports import ExportName
@@ -39,7 +40,7 @@ def slam(
     log: LogPath | None = None,
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
     drop: Pairs = (),
     add: Pairs = (),
@@ -78,7 +79,8 @@ def slam(
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
-    begin = _mended(map, drop, add, edits, None if log else out) if drop or add or edits or log is None else map
+    folder = results_folder(out, log or map or Path(), "slam")
+    begin = _mended(map, drop, add, edits, None if log else folder) if drop or add or edits or log is None else map
     if log is None:
         return 0
     source = reading.open(log)
@@ -86,7 +88,7 @@ def slam(
         result = run(
             source,
             "slam",
-            out=out,
+            out=folder,
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
@@ -100,7 +102,7 @@ def slam(
             display=display,
             keeps_steps=False,
         )
-    return report(result, out)
+    return report(result, folder)
 
 
 def _mended(

@@ -11,7 +11,8 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.catalogue import look_up
-from curvescan.types import Floats
+from curvescan.simulation.buildings.world import World
+from curvescan.types import Floats, Ints, Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +80,24 @@ def choose_sensor(sensor: Sensor | str) -> Sensor:
 def sight(sensor: Sensor) -> float:
     """Return the range to which rays must be cast: noise brings surfaces just out of range into it."""
     return sensor.range_max + 8.0 * sensor.sigma_range
+
+
+def cast_beams(
+    world: World, pose: Pose, sensor: Sensor, *, range_max: float | None = None, people: Floats | None = None
+) -> tuple[Floats, Ints]:
+    """Return exact ranges of a sensor's beams and what each hits, as :func:`cast_rays`; range_max as the sensor's."""
+    # Numba loads when something is cast
+    from curvescan.simulation.sensing.raycast import cast_rays
+
+    return cast_rays(
+        world,
+        pose,
+        angle_min=sensor.angle_min,
+        angle_increment=sensor.angle_increment,
+        n_beams=sensor.n_beams,
+        range_max=sensor.range_max if range_max is None else range_max,
+        people=people,
+    )
 
 
 def measure(exact: Floats, sensor: Sensor, rng: np.random.Generator) -> Floats:
