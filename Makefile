@@ -32,7 +32,7 @@ test-ros:
 
 # the site, with its gallery run and warnings as errors: docs/_build/html/index.html
 docs: $(DOCS_INSTALLED)
-	CURVESCAN_COMPILE_HELPERS=0 $(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)
@@ -91,9 +91,7 @@ test-fleet:
 # bench/bench.md and the figures of README, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
 # (FLAGS="--pairs 150 --runs 500" for about half the time)
 bench: $(INSTALLED)
-	mkdir -p .cache
-	$(BIN)/curvescan bench --out .cache/bench $(FLAGS) $(if $(LOGS),--logs $(LOGS))
-	cp .cache/bench/bench.md .cache/bench/turns.png bench/
+	$(BIN)/python bench/benchmark.py $(FLAGS) $(if $(LOGS),--logs $(LOGS))
 	$(BIN)/python bench/readme_table.py
 
 format: $(INSTALLED)

@@ -16,13 +16,11 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from kept_rows import markdown, read_rows, write_rows
-
 import curvescan as cs
 from curvescan.evaluation.published import BENCHMARKS
 from curvescan.evaluation.relations import relation_errors
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS
-from curvescan.runs.slam_log import slam_log
+from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
 ROWS, TABLES = HERE / "comparison.jsonl", HERE / "comparison.md"
@@ -78,7 +76,7 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
     """Run a method over a log and return the errors of its relations."""
     scans = cs.read_log(data / f"{LOGS[log]}.clf.gz")
     if task == "slam":
-        trajectory = slam_log(scans, method=method, odometry_prior=wheels).run.revised.trajectory
+        trajectory = cs.run(scans, "slam", method=method, odometry_prior=wheels).trajectory
     else:
         trajectory = cs.run(scans, method=method, odometry_prior=wheels).trajectory
     errors = relation_errors(trajectory, cs.read_relations(data / f"{LOGS[log]}.relations"))

@@ -30,9 +30,9 @@ from curvescan.matchers.curvescan.disambiguation import AssessedPose
 from curvescan.matchers.curvescan.pose_difference import is_along
 from curvescan.scan import LaserScan
 from curvescan.simulation import simulate_pairs
-from curvescan.simulation.deceptive import DECEPTIONS, deceptive_pairs
 from curvescan.simulation.sensing.people import People
 from curvescan.types import Floats, Pose
+from deceptive import DECEPTIONS, deceptive_pairs
 
 Pair = tuple[LaserScan, LaserScan, Pose | None, Pose | None]
 """Reference, current, true pose (None: nothing is shared), guess."""

@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from kept_rows import markdown, read_rows, write_rows
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.cli.flags import with_flags
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
+from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
@@ -51,9 +52,6 @@ LOGS: dict[str, tuple[str, Truth]] = {
     "ual-campus-sick/ual-campus.clf.gz": ("SICK on a car, outdoors, 4 m/s", "wheels"),
 }
 """Each log, by its path in the folder of logs: what it is, and what its end is compared with."""
-
-CORRECTED = (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
-"""Outcomes that put right the drift since an earlier keyframe."""
 
 NOT_LISTED = ("note",)
 """Kinds of issues that are remarks of the reader."""
@@ -116,16 +114,16 @@ def measure(folder: Path, name: str) -> Row:
     words = [issue.argument.partition("=") for issue in issues if issue.argument]
     given = {name: ast.literal_eval(value) for name, _, value in words}
     log = cs.read_log(folder / name, **given)
-    run = cs.run_odometry(log)
+    run = cs.run(log).record
     poses = run.trajectory.poses
     return Row(
         log=name,
         format=log.format,
         n_scans=len(poses),
         issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
-        options=[issue.option for issue in issues if issue.option],
+        options=[with_flags(issue.argument) for issue in issues if issue.remedy],
         n_failed=int(np.count_nonzero(run.is_failed)),
-        n_relocalized=sum(one in CORRECTED for one in run.outcomes),
+        n_relocalized=run.outcomes.count(StepOutcome.RELOCALIZED),
         length=round(float(travelled(poses)[-1]), 2),
         end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
         version=cs.__version__,

@@ -146,12 +146,6 @@ NAMED = (
         "pass",
     ),
     _named(
-        "two keyframes need not agree",
-        "odometry/relocalization.py",
-        "if _agree(hit.localization, other.localization, config):",
-        "if True:",
-    ),
-    _named(
         "a rejected match keeps its small covariance",
         "odometry/gating.py",
         "expected.cov + config.recovery_covariance",
@@ -163,14 +157,8 @@ NAMED = (
         "last = motion if is_plausible else identity()",
         "last = motion if is_plausible else self.last",
     ),
-    _named(
-        "keyframes placed by guess push known ones out",
-        "odometry/strategies.py",
-        "obsolete=last.keyframe if is_unused else None",
-        "obsolete=None",
-    ),
 )
-"""Seven that once lived in the tests of their own file, and others that did."""
+"""Some that once lived in the tests of their own file, and others that did."""
 
 _WIDER = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "=="}
 _TURNED = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<"}

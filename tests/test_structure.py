@@ -26,7 +26,7 @@ PLAIN = (0.0, 0.5, 1.0, 2.0)
 N_POSE = 3
 """Indices below it are those of a pose, a point or a small matrix; other columns have names."""
 
-LONG = {"batch.py:batch", "evaluate.py:evaluate", "live.py:live"}
+LONG = {"calibrate.py:calibrate", "live.py:live"}
 """Functions that are longer: commands, with one parameter a flag."""
 
 

@@ -93,11 +93,6 @@ def cleaned_up_by(clean_up: CleanUp) -> Iterator[None]:
         _clean_ups.remove(clean_up)
 
 
-def clean_up_at_end(clean_up: CleanUp) -> None:
-    """Have a function called before the process is ended at once by a signal, whenever that is."""
-    _clean_ups.insert(0, clean_up)
-
-
 @contextmanager
 def reported_as(sentence: str) -> Iterator[None]:
     """Have a signal that arrives inside reported by this sentence."""

@@ -15,6 +15,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from curvescan.cli.tracker import make_odometry
 from rich.console import Console
 
 from curvescan import __version__
@@ -22,7 +23,6 @@ from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
 from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
-from curvescan.cli.tracker import make_odometry
 from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
@@ -219,19 +219,7 @@ def test_demo_needs_no_data(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_bench_measures_and_tabulates(log, tmp_path, capsys):
-    arguments = [
-        "bench",
-        "--pairs",
-        "2",
-        "--runs",
-        "3",
-        "--deceptive",
-        "1",
-        "--logs",
-        str(log),
-        "--out",
-        str(tmp_path / "bench"),
-    ]
+    arguments = ["bench", "--pairs", "2", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
     assert run(arguments) == 0
     printed = capsys.readouterr().out
     written = (tmp_path / "bench" / "bench.md").read_text()

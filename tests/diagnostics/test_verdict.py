@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.issues import Issue
-from curvescan.diagnostics.verdict import judge_run, propose_commands
+from curvescan.cli.proposals import propose_commands
+from curvescan.diagnostics.issues import Issue, Remedy
+from curvescan.diagnostics.verdict import judge_run
 from curvescan.odometry import StepOutcome, run_odometry
 from tests.scenes import room_scan
 
-STALE = Issue(topic="beams", kind="stale_beams", what="30% of the readings are old", option="--drop-stale")
-FIXED = Issue(topic="beams", kind="fixed_beams", what="beams 0 to 3 are fixed", option="--ignore-beams 4 0")
+STALE = Issue(topic="beams", kind="stale_beams", what="30% of the readings are old", remedy=Remedy("drop_stale", True))
+FIXED = Issue(topic="beams", kind="fixed_beams", what="beams 0 to 3 are fixed", remedy=Remedy("ignore_beams", (4, 0)))
 
 
 def drive(n=30):
@@ -77,7 +78,7 @@ def test_one_command_takes_every_option():
 
 def test_a_flag_that_turned_the_beams_the_wrong_way_round_is_left_out():
     command = ["curvescan", "slam", "a.bag", "--backwards", "--out", "o"]
-    wrong = Issue(topic="beams", kind="beams_reversed", what="reversed", option="--backwards")
+    wrong = Issue(topic="beams", kind="beams_reversed", what="reversed", remedy=Remedy("backwards", True))
     (sentence,) = propose_commands(command, [wrong, STALE])
     assert sentence.endswith("; try: curvescan slam a.bag --out o --drop-stale")
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan
-from curvescan.errors import InvalidArgumentError, OutputError
-from curvescan.mapping.map_server import write_map
-from curvescan.mapping.occupancy import OccupancyBuilder
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.map_server import read_map, write_map
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.plots.occupancy import draw_occupancy
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML")
@@ -100,3 +101,34 @@ def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
     left, top, middle = grey.shape[1] // 5, grey.shape[0] // 6, grey.shape[0] // 2
     dark = (grey[top:middle, left:] < 60).mean(axis=0)
     assert left + dark.argmax() > 0.6 * grey.shape[1]
+
+
+def test_a_map_comes_back_as_it_was_written(tmp_path):
+    log_odds = np.zeros((4, 5), dtype=np.float32)
+    log_odds[1, 2], log_odds[3, 0] = 2.0, -1.0
+    write_map(tmp_path, OccupancyGrid(log_odds=log_odds, origin=np.array([-1.5, 2.0]), config=OccupancyConfig()))
+    grid = read_map(tmp_path / "map.yaml")
+    np.testing.assert_array_equal(np.sign(grid.log_odds), np.sign(log_odds))
+    assert grid.is_occupied[1, 2]
+    assert grid.is_free[3, 0]
+    assert grid.origin.tolist() == [-1.5, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((b"P5", b"P2"), "binary PGM"),
+        ((b"5 4", b"5 5"), "cut short"),
+        ((b"origin: [0, 0, 0.0]", b"origin: [0, 0, 0.5]"), "turned by 0.5 rad"),
+        ((b"resolution", b"solution"), "resolution"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
+    grid = OccupancyGrid(log_odds=np.ones((4, 5), dtype=np.float32), origin=np.zeros(2), config=OccupancyConfig())
+    write_map(tmp_path, grid)
+    for file in tmp_path.iterdir():
+        file.write_bytes(file.read_bytes().replace(*change))
+    with pytest.raises(LogFormatError, match=message):
+        read_map(tmp_path / "map.yaml")
+    with pytest.raises(LogFileError):
+        read_map(tmp_path / "none.yaml")

@@ -189,6 +189,36 @@ def test_wrong_arguments_are_named():
     for guess in ((1, 2), (1, 2, math.nan), "far"):
         with pytest.raises(cs.InvalidArgumentError, match="guess must be three"):
             cs.match(scan, scan, guess=guess)
+    with pytest.raises(cs.InvalidArgumentError, match="prior and guess say the same"):
+        cs.match(scan, scan, guess=(0, 0, 0), prior=cs.UncertainPose(np.zeros(3), np.eye(3)))
+    with pytest.raises(cs.InvalidArgumentError, match="prior must be an UncertainPose"):
+        cs.match(scan, scan, prior=(0.0, 0.0, 0.0))
+    for pose, covariance, message in (
+        ((1, 2), np.eye(3), "prior.pose must be three finite numbers"),
+        (np.zeros(3), np.eye(2), r"prior.covariance must be \(3, 3\)"),
+        (np.zeros(3), np.full((3, 3), math.nan), "and finite"),
+        (np.zeros(3), np.eye(3) + np.triu(np.ones((3, 3)), 1), "must be symmetric"),
+        (np.zeros(3), np.zeros((3, 3)), "must be positive definite"),
+    ):
+        with pytest.raises(cs.InvalidArgumentError, match=message):
+            cs.match(scan, scan, prior=cs.UncertainPose(pose, covariance))
+
+
+def test_a_match_gives_the_information_of_the_scans_and_its_candidates(method, pair):
+    result = cs.match(*pair, method=method)
+    assert 1 <= len(result.candidates) <= 8
+    np.testing.assert_allclose(result.candidates[0].pose, result.pose)
+    np.testing.assert_allclose(result.information, result.information.T)
+    np.testing.assert_allclose(result.information @ result.covariance, np.eye(3), atol=1e-6)
+
+
+def test_a_guess_is_a_prior_of_its_documented_width(method, pair):
+    guess = MOTION + 0.02
+    guessed = cs.match(*pair, method=method, guess=guess)
+    prior = cs.UncertainPose(guess, np.diag([0.3, 0.3, 0.2]) ** 2)
+    known = cs.match(*pair, method=method, prior=prior)
+    np.testing.assert_array_equal(guessed.pose, known.pose)
+    np.testing.assert_array_equal(guessed.confidence, known.confidence)
 
 
 def told_by_angles(scan, keep=slice(None)):

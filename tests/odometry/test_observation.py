@@ -26,9 +26,9 @@ class NeedsGuess:
     def __init__(self, **result):
         self.result = result
 
-    def match(self, reference, current, guess):
+    def match(self, reference, current, prior):
         found = matched(TRUE, **self.result)
-        if abs(guess[2]) < 0.03:
+        if abs(prior.pose[2]) < 0.03:
             return found
         unknown = {"pose": np.full(3, np.nan), "covariance": np.full((3, 3), np.nan)}
         return cs.MatchResult(**{**vars(found), **unknown, "outcome": cs.Outcome.AMBIGUOUS, "confidence": 0.0})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from curvescan.odometry import KeyframesConfig, OdometryConfig, StepOutcome
+from curvescan.odometry import StepOutcome
 from tests.odometry.scripted import run
 
 
@@ -30,17 +30,6 @@ def test_after_a_recovery_the_old_velocity_does_not_go_on(monkeypatch):
     np.testing.assert_allclose(steps[7].pose, poses[7], atol=0.01)
     np.testing.assert_allclose(steps[8].pose, steps[7].pose, atol=1e-9)
     np.testing.assert_allclose(steps[9].pose, steps[7].pose, atol=1e-9)
-
-
-def test_keyframes_placed_by_guess_push_no_measured_one_out(monkeypatch):
-    config = OdometryConfig(keyframes=KeyframesConfig(max_keyframes=6, max_gap=0))
-    n = 12
-    before, _ = run(monkeypatch, straight(n), hidden=(), config=config)
-    measured = {keyframe.index for keyframe in before.keyframes}
-    assert 3 <= len(measured) <= 4
-    after, steps = run(monkeypatch, straight(n + 20), hidden=range(n, n + 20), config=config)
-    assert {step.outcome for step in steps[n:]} <= {StepOutcome.PREDICTED, StepOutcome.HELD}
-    assert measured <= {keyframe.index for keyframe in after.keyframes}
 
 
 def another_room(n, first, link, bridge):

@@ -89,7 +89,7 @@ def test_a_map_is_drawn_from_a_grid_a_run_or_a_log(axes):
     assert len(np.unique(images[0])) == 3
     with pytest.raises(cs.InvalidArgumentError, match="give trajectory="):
         cs.plot.map(log, ax=axes)
-    with pytest.raises(cs.InvalidArgumentError, match="must be an OccupancyGrid"):
+    with pytest.raises(cs.InvalidArgumentError, match="must be a Run, a Slam"):
         cs.plot.map(3, ax=axes)
     with pytest.raises(cs.InvalidArgumentError, match="no cell"):
         cs.plot.map(cs.OccupancyBuilder(), ax=axes)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from curvescan.benchmarks.deception import DeceptionScore, score_deception
 from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.benchmarks.profile import StageTime, measure_stages
-from curvescan.benchmarks.rotation import TURNS_DEG, success_by_turn
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
 from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
-from curvescan.benchmarks.stamp_jitter import JITTERS, JitterSpread, measure_jitter, timed_log
 from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, MATCHERS
@@ -22,17 +19,12 @@ from curvescan.paper.random_transform import (
     RandomTransformRuns,
     run_random_transforms,
 )
-from curvescan.simulation.deceptive import DECEPTIONS
-from curvescan.types import Floats
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
 """Beams over 180 degrees for which times are taken."""
 
 STAGED = (DEFAULT_METHOD, "cfsma")
 """Methods whose times are measured stage by stage."""
-
-N_JITTERED = 5
-"""Runs of each log with jittered stamps."""
 
 EXPERIMENT_1_WORLDS = ("room", "office", "building")
 """Simulated worlds of experiment 1."""
@@ -59,16 +51,10 @@ class Benchmark:
         Scenario by scenario, one a method.
     open_worlds : tuple of OpenScore
         World by world, one a method.
-    deceptions : tuple of DeceptionScore
-        World by world, of the default method.
-    turns : dict of str to (n,) float64
-        Success against turn angle, of :func:`curvescan.benchmarks.rotation.success_by_turn`.
     experiment_1 : dict of (world, condition) to RandomTransformRuns
         The paper's experiment 1.
     logs : tuple of LogEvaluation
         Log by log, one a method.
-    jitter : tuple of JitterSpread
-        How far apart logs end when their stamps are moved, one a log and jitter.
     reading : tuple of ReadingSpeed
         How fast logs are read, one a format.
     """
@@ -80,11 +66,8 @@ class Benchmark:
     growth: dict[str, tuple[Speed, ...]]
     scenarios: tuple[ScenarioScore, ...]
     open_worlds: tuple[OpenScore, ...]
-    deceptions: tuple[DeceptionScore, ...]
-    turns: dict[str, Floats]
     experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
     logs: tuple[LogEvaluation, ...]
-    jitter: tuple[JitterSpread, ...]
     reading: tuple[ReadingSpeed, ...]
 
 
@@ -93,18 +76,13 @@ def run_benchmark(
     methods: Sequence[str] = tuple(MATCHERS),
     n_pairs: int = 300,
     n_runs: int = 1000,
-    n_deceptive: int = 100,
     logs: Sequence[Log] = (),
     seed: int = 0,
     progress: Progress = in_silence,
 ) -> Benchmark:
     """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
     speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
-    scenarios, open_worlds, deceptions = _scores(methods, n_pairs, n_deceptive, seed, progress)
-    n_turned = max(n_pairs // 5, 1)
-    turns = success_by_turn(
-        methods, n_pairs=n_turned, seed=seed + 2, on_pair=progress("any turn", n_turned * len(TURNS_DEG))
-    )
+    scenarios, open_worlds = _scores(methods, n_pairs, seed, progress)
     experiment_1 = _experiment_1(n_runs, seed, progress)
     judged = [
         evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
@@ -120,11 +98,8 @@ def run_benchmark(
         growth=growth,
         scenarios=scenarios,
         open_worlds=open_worlds,
-        deceptions=deceptions,
-        turns=turns,
         experiment_1=experiment_1,
         logs=tuple(judged),
-        jitter=_jitter(logs, seed, progress),
         reading=reading,
     )
 
@@ -153,9 +128,9 @@ def _times(
 
 
 def _scores(
-    methods: Sequence[str], n_pairs: int, n_deceptive: int, seed: int, progress: Progress
-) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...], tuple[DeceptionScore, ...]]:
-    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction, deceptive worlds."""
+    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
+) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...]]:
+    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction."""
     scenarios = [
         score
         for one in SCENARIOS
@@ -166,12 +141,7 @@ def _scores(
         for world in OPEN_WORLDS
         for score in score_open(world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs))
     ]
-    deceptions = [
-        score_deception(world, n_pairs=n_deceptive, seed=seed + 3, on_pair=progress(f"deceptive: {world}", n_deceptive))
-        for world in DECEPTIONS
-        if DEFAULT_METHOD in methods
-    ]
-    return tuple(scenarios), tuple(open_worlds), tuple(deceptions)
+    return tuple(scenarios), tuple(open_worlds)
 
 
 def _experiment_1(
@@ -190,19 +160,3 @@ def _experiment_1(
         for condition in CONDITIONS
         if condition.sensor == EXPERIMENT_1_SENSOR
     }
-
-
-def _jitter(logs: Sequence[Log], seed: int, progress: Progress) -> tuple[JitterSpread, ...]:
-    """Return how far apart a simulated log and real ones end when their stamps are moved."""
-    return tuple(
-        measure_jitter(
-            log,
-            name=log.name,
-            jitter=size,
-            n_runs=N_JITTERED,
-            seed=seed,
-            on_run=progress(f"{log.name}, stamps moved", N_JITTERED),
-        )
-        for log in (timed_log(seed), *logs)
-        for size in JITTERS
-    )

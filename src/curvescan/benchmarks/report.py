@@ -1,4 +1,4 @@
-"""The tables and the figure of a benchmark."""
+"""The tables of a benchmark."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import numpy as np
 
 from curvescan.benchmarks.benchmark import BEAM_COUNTS, Benchmark
 from curvescan.benchmarks.io_speed import ReadingSpeed
-from curvescan.benchmarks.rotation_figure import draw_turns
-from curvescan.benchmarks.stamp_jitter import JitterSpread
 from curvescan.paper.random_transform import RandomTransformRuns
 from curvescan.paper.tables import log_table
 from curvescan.runs.table import ResultTable
@@ -19,41 +17,18 @@ from curvescan.types import Floats
 
 
 def save_benchmark(folder: Path, results: Benchmark) -> None:
-    """Write bench.md and turns.png (success against turn angle) into an existing folder."""
+    """Write bench.md into an existing folder."""
     text = "\n".join(table.markdown() for table in benchmark_tables(results))
     (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")
-    draw_turns(folder / "turns.png", results.turns)
 
 
 def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     """Return the tables of a benchmark, in the order in which it was measured."""
     tables = [_speed(results), _stages(results), _growth(results), _scenarios(results), _open_worlds(results)]
-    if results.deceptions:
-        tables.append(_deceptions(results))
     tables.append(_experiment_1(results))
     if results.logs:
         tables.append(log_table(results.logs))
-    tables += [jitter_table(results.jitter), reading_table(results.reading)]
-    return tables
-
-
-def jitter_table(spreads: Sequence[JitterSpread]) -> ResultTable:
-    """Return the table of what jittered stamps change, one row a log and jitter."""
-    return ResultTable(
-        title="Odometry with jittered stamps, beside that with the log's own",
-        columns=("log", "scans", "stamps moved by", "runs", "ends apart, most", "poses that differ"),
-        rows=[
-            (
-                one.log,
-                f"{one.n_scans:,}",
-                f"up to {1e3 * one.jitter:g} ms" if one.jitter else "one unit in the last place",
-                f"{len(one.ends):,}",
-                f"{1e3 * one.spread_m:.3g} mm, {np.degrees(one.spread_rad):.2g} deg",
-                f"{100 * one.moved_shares.max():.1f} %",
-            )
-            for one in spreads
-        ],
-    )
+    return [*tables, reading_table(results.reading)]
 
 
 def reading_table(speeds: Sequence[ReadingSpeed]) -> ResultTable:
@@ -169,31 +144,6 @@ def _open_worlds(results: Benchmark) -> ResultTable:
                 _figure(100 * score.inside_95, ".1f", " %"),
             )
             for score in results.open_worlds
-        ],
-    )
-
-
-def _deceptions(results: Benchmark) -> ResultTable:
-    return ResultTable(
-        title="Deceptive worlds, the default matcher, no guess but where the world gives one: share of pairs",
-        columns=(
-            "world",
-            "pairs",
-            "success",
-            "false positives",
-            "false positives with a degenerate direction",
-            "no match",
-        ),
-        rows=[
-            (
-                score.world,
-                f"{score.n_pairs:,}",
-                f"{100 * score.right:.1f} %",
-                f"{100 * score.sure_and_wrong:.1f} %",
-                f"{100 * score.flagged_and_wrong:.1f} %",
-                f"{100 * score.unmatched:.1f} %",
-            )
-            for score in results.deceptions
         ],
     )
 

@@ -26,6 +26,7 @@ from curvescan.cli.commands.localize import localize
 from curvescan.cli.commands.match import match
 from curvescan.cli.commands.odometry import odometry
 from curvescan.cli.commands.slam import slam
+from curvescan.cli.commands.view import view
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "localize": localize,
     "batch": batch,
     "live": live,
+    "view": view,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,

@@ -15,7 +15,7 @@ from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats
 
 _CHANGED = 8.0
-"""Typical change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
+"""Median change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
 
 _NEAR = 4
 """Changes of up to so many steps are counted to estimate how often one of zero is expected."""
@@ -49,12 +49,15 @@ class BeamStatistics:
     n_compared, n_equal, n_near : int
         Readings of these pairs that are valid in both: all, those that are equal, and those that are not but lie
         within four steps.
+    n_equal_neighbours : int
+        Readings that are equal, and so are those of the next beam.
     """
 
     n_pairs: int = 0
     n_compared: int = 0
     n_equal: int = 0
     n_near: int = 0
+    n_equal_neighbours: int = 0
     _previous: Floats | None = None
     _n_scans: int = 0
     _base: Floats = field(default_factory=lambda: np.empty(0))
@@ -69,6 +72,11 @@ class BeamStatistics:
             return np.nan
         expected = self.n_near / (2 * _NEAR)
         return max(self.n_equal - expected, 0.0) / self.n_compared
+
+    @property
+    def stale_run(self) -> float:
+        """Share of the readings that repeat the sweep before beside another that does; NaN without any."""
+        return self.n_equal_neighbours / self.n_equal if self.n_equal else np.nan
 
     @property
     def n_blind(self) -> int:
@@ -112,13 +120,16 @@ class BeamStatistics:
             self._add_pair(np.abs(ranges - previous))
 
     def _add_pair(self, changes: Floats) -> None:
+        is_equal = changes == 0.0
+        n_neighbours = int(np.count_nonzero(is_equal[1:] & is_equal[:-1]))
         changes = changes[np.isfinite(changes)]
         changed = changes[changes > 0.0]
         if changed.size < _MIN_CHANGES:
             return
         step = max(float(changed.min()), _MIN_STEP)
-        if not np.median(changed) > _CHANGED * step:
+        if not np.median(changes) > _CHANGED * step:
             return
+        self.n_equal_neighbours += n_neighbours
         self.n_pairs += 1
         self.n_compared += changes.size
         self.n_equal += changes.size - changed.size

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from curvescan.diagnostics.issues import Issue
-from curvescan.odometry.run import OdometryRun
+from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.types import Bools
 
@@ -28,9 +27,6 @@ MAX_SIGMA = 0.5
 
 MAX_SIGMA_SHARE = 0.02
 """The same on a long path, as a share of it: what odometry may drift by."""
-
-_REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
-"""Options that turn the beams round: one that was given, and is asked for all the same, is to be left out."""
 
 _SPOILING = ("stale_beams", "turns_against", "undeclared_code", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
@@ -59,7 +55,7 @@ class Verdict:
         return f"not to be trusted: {'; '.join(self.reasons)}"
 
 
-def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
+def judge_run(run: RunRecord, issues: Sequence[Issue] = ()) -> Verdict:
     """Return whether the trajectory of a run can be trusted, and why not."""
     reasons = [
         *_on_lost_tracks(run),
@@ -71,21 +67,15 @@ def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
 
 
-def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
-    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy."""
-    options = [issue for issue in issues if issue.option]
-    if not options:
-        return ()
-    found = dict.fromkeys(issue.option for issue in options)
-    # one that turns the beams round, and was given, was wrong if they are now the wrong way round: it is left out
-    wrong = _REVERSING & found.keys() & set(command)
-    added = [word for option in found if option not in wrong for word in shlex.split(option)]
-    what = "; ".join(issue.what for issue in options)
-    proposed = shlex.join([*(word for word in command if word not in wrong), *added])
-    return (f"{what}; try: {proposed}",)
+def judge_localization(run: RunRecord, issues: Sequence[Issue] = ()) -> Verdict:
+    """Return whether the poses of a localization can be trusted, and why not."""
+    reasons = [issue.what for issue in issues if issue.kind in _SPOILING]
+    if not np.isfinite(run.trajectory.poses[:, 0]).any():
+        reasons.insert(0, "the sensor was not found in the map")
+    return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
 
 
-def _on_matches(run: OdometryRun) -> list[str]:
+def _on_matches(run: RunRecord) -> list[str]:
     n_steps = len(run.outcomes) - 1
     if n_steps < 1:
         return [f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"]
@@ -98,7 +88,7 @@ def _on_matches(run: OdometryRun) -> list[str]:
     ]
 
 
-def _on_lost_tracks(run: OdometryRun) -> list[str]:
+def _on_lost_tracks(run: RunRecord) -> list[str]:
     n_lost = run.outcomes.count(StepOutcome.LOST)
     if not n_lost:
         return []
@@ -109,7 +99,7 @@ def _on_lost_tracks(run: OdometryRun) -> list[str]:
     ]
 
 
-def _on_uncertainty(run: OdometryRun) -> list[str]:
+def _on_uncertainty(run: RunRecord) -> list[str]:
     if StepOutcome.LOST in run.outcomes:  # which says more than any figure
         return []
     covariances = run.trajectory.covariances
@@ -129,7 +119,7 @@ def _on_uncertainty(run: OdometryRun) -> list[str]:
     return [f"the position is uncertain by up to {sigma:.1f} m (standard deviation)" + cause * (n_open > 0)]
 
 
-def _on_prior(run: OdometryRun) -> list[str]:
+def _on_prior(run: RunRecord) -> list[str]:
     n_steps = len(run.outcomes) - 1
     if run.n_prior_rejected <= MAX_REJECTED_SHARE * n_steps:
         return []

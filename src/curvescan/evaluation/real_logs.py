@@ -24,7 +24,7 @@ from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import match, prepare
 from curvescan.matchers.result import Outcome
-from curvescan.odometry import Odometry, OdometryRun, run_odometry
+from curvescan.odometry import Odometry, RunRecord, run_odometry
 from curvescan.types import Bools, Floats
 
 RIGHT = (0.25, np.radians(3.0))
@@ -52,7 +52,7 @@ class LogEvaluation:
         Distance and angle between what was found and the log's own poses; None where it has none.
     seconds : (n_steps,) float64
         Time to prepare a scan and to match it.
-    run : OdometryRun or None
+    run : RunRecord or None
         The odometry of the whole log by this method, laser alone; None without relations of this log.
     relations : RelationErrors or None
         Errors of that odometry.
@@ -65,7 +65,7 @@ class LogEvaluation:
     motion: Floats
     difference: Floats | None
     seconds: Floats
-    run: OdometryRun | None = None
+    run: RunRecord | None = None
     relations: RelationErrors | None = None
 
     @property

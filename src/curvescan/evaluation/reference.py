@@ -11,7 +11,15 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import Association, associate
 from curvescan.evaluation.relations import span_of
-from curvescan.evaluation.trajectory_errors import RelativeErrors, TrajectoryErrors, align, ate, rpe, trajectory_errors
+from curvescan.evaluation.trajectory_errors import (
+    RelativeErrors,
+    Spread,
+    TrajectoryErrors,
+    align,
+    ate,
+    rpe,
+    trajectory_errors,
+)
 from curvescan.io.poses import PoseFile
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
@@ -41,6 +49,8 @@ class ReferenceErrors:
         Relative pose errors from one pair to the next, and over each metre of the reference's path.
     totals : TrajectoryErrors
         Error at the end, path, turns, drift.
+    is_mount_unused : bool
+        Whether a pose of the laser on the robot was given, and the reference holds poses of the laser already.
     """
 
     n_poses: int
@@ -55,6 +65,11 @@ class ReferenceErrors:
     rpe_frame: RelativeErrors
     rpe_metre: RelativeErrors
     totals: TrajectoryErrors
+    is_mount_unused: bool = False
+
+    def __repr__(self) -> str:
+        best = Spread.of(self.ate_best)
+        return f"ReferenceErrors({best.n:,} poses over {self.totals.path_length:.1f} m, ATE {best.rmse:.4f} m rms)"
 
 
 def reference_errors(
@@ -87,6 +102,7 @@ def reference_errors(
         rpe_frame=rpe(poses, goal),
         rpe_metre=rpe(poses, goal, delta=1.0, unit="metres"),
         totals=trajectory_errors(poses, goal),
+        is_mount_unused=reference.is_of_sensor and bool(np.any(laser_pose)),
     )
 
 

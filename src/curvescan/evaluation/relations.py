@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
+from curvescan.evaluation.published import BenchmarkLog
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -53,6 +54,8 @@ class RelationErrors:
         Length of the trajectory up to it, metres.
     between : (n,) float64
         Length of the trajectory between the two scans, metres.
+    benchmark : BenchmarkLog or None
+        Published errors of the same log, where there are any.
     """
 
     n_given: int
@@ -63,9 +66,17 @@ class RelationErrors:
     scan: Ints
     place: Floats
     between: Floats
+    benchmark: BenchmarkLog | None = None
 
     def __len__(self) -> int:
         return len(self.translation)
+
+    def __repr__(self) -> str:
+        translation, rotation = self.spreads("all")
+        return (
+            f"RelationErrors({len(self):,} of {self.n_given:,} relations, mean {translation.mean:.4f} m, "
+            f"{np.degrees(rotation.mean):.2f} deg)"
+        )
 
     @property
     def n_missing(self) -> int:
@@ -79,7 +90,12 @@ class RelationErrors:
 
 
 def relation_errors(
-    trajectory: Trajectory, relations: Relations, laser_pose: ArrayLike = (0.0, 0.0, 0.0), *, near: float = NEAR
+    trajectory: Trajectory,
+    relations: Relations,
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    near: float = NEAR,
+    benchmark: BenchmarkLog | None = None,
 ) -> RelationErrors:
     """Return the errors of a sensor's trajectory against relations of its robot.
 
@@ -109,6 +125,7 @@ def relation_errors(
         scan=np.maximum(i, j),
         place=length[np.maximum(i, j)],
         between=np.abs(length[j] - length[i]),
+        benchmark=benchmark,
     )
 
 

@@ -89,6 +89,15 @@ class GyroLog(Protocol):
         ...
 
 
+@runtime_checkable
+class EstimatedLog(Protocol):
+    """A log that can tell poses that were estimated from its scans from wheel odometry."""
+
+    def why_estimated(self) -> str:
+        """Return what says that the poses come from SLAM, localization or laser odometry; empty where nothing does."""
+        ...
+
+
 class ScanAccess:
     """What makes ``log[i]``, ``log[a:b]`` and the ``repr`` of every log; a log inherits it and defines `_scan_at`."""
 
@@ -128,6 +137,11 @@ class LogView(ScanAccess):
         self._log = log
 
     @property
+    def below(self) -> Log:
+        """The log below."""
+        return self._log
+
+    @property
     def name(self) -> str:
         """Name of the log below."""
         return self._log.name
@@ -153,6 +167,10 @@ class LogView(ScanAccess):
     def turned_by_gyro(self) -> Floats | None:
         """Return the angle that the gyroscope has turned by at each scan; None without one."""
         return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+
+    def why_estimated(self) -> str:
+        """Return what the log below says."""
+        return self._log.why_estimated() if isinstance(self._log, EstimatedLog) else ""
 
     @property
     def read_errors(self) -> tuple[ReadError, ...]:

@@ -5,19 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
+from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, MatcherConfig, Method, find_matcher
-from curvescan.matchers.result import Label, MatchResult, Outcome
+from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Pose
+from curvescan.se2.uncertain import UncertainPose
 
 __all__ = [
     "DEFAULT_METHOD",
     "MATCHERS",
+    "Candidate",
     "Label",
     "MatchResult",
     "Matcher",
@@ -82,6 +83,7 @@ def match(
     current: LaserScan | PreparedScan,
     *,
     method: Method | str = DEFAULT_METHOD,
+    prior: UncertainPose | None = None,
     guess: ArrayLike | None = None,
     config: MatcherConfig | None = None,
 ) -> MatchResult:
@@ -95,10 +97,14 @@ def match(
         The later scan.
     method : str
         Name of the matcher; see ``MATCHERS``.
+    prior : UncertainPose or None
+        Pose of `current` in `reference` as it is known before the match, with its covariance: from wheels, from the
+        motion so far. "curvescan" weighs it against what the scans say, and follows it along a direction that they
+        leave open. The baselines start at its pose; "cfsma" uses none. None: standing still with standard deviations
+        of 2 m, 2 m and 1.5 rad.
     guess : (3,) array_like or None
-        Expected pose of `current` in `reference`: metres, metres, radians. Only a help: "curvescan" needs none, is
-        faster with a good one and no worse with a wrong one, and follows it along a direction that the scans leave
-        open; "cfsma" uses none.
+        Short for a prior: the expected pose in metres, metres, radians, with standard deviations of 0.3 m, 0.3 m and
+        0.2 rad. Give a prior or a guess, not both.
     config : dataclass, mapping or None
         The matcher's configuration (``cs.CurvescanConfig`` for "curvescan"), or a mapping of the fields that differ
         from the defaults: ``{"refinement": {...}}``; None for its defaults.
@@ -116,7 +122,7 @@ def match(
     """
     matcher = find_matcher(method, config)
     ref, cur = _prepared(reference, matcher, "reference"), _prepared(current, matcher, "current")
-    result = matcher.match(ref.features, cur.features, None if guess is None else _as_guess(guess))
+    result = matcher.match(ref.features, cur.features, prior_of(prior, guess))
     watch.report()
     return replace(result, reference=ref.scan, current=cur.scan)
 
@@ -129,21 +135,3 @@ def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> Pr
     if not isinstance(scan, LaserScan):
         raise InvalidArgumentError(f"{name} must be a LaserScan or a PreparedScan, got {type(scan).__name__}")
     return PreparedScan(scan=scan, matcher=matcher, features=matcher.prepare(scan))
-
-
-_MAX_GUESS = 1e6  # metres, radians: no laser sees as far
-
-
-def _as_guess(guess: ArrayLike) -> Pose:
-    try:
-        pose = np.asarray(guess, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"guess must be three numbers [x, y, theta]: {error}") from error
-    if pose.shape != (3,) or not np.isfinite(pose).all():
-        raise InvalidArgumentError(f"guess must be three finite numbers [x, y, theta], got {guess!r}")
-    if np.abs(pose).max() > _MAX_GUESS:
-        raise InvalidArgumentError(
-            f"guess must lie within {_MAX_GUESS:g} m, its angle within as many radians: leave it out where there is "
-            f"none, got {guess!r}"
-        )
-    return pose

@@ -14,7 +14,7 @@ from curvescan.configs import as_config, nearest
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
-from curvescan.types import Pose
+from curvescan.se2.uncertain import UncertainPose
 
 if TYPE_CHECKING:
     from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig
@@ -72,8 +72,11 @@ class Matcher(Protocol):
         """Return whether features hold enough for a later scan to be matched against them."""
         ...
 
-    def match(self, reference: Any, current: Any, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` seen from `reference`, both being features of this matcher."""
+    def match(self, reference: Any, current: Any, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` seen from `reference`, both being features of this matcher.
+
+        The prior is what is known of that pose before; None stands for ``curvescan.matchers.prior.WIDE_PRIOR``.
+        """
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
 import numpy as np
@@ -47,6 +47,33 @@ class Label(IntEnum):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Candidate:
+    """One of the poses that may be the right one.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        [x, y, theta] of `current` in the frame of `reference`: metres, metres, radians. Where the scans leave a
+        direction open it is the place along it at which they agree best, wherever the prior is.
+    log_odds : float
+        Logarithm of the odds that this pose is right against the scans having nothing in common, given the prior; NaN
+        for matchers that do not compute it.
+    information : (3, 3) float64
+        Of the scans alone at this pose, order x, y, theta: 1/m^2, 1/(m rad), 1/rad^2. Zero along what they leave open;
+        where they agree nearly as well all along it, and yet best at one place, that place has a standard deviation
+        of 0.1 m. That place is a hypothesis: it is now and then wrong, and other scans must confirm it.
+    """
+
+    pose: Pose
+    log_odds: float
+    information: Cov
+
+    def __repr__(self) -> str:
+        x, y, theta = (float(value) for value in self.pose)
+        return f"Candidate(x={x:.3f} m, y={y:.3f} m, theta={theta:.3f} rad, log odds {self.log_odds:.1f})"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MatchResult:
     """Pose of the current scan seen from the reference, its covariance, and what each reading did.
 
@@ -77,10 +104,17 @@ class MatchResult:
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not compute it.
     confidence : float
-        Probability, 0 to 1, that the pose is right within what its covariance says: calibrated on several generators of
+        Probability, 0 to 1, that the pose is right within what its covariance says, given the prior: calibrated on several generators of
         places and on real logs, also on scans that share nothing. Of the matches with 0.99 about 99 in 100 are
         right. 0 without a pose; NaN for matchers that do not compute it. Two matches of one pair of places err
         together: do not multiply their confidences.
+    candidates : tuple of Candidate
+        The poses that may be right, at most 8, most likely first; also of a match that failed because several may be.
+        Empty where no pose explains the scans. The first may differ from `pose` along a direction that is open.
+    information : (3, 3) float64
+        What the scans alone say at `pose`, or without one at the first candidate, without the prior: order x, y,
+        theta; 1/m^2, 1/(m rad), 1/rad^2. Zero along what they leave open, and zero where no pose explains them. Made
+        to be fused with the prior.
     is_guess_decisive : bool
         Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.
     reference, current : LaserScan or None
@@ -99,9 +133,19 @@ class MatchResult:
     score: float = math.nan
     runner_up: float = math.nan
     confidence: float = math.nan
+    candidates: tuple[Candidate, ...] = ()
+    information: Cov = field(default_factory=lambda: np.zeros((3, 3)))
     is_guess_decisive: bool = False
     reference: LaserScan | None = None
     current: LaserScan | None = None
+
+    def __post_init__(self) -> None:
+        """Fill in what follows from the covariance for matchers that compute nothing more."""
+        if self.ok and not self.candidates:
+            information = np.linalg.pinv(self.covariance, hermitian=True)
+            object.__setattr__(self, "information", 0.5 * (information + information.T))
+            only = Candidate(pose=self.pose, log_odds=math.nan, information=self.information)
+            object.__setattr__(self, "candidates", (only,))
 
     @property
     def ok(self) -> bool:

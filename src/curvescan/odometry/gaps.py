@@ -33,21 +33,18 @@ LOST_COVARIANCE = np.diag([1e3**2, 1e3**2, math.pi**2])
 LOST_COVARIANCE.setflags(write=False)
 
 
-def open_gap(o: Observation, last: Localization) -> tuple[Gap | None, tuple[Keyframe, ...]]:
-    """Return the gap that a scan without a match is in, and the keyframe that is to be made of the scan before it."""
+def open_gap(o: Observation, last: Localization) -> Gap | None:
+    """Return the gap that a scan without a match is in."""
     gap, config = o.state.gap, o.config.keyframes
     if gap is not None or config.max_gap == 0:
-        return gap, ()
+        return gap
     before: list[Keyframe] = []
-    made: tuple[Keyframe, ...] = ()
     if o.matching.as_reference(last.keyframe.scan) is not None:
         before.append(last.keyframe)
     previous = o.state.previous
     if previous is not None and previous is not last.keyframe.scan:
-        keyframe = o.keyframes.make(previous, o.index - 1, last)
-        before.insert(0, keyframe)
-        made = (keyframe,)
-    return (Gap(before=tuple(before), n_scans=0, first=o.index), made) if before else (None, ())
+        before.insert(0, last.as_keyframe(previous, o.index - 1, config.variance_retained))
+    return Gap(before=tuple(before), n_scans=0, first=o.index) if before else None
 
 
 def close_gap(o: Observation, placement: Placement) -> Placement | None:
@@ -60,23 +57,20 @@ def close_gap(o: Observation, placement: Placement) -> Placement | None:
         if gap.is_questioned:  # it is known as little as the link
             cov = expected.cov + config.motion.recovery_covariance
             expected = UncertainPose(expected.pose, cov)
-        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected.pose)
+        result = o.matching.matcher.match(keyframe.scan.features, placement.current.features, expected)
         gated = gate(result, expected, config.motion)
         if not _joins(gated, config.keyframes.least_score, tracked if gap.is_questioned else None):
             continue
         localization = Localization(
             keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
         )
-        is_tracked = placement.match is not None
         joined = replace(
             placement,
-            outcome=StepOutcome.LOOP_CLOSED if is_tracked else StepOutcome.RELOCALIZED,
+            outcome=StepOutcome.RELOCALIZED,
             localization=localization,
-            n_searches=0,
             gap=None,
             match=result,
             reference=keyframe.index,
-            used=(*placement.used, keyframe),
         )
         return with_keyframe(o, joined)
     return None
@@ -94,15 +88,16 @@ def widen_gap(o: Observation, placement: Placement) -> Placement:
         return replace(placement, gap=None)
     here, motion = placement.localization.pose_keyframe_scan, placement.step_motion
     keyframe = placement.localization.keyframe
-    if keyframe.index < gap.first:  # else it is of the new track, and is disconnected with it
+    if keyframe.index < gap.first:
         here = UncertainPose(here.pose, here.cov + LOST_COVARIANCE)
+    else:  # it is of the new track, and is disconnected with it
+        pose, cov = keyframe.pose_map_keyframe
+        keyframe = replace(keyframe, pose_map_keyframe=UncertainPose(pose, cov + LOST_COVARIANCE))
     lost = replace(
         placement,
         outcome=StepOutcome.LOST,
         localization=Localization(keyframe=keyframe, pose_keyframe_scan=here),
-        anew_since=gap.first,
         step_motion=UncertainPose(motion.pose, motion.cov + LOST_COVARIANCE),
-        n_searches=config.max_searches,
         gap=None,
     )
     return lost
@@ -121,26 +116,18 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
     is_doubtful = result.confidence < MIN_CONFIDENCE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
-    gap, made = open_gap(o, last)
-    if placement.outcome is StepOutcome.CHAINED:  # the previous scan is a keyframe already
-        before = (*placement.used, last.keyframe)
-        gap, made = Gap(before=before, n_scans=0, first=o.index), ()
+    gap = open_gap(o, last)
     if gap is None:
         return None
-    questioned = replace(
-        placement, gap=replace(gap, is_questioned=True), new_keyframes=(*placement.new_keyframes, *made)
-    )
+    questioned = replace(placement, gap=replace(gap, is_questioned=True))
     return with_keyframe(o, widen_gap(o, questioned))
 
 
-def with_keyframe(o: Observation, placement: Placement, *, is_predicted: bool = False) -> Placement:
+def with_keyframe(o: Observation, placement: Placement) -> Placement:
     """Return the placement with the scan as a new keyframe."""
-    keyframe = o.keyframes.make(placement.current, o.index, placement.localization, is_predicted=is_predicted)
-    return replace(
-        placement,
-        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
-        new_keyframes=(*placement.new_keyframes, keyframe),
-    )
+    share = o.config.keyframes.variance_retained
+    keyframe = placement.localization.as_keyframe(placement.current, o.index, share)
+    return replace(placement, localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()))
 
 
 def _joins(gated: GatedMatch, least_score: float, tracked: MatchResult | None) -> bool:

@@ -26,11 +26,8 @@ _FLAT_SIGMA = 0.1
 """Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best place,
 metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
 
-_LEAST_CONFIDENCE = 0.1
-"""Of failed matches of keyframes a metre apart nine in ten of those that are right have more, of other places one in ten."""
-
 _TIED_SIGMA = 0.2
-"""The same where other places along it are nearly as good, metres."""
+"""Standard deviation where other places along it are nearly as good, metres."""
 
 _FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
 _TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
@@ -120,17 +117,6 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
     # one far along an open direction was compared where the sensor is not
     distance = fuse(expected, _unguided(assessed, _FLAT if is_known else _NEAR))[1]
     return decided if distance <= config.motion_gate_chi2 else result
-
-
-def doubtful_pose(result: MatchResult) -> UncertainPose | None:
-    """Return the pose that the scans of a failed match agree on best, where they fix all of it; it needs another's support."""
-    assessed = _assessed(result)
-    if result.ok or assessed is None or assessed.assessment is None or assessed.support is None:
-        return None
-    is_open = assessed.is_degenerate.any() and not _has_one_best(assessed)
-    if is_open or assessed.support.confidence < _LEAST_CONFIDENCE:
-        return None
-    return _unguided(assessed)
 
 
 def _assessed(result: MatchResult) -> AssessedPose | None:

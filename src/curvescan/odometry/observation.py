@@ -10,9 +10,8 @@ from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
-from curvescan.odometry.disputes import Dispute
 from curvescan.odometry.gating import GatedMatch, gate
-from curvescan.odometry.keyframes import Keyframe, KeyframeGraph, Localization
+from curvescan.odometry.keyframes import Keyframe, Localization
 from curvescan.odometry.measurement import (
     decided_by_expectation,
     has_unguided_pose,
@@ -85,7 +84,7 @@ class Matching:
     ) -> GatedMatch:
         """Return a match made from what is expected of it, and compared with that or, where given, the last motion repeated."""
         motion = self.config.motion
-        result = self.matcher.match(reference.features, current.features, expected.pose)
+        result = self.matcher.match(reference.features, current.features, expected)
         measured = None
         if motion.is_fused:
             result = decided_by_expectation(result, expected, motion)
@@ -128,7 +127,7 @@ class Gap:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """All that an odometry remembers from scan to scan, beside its keyframes.
+    """All that an odometry remembers from scan to scan.
 
     Attributes
     ----------
@@ -144,12 +143,8 @@ class State:
         The clock of the sweeps.
     first : LaserScan or None
         The first scan, until the second shows the velocity with which its sweep is deskewed.
-    n_searches : int
-        Scans for which earlier keyframes are still tried at once, after a failure.
     gap : Gap or None
         A failure that no match has bridged yet.
-    disputes : tuple of Dispute
-        Loop closures that contradict the chain, since the last one that did not.
     score : float
         Of the match that placed the last scan; NaN where none did.
     """
@@ -160,9 +155,7 @@ class State:
     previous: PreparedScan | None = None
     deskewer: Deskewer = field(default_factory=Deskewer)
     first: LaserScan | None = None
-    n_searches: int = 0
     gap: Gap | None = None
-    disputes: tuple[Dispute, ...] = ()
     score: float = math.nan
 
 
@@ -205,8 +198,6 @@ class Observation:
         At the time of the scan.
     state : State
         After the last scan.
-    keyframes : KeyframeGraph
-        After the last scan.
     matching : Matching
         The matcher.
     """
@@ -215,7 +206,6 @@ class Observation:
     prediction: Prediction
     deskewer: Deskewer
     state: State
-    keyframes: KeyframeGraph
     matching: Matching
 
     @property
@@ -258,8 +248,6 @@ class Placement:
         The scan as it was matched last.
     motion : MotionModel
         The motion model after it.
-    n_searches : int
-        Scans for which earlier keyframes are still to be tried at once.
     step_motion : UncertainPose
         The scan seen from the previous one, without any leap.
     gap : Gap or None
@@ -270,19 +258,8 @@ class Placement:
         Whether another odometry was left out because the match contradicts it.
     reference : int or None
         Number of the scan it was matched with.
-    used : tuple of Keyframe
-        The keyframes it was matched with.
-    new_keyframes : tuple of Keyframe
-        Keyframes to be taken in, in this order.
-    obsolete : Keyframe or None
-        A keyframe to be forgotten before.
-    anew_since : int or None
-        Number of the scan from which on the track is a new one, where it was lost: the keyframes made since then are
-        consistent with each other, and their places among the others are unknown.
     first_keyframe_scan : PreparedScan or None
         The first scan, deskewed now that its velocity is known.
-    disputes : tuple of Dispute
-        Loop closures that contradict the chain, still to be settled.
     is_reference : bool
         Whether the next scan may be matched with this one.
     """
@@ -291,18 +268,12 @@ class Placement:
     localization: Localization
     current: PreparedScan
     motion: MotionModel
-    n_searches: int
     step_motion: UncertainPose
     gap: Gap | None = None
     match: MatchResult | None = None
     is_prior_rejected: bool = False
     reference: int | None = None
-    used: tuple[Keyframe, ...] = ()
-    new_keyframes: tuple[Keyframe, ...] = ()
-    obsolete: Keyframe | None = None
-    anew_since: int | None = None
     first_keyframe_scan: PreparedScan | None = None
-    disputes: tuple[Dispute, ...] = ()
     is_reference: bool = True
 
 

@@ -1,7 +1,7 @@
 """Odometry: a stream of scans in, a trajectory out.
 
 The only place that holds state. Its one verb is ``add(scan)``. Each scan is matched with a keyframe, so that a sensor
-at rest does not drift; a new keyframe is made when the one in use is left behind, unless the place is known from before.
+at rest does not drift; a new keyframe is made when the one in use is left behind. It closes no loops: SLAM does.
 """
 
 from __future__ import annotations
@@ -19,11 +19,9 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.gaps import LOST_COVARIANCE
-from curvescan.odometry.keyframes import KeyframeGraph
 from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.step import Step
 from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
@@ -33,9 +31,9 @@ class Odometry:
     """Where the sensor is, scan by scan.
 
     A scan is matched with the keyframe in use, near where it is expected. If that fails or leaves doubt, the previous
-    scan is tried, then earlier keyframes without a guess; where nothing matches, the expected motion is taken, and the
-    outcome says so. When the keyframe in use is left behind, earlier ones nearby are tried for a loop closure; without
-    one, the scan becomes the next keyframe.
+    scan is tried, then those in use before the last failure; where nothing matches, the expected motion is taken, and
+    the outcome says so. When the keyframe in use is left behind, the scan becomes the next one. No loop is closed: the
+    trajectory is continuous and drifts. :class:`curvescan.Slam` closes loops.
 
     Parameters
     ----------
@@ -46,11 +44,6 @@ class Odometry:
         :meth:`OdometryConfig.of_method`. In every call ``config=`` configures what is called.
     matcher : dataclass, mapping or None
         Configuration of the matcher within: what ``config=`` is for :func:`curvescan.match`.
-
-    Attributes
-    ----------
-    keyframes : KeyframeGraph
-        The keyframes in memory, each with its number in the stream and its pose.
 
     Raises
     ------
@@ -74,8 +67,6 @@ class Odometry:
             config=as_config(config, OdometryConfig.of_method(method), hint=hint),
         )
         self._state = State(motion=MotionModel.at_start(self.config.motion))
-        keyframes = self.config.keyframes
-        self.keyframes = KeyframeGraph(keyframes.max_keyframes, keyframes.variance_retained)
 
     @property
     def method(self) -> str:
@@ -93,9 +84,9 @@ class Odometry:
         return self._matching.matcher
 
     def __repr__(self) -> str:
-        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans, {len(self.keyframes):,} keyframes)"
+        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -108,7 +99,7 @@ class Odometry:
 
         Returns
         -------
-        OdometryStep
+        Step
             Pose and covariance in the frame of the first scan, and how they came about.
 
         Raises
@@ -125,7 +116,6 @@ class Odometry:
             prediction=state.motion.predict(scan.stamp, pose),
             deskewer=state.deskewer.ticked(scan),
             state=state,
-            keyframes=self.keyframes,
             matching=self._matching,
         )
         placement = _place(observation)
@@ -135,28 +125,15 @@ class Odometry:
 
     def _commit(self, observation: Observation, placement: Placement) -> None:
         """Take up what was found: the one place where anything changes."""
-        index, keyframes = observation.index, self.keyframes
-        if placement.obsolete is not None:
-            keyframes.forget(placement.obsolete)
-        for keyframe in placement.used:
-            keyframe.used = index
-        if placement.first_keyframe_scan is not None:
-            placement.used[0].scan = placement.first_keyframe_scan
-        for keyframe in placement.new_keyframes:
-            keyframes.insert(keyframe)
-        if placement.anew_since is not None:
-            keyframes.disconnect(placement.anew_since, LOST_COVARIANCE)
         reference = self._matching.as_reference(placement.current)
         self._state = State(
             motion=placement.motion,
-            n_scans=index + 1,
+            n_scans=observation.index + 1,
             localization=placement.localization,
             previous=reference if placement.is_reference else None,
             deskewer=observation.deskewer,
-            first=observation.scan if index == 0 else None,
-            n_searches=placement.n_searches,
+            first=observation.scan if observation.index == 0 else None,
             gap=placement.gap,
-            disputes=placement.disputes,
             score=math.nan if placement.match is None else placement.match.score,
         )
 
@@ -171,13 +148,15 @@ def _place(observation: Observation) -> Placement:
     return next(placement for placement in placements if placement is not None)
 
 
-def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
+def _as_step(observation: Observation, placement: Placement) -> Step:
     pose_map_scan = placement.localization.pose_map_scan
-    return OdometryStep(
+    return Step(
         index=observation.index,
         stamp=observation.scan.stamp,
         pose=pose_map_scan.pose,
         covariance=pose_map_scan.cov,
+        pose_odom=pose_map_scan.pose,
+        covariance_odom=pose_map_scan.cov,
         motion=placement.step_motion.pose,
         motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,

@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
-from curvescan.paper.figures import draw_discarded, draw_end, draw_errors, draw_maps, draw_overlay, draw_trajectories
+from curvescan.paper.figures import draw_both_maps, draw_discarded, draw_end, draw_errors, draw_maps, draw_trajectories
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
@@ -185,8 +185,8 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     if "cfsma" not in drive.results:
         return
     if experiment.number == 2:
-        draw_overlay(folder / f"figure_7b_{name}.png", drive, "cfsma")
-        yield (f"figure_7b_{name}.png", "As figure 7b: map by cfsma (dark) over the map from wheel odometry (light).")
+        draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
+        yield (f"figure_7b_{name}.png", "As figure 7: the map by cfsma, and the one from wheel odometry.")
         draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
         yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
     if experiment.n_people:

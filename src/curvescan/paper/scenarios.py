@@ -22,7 +22,7 @@ from curvescan.matchers import MatchResult
 from curvescan.matchers.baselines.iteration import IterationTrace
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.matchers.result import Label
-from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
 from curvescan.paper.lu_milios import lu_milios_covariance
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import Drive, Simulation, simulate
@@ -215,7 +215,7 @@ class ScenarioResult:
 
     Attributes
     ----------
-    run : OdometryRun
+    run : RunRecord
         The odometry.
     errors : TrajectoryErrors
         Against the true poses.
@@ -236,7 +236,7 @@ class ScenarioResult:
         Readings that the matcher left unmatched; False where the match failed.
     """
 
-    run: OdometryRun
+    run: RunRecord
     errors: TrajectoryErrors
     variances: Floats
     lu_milios: Floats
@@ -263,21 +263,21 @@ def run_scenario(
     methods: Sequence[str],
     *,
     configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
-    on_step: Callable[[OdometryStep], None] | None = None,
+    on_step: Callable[[Step], None] | None = None,
 ) -> dict[str, ScenarioResult]:
     """Return what each method makes of the same scans, scan to scan."""
     return {method: _run_one(log, method, configs.get(method), on_step) for method in methods}
 
 
 def _run_one(
-    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[OdometryStep], None] | None
+    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[Step], None] | None
 ) -> ScenarioResult:
     variances: list[Floats] = []
     lu_milios: list[Floats] = []
     motions = np.zeros((len(log), 3))
     is_matched, is_discarded = np.zeros((2, *log.ranges.shape), dtype=np.bool_)
 
-    def collect(step: OdometryStep) -> None:
+    def collect(step: Step) -> None:
         result, k = step.match, step.index
         if result is not None:
             motions[k] = _unrefused(result, motions[k - 1])
@@ -332,7 +332,7 @@ def _score_discarded(log: Simulation, is_matched: Bools, is_discarded: Bools) ->
     )
 
 
-def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
+def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
     """Return where a run lost its way, and how it would have ended with those steps put right."""
     poses = run.trajectory.poses
     motions, true_motions = (se2.between(p[:-1], p[1:]) for p in (poses, true_poses))
@@ -357,7 +357,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
     )
 
 
-def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
+def score_moved(log: Simulation, run: RunRecord) -> MovedScore:
     """Return how well the dynamic readings of a run are found under the poses of a run; nothing without people."""
     if not log.is_person.any():
         return MovedScore(n_right=0, n_said=0, n_true=0)

@@ -26,12 +26,22 @@ class UncertainPose(NamedTuple):
     ----------
     pose : (3,) float64
         [x, y, theta]; metres, metres, radians in (-pi, pi].
-    cov : (3, 3) float64
+    covariance : (3, 3) float64
         Its covariance in the order x, y, theta, in frame a; zero where b is known exactly.
     """
 
     pose: Pose
-    cov: Cov
+    covariance: Cov
+
+    @property
+    def cov(self) -> Cov:
+        """The covariance, by a shorter name for formulas."""
+        return self.covariance
+
+    def __repr__(self) -> str:
+        x, y, theta = (float(value) for value in self.pose)
+        sx, sy, st = np.sqrt(np.abs(np.diag(self.covariance))).tolist()
+        return f"UncertainPose(x={x:.4f}±{sx:.4f} m, y={y:.4f}±{sy:.4f} m, theta={theta:.4f}±{st:.4f} rad)"
 
 
 def identity() -> UncertainPose:

@@ -16,6 +16,7 @@ from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.jobs import Job, Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
+from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.bending import is_bent
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
@@ -127,6 +128,10 @@ class Backend:
         is_kept = self._map.thin()
         if is_kept is not None:
             self._search.renumber(is_kept, numbers[~is_kept].tolist())
+
+    def contradictions(self) -> list[Contradiction]:
+        """Return the sure matches of the last pass that contradict the finished map."""
+        return self._search.contradictions()
 
     def finish(self) -> None:
         """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""

@@ -11,9 +11,10 @@ from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,10 +115,10 @@ class Keyframes:
             self._prepared.move_to_end(number)
         return found
 
-    def match(self, i: int, j: int, guess: Pose | None) -> MatchResult:
-        """Return the match of keyframe j with keyframe i."""
+    def match(self, i: int, j: int, prior: UncertainPose | None) -> MatchResult:
+        """Return the match of keyframe j with keyframe i, given what is known of it before."""
         reference, current = self.prepared(i), self.prepared(j)
-        return reference.matcher.match(reference.features, current.features, guess)
+        return reference.matcher.match(reference.features, current.features, prior)
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return any scan ready to be matched with keyframes."""

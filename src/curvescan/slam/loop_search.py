@@ -18,6 +18,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.loops.agreement import Waiting
+from curvescan.slam.loops.audit import Contradiction, contradictions
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
@@ -55,6 +56,7 @@ class LoopSearch:
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
         self._waiting = Waiting(config)
         self._missed: dict[int, int] = {}  # of the keyframe tried last
+        self._refused: list[Closure] = []  # in the last pass, by row
 
     def settle(self) -> None:
         """Forget that the graph is to be optimized: it is under way."""
@@ -108,20 +110,25 @@ class LoopSearch:
             relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
-                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index)
+                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, self._refused)
 
-    def _try(self, candidate: Candidate, index: int) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures that are accepted for it."""
+    def contradictions(self) -> list[Contradiction]:
+        """Return which matches of the last pass contradict the map as it is now."""
+        growing = self._map
+        return contradictions(self._refused, growing.graph.poses, growing.keyframes.numbers, self.config)
+
+    def _try(self, candidate: Candidate, index: int, refused: list[Closure] | None = None) -> list[Closure]:
+        """Match a candidate unless it was, and return the closures that are accepted for it; take down those refused."""
         i, j, _ = candidate
         if not self._is_new(i, j):
             return []
         poses = self._map.graph.poses
         expected = UncertainPose(se2.between(poses[i], poses[j]), candidate.expected.cov)
         expected = vaguely(expected, self.config)
-        guess = expected.pose if is_certain(expected, self.config) else None
-        result = self._map.keyframes.match(i, j, guess)
+        prior = expected if is_certain(expected, self.config) else None
+        result = self._map.keyframes.match(i, j, prior)
         closure = judged(result, expected, self.config, scan=index, i=i, j=j)
-        if guess is not None and not self._is_linked(i, j):
+        if prior is not None and not self._is_linked(i, j):
             self._count(j, is_found=closure.is_accepted)
         if closure.outcome is ClosureOutcome.WAITING:
             return self._wait(closure, expected)
@@ -129,6 +136,8 @@ class LoopSearch:
             return self._confirm(closure, result)
         if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
             self._map.doubt(j, expected.pose, closure.pose)
+        if refused is not None and closure.outcome is ClosureOutcome.UNEXPECTED:
+            refused.append(closure)
         self._log(closure)
         return []
 

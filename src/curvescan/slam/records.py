@@ -53,6 +53,11 @@ class Records:
         self._relative.extend(seen.pose)
         self._covariances.extend(seen.cov[_UPPER])
 
+    def keyframe_scans(self) -> Ints:
+        """Return (k, 2) number and scan of each keyframe of this session, also of those that went."""
+        first = np.searchsorted(np.array(self._stretch), np.arange(len(self._from)))
+        return np.column_stack([np.array(self._from, dtype=np.int64), first])
+
     def trajectory(self, poses: Pose, covariances: Cov) -> Trajectory:
         """Return all poses so far.
 

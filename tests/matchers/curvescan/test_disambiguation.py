@@ -29,7 +29,7 @@ from curvescan.matchers.curvescan.disambiguation import (
     ties_of,
 )
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
-from curvescan.simulation.deceptive import deceptive_pairs
+from deceptive import deceptive_pairs
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
 

@@ -116,6 +116,8 @@ def test_a_corridor_names_its_weak_direction():
         # across and in angle the corridor tells
         assert abs(result.pose[1]) < 0.02
         assert abs(result.pose[2]) < 0.01
+        assert np.abs(result.information @ weak).max() < 1e-6 * np.abs(result.information).max()
+        assert result.information[1, 1] > 1e4  # 1 cm
     rich = cs.match(pillar_scan(seed=1), pillar_scan(MOTION, seed=2))
     assert rich.degenerate_direction is None
     assert math.sqrt(np.diag(rich.covariance).max()) < 0.005

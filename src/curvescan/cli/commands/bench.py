@@ -6,13 +6,7 @@ from pathlib import Path
 
 
 def bench(
-    *,
-    pairs: int = 300,
-    runs: int = 1000,
-    deceptive: int = 100,
-    seed: int = 0,
-    logs: tuple[Path, ...] = (),
-    out: Path | None = None,
+    *, pairs: int = 300, runs: int = 1000, seed: int = 0, logs: tuple[Path, ...] = (), out: Path | None = None
 ) -> int:
     """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs, reading.
 
@@ -29,14 +23,12 @@ def bench(
         Pairs of each scenario; fewer than 200 are also what the times are taken on.
     runs
         Runs of each variant and world of experiment 1.
-    deceptive
-        Pairs of each deceptive world: places that look alike, scans that share nothing, people who keep pace.
     seed
         Seed of all simulated scans; the same seed gives the same errors.
     logs
         Real logs, each of whose scans is matched with the one before; compared with the poses in the log.
     out
-        Folder to write bench.md and turns.png (success against turn angle) into; nothing is written without.
+        Folder to write bench.md into; nothing is written without.
     """
     from contextlib import nullcontext
 
@@ -50,18 +42,12 @@ def bench(
         methods = load_usable_methods()
         with progress_bars() as progress:
             results = run_benchmark(
-                methods=methods,
-                n_pairs=pairs,
-                n_runs=runs,
-                n_deceptive=deceptive,
-                logs=sources,
-                seed=seed,
-                progress=progress,
+                methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=progress
             )
         if folder is not None:
             save_benchmark(folder, results)
     for table in benchmark_tables(results):
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/bench.md, turns.png", markup=False)
+        OUT.print(f"wrote {out}/bench.md", markup=False)
     return 0

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
-from curvescan.cli.options import ConfigFile, Configs, MethodConfigs, SlamConfigs, SlamFlags
-from curvescan.matchers.registry import Method
+from curvescan.cli.options import ConfigFile, Configs, MethodConfigs, MethodName, OutFolder, SlamConfigs, SlamFlags
 
 
 def demo(
     *,
-    out: Path = Path("demo"),
+    out: OutFolder = Path("demo"),
     world: str = "office-floor",
     sensor: str = "urg-04lx",
     scans: int = 700,
     people: int = 0,
     seed: int = 0,
-    method: Method = "curvescan",
+    method: MethodName = "curvescan",
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
     slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
@@ -29,8 +29,6 @@ def demo(
 
     Parameters
     ----------
-    out
-        Folder for the results; made if it is missing.
     world
         Kind of the simulated world.
     sensor
@@ -41,41 +39,39 @@ def demo(
         How many people walk around the robot.
     seed
         Another seed, another building and another drive.
-    method
-        The matcher.
-    config
-        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
-    configs
-        Parameters of the methods; those of the method that runs are used.
-    slam_config
-        Parameters of SLAM.
     """
-    from curvescan import simulate
-    from curvescan.cli.console import ERR, OUT, load_kernels, progress_bar
-    from curvescan.cli.summary import errors_of, summarise, wrote_slam
+    from curvescan import run, simulate
+    from curvescan.cli.console import ERR, OUT, load_kernels, run_display
+    from curvescan.cli.summary import errors_of, report
     from curvescan.io import output_folder
     from curvescan.plots.side_by_side import draw_side_by_side
-    from curvescan.runs.slam import save_slam_run
-    from curvescan.slam import Slam, run_slam
+    from curvescan.runs.results import save_run
 
-    slam = Slam(method, matcher=configs.of(method), config=slam_config.slam)
     with output_folder(out) as folder:
-        load_kernels(method, slam=True)
         with ERR.status("simulating"):
             log = simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
-        with progress_bar("SLAM", len(log)) as advance:
-            run = run_slam(log, slam, on_step=advance)
-        truth = log.truth.poses[: len(run.revised.outcomes)]
-        tracks = {"laser odometry": run.odometry.poses, "SLAM, loops closed": run.revised.trajectory.poses}
-        with ERR.status("drawing the maps"):
-            left_out = save_slam_run(folder, run, log, command=sys.argv, truth=truth)
+        truth = log.truth.poses
+        with run_display(lambda: load_kernels(method, slam=True)) as display:
+            result = run(
+                log,
+                "slam",
+                method=method,
+                matcher=configs.of(method),
+                config=slam_config.slam,
+                truth=truth,
+                command=sys.argv,
+                display=display,
+            )
+            display.begin("drawing the maps", 0)
+            record = result.record
+            tracks = {"laser odometry": record.odometry.poses, "SLAM, loops closed": result.trajectory.poses}
             draw_side_by_side(folder / "loop.png", log, tracks, truth)
-    OUT.print(summarise(run.revised, len(log)))
-    OUT.print(f"{slam!r}; finished in {run.seconds_to_finish:.1f} s", markup=False)
-    if len(truth) < 2:
-        return 0
-    if log.odometry is not None:
-        tracks["wheel odometry"] = log.odometry.poses[: len(truth)]
-    OUT.print(errors_of(tracks, truth))
-    OUT.print(wrote_slam(out, left_out, "loop.png"), markup=False)
+            save_run(folder, result)
+        result = replace(result, files=tuple(sorted(file.name for file in folder.iterdir())))
+    truth = truth[: len(record.outcomes)]
+    if len(truth) > 1:
+        if log.odometry is not None:
+            tracks["wheel odometry"] = log.odometry.poses[: len(truth)]
+        OUT.print(errors_of(tracks, truth))
+    report(result, out)
     return 0

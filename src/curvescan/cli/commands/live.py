@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import sys
 import time
-import webbrowser
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
@@ -16,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
-from curvescan._interrupts import stoppable
-from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, MethodName, Reading, ReadingFlags
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -27,15 +23,9 @@ if TYPE_CHECKING:
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
-    from curvescan.live.tracker import Engine
+    from curvescan.slam.run import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
-
-DEFAULT_PORT = 8765
-"""Default port of the page, unless it is in use."""
-
-_POLL_S = 0.2
-"""Time between two looks whether to close the page, seconds."""
 
 
 def live(
@@ -55,13 +45,11 @@ def live(
     foxglove: Flag = False,
     foxglove_port: int = 8766,
     keep_open: Flag = False,
-    method: Method = "curvescan",
+    method: MethodName = "curvescan",
     scans: int | None = None,
     people: int = 3,
     seed: int = 0,
-    topic: Topic = None,
-    range_max: float | None = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
@@ -101,25 +89,18 @@ def live(
         Port of the websocket for Foxglove; 0 for any that is free.
     keep_open
         Serve the page after the source has ended, until Ctrl-C.
-    method
-        The matcher.
     scans
         End after so many scans of the simulated robot.
     people
         How many people walk around the simulated robot.
     seed
         Random seed; selects the simulated building and its people.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
     occupancy
         How to make the occupancy map.
     """
     import curvescan.live as live_package  # each loads when it is named: the first picture needs neither plots nor bags
     from curvescan.cli.console import ERR, OUT
+    from curvescan.cli.serving import free_port, open_browser, wait
     from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
 
@@ -127,9 +108,9 @@ def live(
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
-        source = _laser(driver, port, laser)
+        source = _laser(driver, port, reading)
     elif log is not None:
-        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+        source = LogSource(reading.open(log), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
@@ -139,9 +120,9 @@ def live(
         viewer = None
         if not no_page:
             viewer = Viewer(source.name, saved_map=saved, **maps)
-            server = PageServer(viewer, host=host, port=_free_port(host, http_port))
+            server = PageServer(viewer, host=host, port=free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
-            _open_browser(server.url)
+            open_browser(server.url)
             if saved is None:
                 _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
@@ -171,7 +152,7 @@ def live(
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None and not report.is_interrupted:
-            _wait("the source has ended; Ctrl-C closes the page")
+            wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
     return 0
@@ -211,10 +192,10 @@ def _saved_map(path: Path) -> Any:
 def _can_deskew(log: Log) -> bool:
     """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
     from curvescan.cli.console import ERR
+    from curvescan.cli.proposals import propose_commands
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.diagnostics.verdict import propose_commands
 
     with ERR.status("looking for what is wrong with the log"):
         sensor = judge_sensor(log)
@@ -232,12 +213,14 @@ def _simulation(scans: int | None, people: int, seed: int, speed: float) -> Scan
     return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
 
 
-def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
+def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     from curvescan.live.drivers.opening import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(driver, port, is_mirrored=laser.upside_down != laser.clockwise, ignore_beams=laser.ignore_beams)
+    return open_driver(
+        driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
+    )
 
 
 def _preview(source: ScanSource, viewer: Viewer) -> None:
@@ -297,36 +280,3 @@ def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: S
         if sink.error is not None:
             raise sink.error
     return report
-
-
-def _free_port(host: str, port: int | None) -> int:
-    """Return the given port; else the default one, or 0, for any, where that is in use."""
-    if port is not None:
-        return port
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((host, DEFAULT_PORT))
-        except OSError:
-            return 0
-    return DEFAULT_PORT
-
-
-def _open_browser(url: str) -> None:
-    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
-    has_desktop = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    if sys.stdout.isatty() and has_desktop:
-        webbrowser.open(url)
-
-
-def _wait(sentence: str) -> None:
-    """Wait for Ctrl-C, and say so once it is waited for."""
-    from curvescan.cli.console import ERR
-
-    with stoppable() as stop:
-        ERR.print(sentence, markup=False)
-        while not stop.is_asked:
-            time.sleep(_POLL_S)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -10,15 +9,13 @@ import tyro
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
-    Laser,
     LogPath,
     MethodConfigs,
-    ScanNumber,
-    SensorFlags,
-    Topic,
-    open_log,
+    MethodName,
+    OutFolder,
+    Reading,
+    ReadingFlags,
 )
-from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.matchers.cfsma.trace import CfSmaTrace
@@ -26,15 +23,13 @@ if TYPE_CHECKING:
 
 def match(
     log: LogPath,
-    i: Annotated[ScanNumber, tyro.conf.arg(metavar="I")],
-    j: Annotated[ScanNumber, tyro.conf.arg(metavar="J")],
+    i: Annotated[tyro.conf.Positional[int], tyro.conf.arg(metavar="I")],
+    j: Annotated[tyro.conf.Positional[int], tyro.conf.arg(metavar="J")],
     /,
     *,
-    out: Path,
-    method: Method = "curvescan",
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    out: OutFolder,
+    method: MethodName = "curvescan",
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
@@ -45,27 +40,10 @@ def match(
 
     Parameters
     ----------
-    log
-        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
-        ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j
         Number of the current scan, from 0.
-    out
-        Folder for the results; made if it is missing.
-    method
-        The matcher.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
-    config
-        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
-    configs
-        Parameters of the methods; those of the method that runs are used.
     """
     import numpy as np
 
@@ -75,7 +53,7 @@ def match(
     from curvescan.matchers.cfsma.trace import CfSmaTrace
     from curvescan.plots.match import save_match
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
+    source = reading.open(log)
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)

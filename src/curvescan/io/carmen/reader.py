@@ -100,6 +100,11 @@ class CarmenLog(ScanAccess):
         """Return False: a CARMEN log does not say."""
         return False
 
+    def why_estimated(self) -> str:
+        """Return what says that the poses are the output of a SLAM: NEFF lines, which GMapping writes."""
+        n_lines = self._index.tag_counts.get("NEFF", 0)
+        return f"{n_lines:,} NEFF lines say that GMapping wrote them" if n_lines else ""
+
     @property
     def read_errors(self) -> tuple[ReadError, ...]:
         """Lines that were skipped and damage of the file, most frequent first."""

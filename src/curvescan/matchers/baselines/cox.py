@@ -21,6 +21,7 @@ from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, 
 from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan, valid_readings
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Bools, Cov, Ints, Points, Pose
 
 
@@ -51,15 +52,15 @@ class CoxMatcher:
         """Return whether the scan has a line."""
         return len(features.lines) > 0
 
-    def match(self, reference: CoxFeatures, current: CoxFeatures, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`, found from the guess on."""
+    def match(self, reference: CoxFeatures, current: CoxFeatures, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the pose of the prior on."""
         lines, points = reference.lines, current.points
         if not (has_surfaces(reference.points) and has_surfaces(points)):
             return failure("cox", Outcome.NO_SEGMENTS, reference.points, points)
         if len(lines) == 0:
             return failure("cox", Outcome.NO_LINES, reference.points, points)
         gate = self.config.gate
-        takes_part = _takes_part(reference, points, start(guess), self.config)
+        takes_part = _takes_part(reference, points, start(prior), self.config)
 
         def step(pose: Pose, iteration: int) -> Pose | None:
             cur_idx, line_idx = _assign(lines, points, pose, gate.at(iteration), takes_part)
@@ -67,7 +68,7 @@ class CoxMatcher:
                 return None
             return point_to_line_step(points.points[cur_idx], lines.centres[line_idx], lines.normals[line_idx], pose)
 
-        descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
+        descent = iterate(start(prior), step, self.config.convergence, gate.n_shrinking)
         cur_idx, line_idx = _assign(lines, points, descent.pose, gate.last, takes_part)
         return check_outcome(
             "cox",

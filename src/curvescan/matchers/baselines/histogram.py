@@ -21,6 +21,7 @@ from curvescan.matchers.baselines.outcome_checks import failure, has_surfaces, l
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Ints, Points, Pose
 
 
@@ -87,13 +88,15 @@ class HistogramMatcher:
         """Return whether the scan has a line."""
         return features.on_line.size > 0
 
-    def match(self, reference: HistogramFeatures, current: HistogramFeatures, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`, looked for around the guess."""
+    def match(
+        self, reference: HistogramFeatures, current: HistogramFeatures, prior: UncertainPose | None
+    ) -> MatchResult:
+        """Return the pose of `current` in `reference`, looked for around the pose of the prior."""
         if not (has_surfaces(reference.points) and has_surfaces(current.points)):
             return _failure(Outcome.NO_SEGMENTS, reference, current)
         if reference.on_line.size == 0 or current.on_line.size == 0:
             return _failure(Outcome.NO_LINES, reference, current)
-        expected = start(guess)
+        expected = start(prior)
         main = _main_direction(reference.angle_histogram)
         rotation = self._rotation(reference, current, expected[2])
         trace = HistogramTrace(main_direction=main, rotation=rotation)

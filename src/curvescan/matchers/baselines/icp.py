@@ -23,6 +23,7 @@ from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Ints, Points, Pose
 
 if TYPE_CHECKING:
@@ -55,8 +56,8 @@ class IcpMatcher:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features.points)
 
-    def match(self, reference: IcpFeatures, current: IcpFeatures, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`, found from the guess on."""
+    def match(self, reference: IcpFeatures, current: IcpFeatures, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the pose of the prior on."""
         ref, cur = reference.points, current.points
         if not (has_surfaces(ref) and has_surfaces(cur)):
             return failure("icp", Outcome.NO_SEGMENTS, ref, cur)
@@ -68,7 +69,7 @@ class IcpMatcher:
                 return None
             return align(ref.points[ref_idx], cur.points[cur_idx]).pose
 
-        descent = iterate(start(guess), step, self.config.convergence, gate.n_shrinking)
+        descent = iterate(start(prior), step, self.config.convergence, gate.n_shrinking)
         cur_idx, ref_idx = self._pair(reference, cur, descent.pose, gate.last)
         return check_outcome(
             "icp",

@@ -24,6 +24,7 @@ from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan, valid_readings
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 Rule = Callable[[Points, ScanPoints, float, float], tuple[Points, Floats, Ints]]
@@ -44,11 +45,11 @@ class IdcMatcher:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features)
 
-    def match(self, reference: ScanPoints, current: ScanPoints, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`, found from the guess on."""
+    def match(self, reference: ScanPoints, current: ScanPoints, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the pose of the prior on."""
         if not (has_surfaces(reference) and has_surfaces(current)):
             return failure("idc", Outcome.NO_SEGMENTS, reference, current)
-        config, guess = self.config, start(guess)
+        config, guess = self.config, start(prior)
         is_hidden, is_ref_hidden = hidden_readings(reference, current, guess)
 
         def pair(points: Points, rule: Rule, window: float, gate: float) -> _RulePairs:

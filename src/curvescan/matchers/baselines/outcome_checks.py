@@ -11,12 +11,13 @@ from curvescan.matchers.baselines.iteration import LEAST_PAIRS, IterationTrace
 from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
 from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Codes, Cov, Ints, Pose
 
 
-def start(guess: Pose | None) -> Pose:
-    """Return where an iterated method starts: at the guess, or at no motion."""
-    return se2.identity() if guess is None else guess
+def start(prior: UncertainPose | None) -> Pose:
+    """Return where an iterated method starts: at the pose of the prior, or at no motion."""
+    return se2.identity() if prior is None else prior.pose
 
 
 def has_surfaces(points: ScanPoints) -> bool:

@@ -17,6 +17,7 @@ from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, 
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Ints, Pose
 
 
@@ -41,8 +42,8 @@ class PlIcpMatcher:
         """Return whether the scan has a surface at all."""
         return has_surfaces(features)
 
-    def match(self, reference: ScanPoints, current: ScanPoints, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`, found from the guess on."""
+    def match(self, reference: ScanPoints, current: ScanPoints, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` in `reference`, found from the pose of the prior on."""
         if not (has_surfaces(reference) and has_surfaces(current)):
             return failure("plicp", Outcome.NO_SEGMENTS, reference, current)
         gate = self.config.gate
@@ -54,7 +55,7 @@ class PlIcpMatcher:
             anchors, normals = reference.points[ref_idx], reference.normals[ref_idx]
             return point_to_line_step(current.points[cur_idx], anchors, normals, pose)
 
-        descent = iterate(start(guess), step, self.config.convergence)
+        descent = iterate(start(prior), step, self.config.convergence)
         pairs = self._pair(reference, current, descent.pose, gate.at(descent.n_iterations))
         return check_outcome(
             "plicp",

@@ -14,6 +14,7 @@ from curvescan.matchers.cfsma.landmarks import Verdict, matched_readings, pair_l
 from curvescan.matchers.cfsma.trace import CfSmaTrace
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Codes, Cov, Ints, Pose
 
 
@@ -31,8 +32,8 @@ class CfSmaMatcher:
         """Return whether the scan has a segment at all."""
         return len(features.starts) > 0
 
-    def match(self, reference: CfSmaFeatures, current: CfSmaFeatures, guess: Pose | None) -> MatchResult:
-        """Return the pose of `current` in `reference`; the guess is not used."""
+    def match(self, reference: CfSmaFeatures, current: CfSmaFeatures, prior: UncertainPose | None) -> MatchResult:
+        """Return the pose of `current` in `reference`; the prior is not used."""
         config = self.config
         function_pairs, correlation = pair_longest(
             current.spectra,

@@ -10,6 +10,7 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
     assess_pose,
     degenerate_directions,
+    is_uninformed,
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
@@ -23,7 +24,7 @@ from curvescan.matchers.curvescan.pose_difference import difference, distance, i
 from curvescan.matchers.curvescan.proposal.scoring import select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
-from curvescan.matchers.result import Outcome
+from curvescan.matchers.result import Candidate, Outcome
 from curvescan.types import Bools, Cov, Floats, Pose
 
 _ARMS = np.array([1.0, 1.0, 2.0])
@@ -44,6 +45,13 @@ _DIRECTION_SIGMA = 0.003
 _SHARE = 0.7
 """Least share of the score that a pose moved along a degenerate direction must keep: two scans taken a metre apart on a
 bare corridor have less in common than they seem to where they are laid over each other."""
+
+
+_MAX_CANDIDATES = 8
+
+_FLAT_SIGMA = 0.1
+"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best place,
+metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,6 +238,37 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
     if is_degenerate[0] and ties:
         cov += covariance_of_ties(pose, poses[[0, *ties]])
     return pose, assessment, cov
+
+
+def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate, ...]:
+    """Return the best pose and its competing hypotheses, the most likely first, each with what the scans say there."""
+    support, first = assessed.support, assessed.assessment
+    if support is None or first is None:
+        return ()
+    information = first.information_matrix(assessed.is_degenerate)
+    if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
+        along = first.axes[:, 0] / first.units
+        information = information + np.outer(along, along) / _FLAT_SIGMA**2
+    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information)
+    rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
+    return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
+
+
+def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
+    """Return whether the readings fix the pose, though along one direction only just, and no other pose along it is as good."""
+    assessment = assessed.assessment
+    if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
+        return False
+    information, spurious = assessment.information[0], assessment.spurious[0]
+    return bool(information > 2.0 * spurious and information > config.max_sigma**-2)
+
+
+def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: float) -> Candidate:
+    ref, cur, _, config = problem
+    pose = assessed.poses[row]
+    found = assess_pose(ref, cur, pose, config)
+    is_open = is_uninformed(found, config.information)
+    return Candidate(pose=pose, log_odds=log_odds, information=found.information_matrix(is_open))
 
 
 def nearest_of_ties(

@@ -16,12 +16,13 @@ from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import N_EVIDENCE
 from curvescan.matchers.curvescan.candidates import refine_candidates
 from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, disambiguate
+from curvescan.matchers.curvescan.disambiguation import AssessedPose, Verdict, assess, competing_poses, disambiguate
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures, extract_features
 from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, propose
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.types import Codes, Floats, Pose
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import Codes, Cov, Floats
 
 _LABELS = np.array([Label.NEW, Label.MATCHED, Label.DYNAMIC], dtype=np.uint8)
 _MIN_PROBES = 6
@@ -63,13 +64,15 @@ class CurvescanMatcher:
         """Return whether the scan has surfaces to compare."""
         return len(features.image.samples) >= _MIN_PROBES
 
-    def match(self, reference: CurvescanFeatures, current: CurvescanFeatures, guess: Pose | None) -> MatchResult:
+    def match(
+        self, reference: CurvescanFeatures, current: CurvescanFeatures, prior: UncertainPose | None
+    ) -> MatchResult:
         """Return the pose of `current` in `reference`.
 
-        A guess is one more hypothesis. It is taken without a look at others when many readings agree there and fix
-        both axes, and it decides between poses that explain the scans as well as each other.
+        The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree there
+        and fix both axes, and it decides between poses that explain the scans as well as each other.
         """
-        problem = Problem(reference, current, guess, self.config)
+        problem = Problem(reference, current, None if prior is None else prior.pose, self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
             return report(problem, _NOTHING, _NOT_ASSESSED, Verdict(outcome=Outcome.NO_SEGMENTS))
         candidates = propose(problem)
@@ -95,8 +98,16 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         score=_score(assessed.weighed.scores[:1]),
         runner_up=_score(assessed.weighed.scores[1:]),
         confidence=verdict.confidence,
+        candidates=competing_poses(problem, assessed),
+        information=_information(verdict, assessed),
         is_guess_decisive=assessed.is_guess_decisive and assessment is not None,
     )
+
+
+def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
+    """Return the (3, 3) information of the scans alone at the pose, or without one at the best candidate."""
+    assessment = verdict.assessment or (assessed.assessment if assessed.support else None)
+    return np.zeros((3, 3)) if assessment is None else assessment.information_matrix(assessed.is_degenerate)
 
 
 def _score(scores: Floats) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
+from curvescan.matchers.prior import prior_of
 from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
@@ -177,7 +178,7 @@ class MapMatcher:
     def _hit(self, k: int, current: PreparedScan, guess: Pose | None) -> Hit | None:
         """Return where a match with a keyframe puts a scan; None where it fails or is too likely to be wrong."""
         reference = self._keyframes.prepared(k)
-        result = current.matcher.match(reference.features, current.features, guess)
+        result = current.matcher.match(reference.features, current.features, prior_of(None, guess))
         if not result.ok or not is_confident(result, self._config):
             return None
         if guess is None and result.degenerate_direction is not None:

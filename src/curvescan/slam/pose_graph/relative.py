@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from curvescan.odometry.config import MotionConfig
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.step import Step
 from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.types import Cov, Pose
 
 
-def between_steps(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
+def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
     if _is_positive(found.cov):

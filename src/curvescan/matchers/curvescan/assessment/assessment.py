@@ -65,6 +65,12 @@ class Assessment:
         """Return whether so many readings agree that chance does not explain it."""
         return self.n_inliers >= min(config.min_inliers, len(self.codes_cur) / 3)
 
+    def information_matrix(self, is_degenerate: Bools) -> Cov:
+        """Return the (3, 3) information on the pose, zero along the principal directions that are open."""
+        axes = self.axes[:, ~is_degenerate] / self.units[:, np.newaxis]
+        matrix: Cov = (axes * np.maximum(self.information[~is_degenerate], 0.0)) @ axes.T
+        return matrix
+
     def covariance(self, is_degenerate: Bools, config: InformationConfig) -> Cov:
         """Return the (3, 3) covariance of the pose, wide in the open directions."""
         return covariance(self.information, self.axes, self.units, is_degenerate, config.degenerate_sigma)
@@ -135,6 +141,13 @@ def assess(
     )
 
 
+def is_uninformed(assessment: Assessment, config: InformationConfig) -> Bools:
+    """Return (3,) in which principal directions the readings say next to nothing, or no more than tilted lines seem to."""
+    information = assessment.information
+    is_so: Bools = (information < 2.0 * assessment.spurious) | (information < config.max_sigma**-2)
+    return is_so
+
+
 def degenerate_directions(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
 ) -> Bools:
@@ -144,8 +157,7 @@ def degenerate_directions(
     if it is weak, also when the scans agree as well some way along it.
     """
     rules, images = config.information, (ref.image, cur.image)
-    information = assessment.information
-    is_degenerate: Bools = (information < 2.0 * assessment.spurious) | (information < rules.max_sigma**-2)
+    is_degenerate = is_uninformed(assessment, rules)
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
         fine = config.scoring.fine
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *fine)

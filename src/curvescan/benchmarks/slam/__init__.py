@@ -1,1 +1,0 @@
-"""Loop closures, localization, long runs and large graphs, on simulated floors and real logs."""

@@ -1,0 +1,236 @@
+"""curvescan.plot: figures of a match, a trajectory and a map on Matplotlib's axes, for notebooks and own figures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.log import Log
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
+from curvescan.matchers.result import MatchResult
+from curvescan.odometry import RunRecord
+from curvescan.plots.canvas import DARK, PAIRED, PATH, as_place
+from curvescan.plots.match import draw_overlay
+from curvescan.plots.occupancy import draw_grid
+from curvescan.scan import LaserScan
+from curvescan.slam import Slam, SlamMap
+from curvescan.types import Cov, Pose
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["map", "match", "trajectory"]
+
+_N_ELLIPSES = 12
+_SIGMAS = 3.0
+_ELLIPSE = 64  # corners of its polygon
+
+
+@runtime_checkable
+class MappedRun(Protocol):
+    """What :func:`curvescan.run` returns."""
+
+    @property
+    def record(self) -> RunRecord:
+        """The steps in columns."""
+        ...
+
+    @property
+    def map(self) -> SlamMap | OccupancyGrid | None:
+        """The map; None where it would be too large."""
+        ...
+
+
+def match(
+    result: MatchResult, reference: LaserScan | None = None, current: LaserScan | None = None, *, ax: Axes | None = None
+) -> Axes:
+    """Draw two scans as their match aligns them, and return the axes.
+
+    Parameters
+    ----------
+    result : MatchResult
+        Of any method. Where it is not `ok`, the scans are drawn as measured, each in its own frame.
+    reference, current : LaserScan or None
+        The scans; None where `result` has them, as those of :func:`curvescan.match` do.
+    ax : Axes or None
+        Where to draw; None for the axes of a new figure.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `result` is no MatchResult, or its scans are neither in it nor given.
+    """
+    if not isinstance(result, MatchResult):
+        raise InvalidArgumentError(f"result must be a MatchResult, got {type(result).__name__}")
+    reference, current = reference or result.reference, current or result.current
+    if reference is None or current is None:
+        raise InvalidArgumentError(
+            "the result of a match within an odometry does not keep its scans: give reference= and current="
+        )
+    axes = _axes(ax)
+    points = se2.transform(result.pose, current.points) if result.ok else current.points
+    draw_overlay(axes, result, reference.points, points)
+    if result.ok:
+        axes.plot(*result.pose[:2], "o", color=PAIRED, ms=4.0, label="sensor, current")
+    axes.plot([], [], ".", color=DARK, label="first scan, matched")
+    axes.plot([], [], ".", color=PAIRED, label="second scan, matched")
+    title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
+    as_place(axes, f"{result.method}: {title}")
+    axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def trajectory(
+    source: Trajectory | RunRecord | MappedRun | Slam | ArrayLike,
+    *,
+    ax: Axes | None = None,
+    label: str | None = None,
+    **style: Any,
+) -> Axes:
+    """Draw a trajectory with its start, its end and, where it has covariances, 3-sigma ellipses; return the axes.
+
+    Parameters
+    ----------
+    source : Run, Slam, Trajectory or (n, 3) array_like
+        Poses [x, y, theta]: metres, metres, radians; rows of NaN are left out.
+    ax : Axes or None
+        Where to draw; None for the axes of a new figure.
+    label : str or None
+        Of the legend.
+    **style
+        For ``Axes.plot``: color, lw, ls, ...
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `source` is none of the above.
+    """
+    poses, covariances = _poses(source)
+    axes = _axes(ax)
+    look: dict[str, Any] = {"color": PATH, "lw": 1.2} | style
+    axes.plot(*poses[:, :2].T, label=label, **look)
+    if len(poses):
+        mark: dict[str, Any] = {"color": "white", "mec": look["color"], "mew": 1.4, "ms": 6.0}
+        axes.plot(*poses[0, :2], marker="o", **mark)
+        axes.plot(*poses[-1, :2], marker="s", **mark)
+    if covariances is not None and len(poses):
+        for k in np.unique(np.linspace(0, len(poses) - 1, _N_ELLIPSES).astype(int)):
+            ellipse = _ellipse(poses[k], covariances[k])
+            axes.fill(*ellipse.T, color=look["color"], alpha=0.15, lw=0.0)
+    as_place(axes)
+    if label:
+        axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def map(  # noqa: A001 - its name in the public contract
+    source: MappedRun | Slam | SlamMap | OccupancyGrid | OccupancyBuilder | Log,
+    trajectory: Trajectory | ArrayLike | None = None,
+    *,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw an occupancy map, and return the axes.
+
+    Parameters
+    ----------
+    source : Run, Slam, SlamMap, OccupancyGrid, OccupancyBuilder or Log
+        A map, or what one is made from: a run, SLAM as it is now, or a log with the `trajectory` of its sensor.
+    trajectory : Trajectory, (n, 3) array_like or None
+        Pose of the sensor at each scan of a Log; for a map it is drawn on it where it is given. A run and a Slam bring
+        their own.
+    ax : Axes or None
+        Where to draw; None for the axes of a new figure.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `source` is none of the above, or a Log without a trajectory, or the map has no cell.
+    """
+    if trajectory is None and isinstance(source, MappedRun):
+        trajectory = source.record.trajectory
+    elif trajectory is None and isinstance(source, Slam):
+        trajectory = source.trajectory()
+    grid = _grid_of(source, trajectory)
+    if not grid.log_odds.size:
+        raise InvalidArgumentError("the map has no cell: no scan with a valid reading was entered")
+    axes = _axes(ax)
+    as_place(axes)
+    draw_grid(axes, grid)
+    if trajectory is not None:
+        poses = _poses(trajectory)[0]
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="path of the sensor")
+    axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def _grid_of(source: Any, trajectory: Trajectory | ArrayLike | None) -> OccupancyGrid:
+    """Return the occupancy map of what `map` takes."""
+    found = source.map if isinstance(source, MappedRun | Slam) else source
+    if isinstance(found, OccupancyGrid):
+        return found
+    if isinstance(found, OccupancyBuilder):
+        return found.grid()
+    if isinstance(found, SlamMap):
+        return found.occupancy()
+    if isinstance(source, MappedRun):
+        raise InvalidArgumentError("the run has no occupancy map: it would be too large, or no scan has a reading")
+    if not isinstance(found, Log):
+        raise InvalidArgumentError(
+            "source must be a Run, a Slam, a SlamMap, an OccupancyGrid, an OccupancyBuilder or a Log, "
+            f"got {type(source).__name__}"
+        )
+    if trajectory is None:
+        raise InvalidArgumentError("the map of a log needs the poses of its scans: give trajectory=")
+    builder = OccupancyBuilder()
+    for scan, pose in zip(found, _poses(trajectory, keeps_nan=True)[0], strict=False):
+        builder.add(scan, pose)
+    return builder.grid()
+
+
+def _axes(ax: Axes | None) -> Axes:
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt
+
+    return plt.figure(layout="constrained").subplots()
+
+
+def _poses(source: Any, *, keeps_nan: bool = False) -> tuple[Pose, Cov | None]:
+    covariances = None
+    if isinstance(source, MappedRun):
+        source = source.record
+    if isinstance(source, RunRecord):
+        source = source.trajectory
+    elif isinstance(source, Slam):
+        source = source.trajectory()
+    if isinstance(source, Trajectory):
+        poses, covariances = source.poses, source.covariances
+    else:
+        try:
+            poses = np.asarray(source, dtype=np.float64)
+        except (TypeError, ValueError):
+            poses = np.empty(0)
+        if poses.ndim != 2 or poses.shape[1] != 3:
+            raise InvalidArgumentError(
+                f"a trajectory must be a Trajectory, a run or poses of shape (n, 3), got {type(source).__name__}"
+                + (f" of shape {poses.shape}" if poses.size else "")
+            )
+    known = np.isfinite(poses).all(axis=1)
+    if keeps_nan or known.all():
+        return poses, covariances
+    return poses[known], None if covariances is None else covariances[known]
+
+
+def _ellipse(pose: Pose, covariance: Cov) -> Pose:
+    """Return (n, 2) corners of the ellipse that holds 3 sigma of a position."""
+    values, axes = np.linalg.eigh(covariance[:2, :2])
+    angles = np.linspace(0.0, 2.0 * math.pi, _ELLIPSE)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    corners: Pose = pose[:2] + _SIGMAS * (circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    return corners

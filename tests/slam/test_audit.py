@@ -1,0 +1,42 @@
+"""Matches that contradict a finished map count where those of three keyframes agree."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.loops.audit import contradictions
+from curvescan.slam.loops.closures import Closure, ClosureOutcome
+
+CONFIG = SlamConfig()
+POSES = np.column_stack((np.arange(40) * 0.5, np.zeros(40), np.zeros(40)))
+
+
+def _refused(i: int, j: int, off: list[float], confidence: float = 0.99) -> Closure:
+    pose = se2.compose(se2.between(POSES[i], POSES[j]), np.array(off))
+    return Closure(
+        scan=j, i=i, j=j, pose=pose, covariance=1e-4 * np.eye(3), score=0.7, distance=100.0,
+        outcome=ClosureOutcome.UNEXPECTED, confidence=confidence,
+    )  # fmt: skip
+
+
+def test_matches_of_three_keyframes_that_agree_contradict_the_map() -> None:
+    group = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0]) for k in range(3)]
+    (found,) = contradictions(group, POSES, 100 + np.arange(40), CONFIG)
+    assert found.pairs.tolist() == [[102, 130], [103, 131], [104, 132]]
+    np.testing.assert_allclose(found.place, [15.5, 0.0])
+    np.testing.assert_allclose(found.off, [1.0, 0.5, 0.0], atol=1e-12)
+
+
+def test_what_disagrees_is_unsure_or_fits_the_map_contradicts_nothing() -> None:
+    disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(3)]
+    unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(3)]
+    fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(3)]
+    for group in (disagreeing, unsure, fitting):
+        assert contradictions(group, POSES, np.arange(40), CONFIG) == []
+
+
+def test_one_keyframe_alone_contradicts_nothing() -> None:
+    group = [_refused(2 + k, 30, [1.0, 0.5, 0.0]) for k in range(6)]
+    assert contradictions(group, POSES, np.arange(40), CONFIG) == []
