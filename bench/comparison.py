@@ -1,9 +1,10 @@
 """Measure the rows of docs/comparison.md: `python bench/comparison.py [--data FOLDER] [--logs intel] [--methods plicp] [--left]`.
 
-Runs SLAM with the default matcher and the odometry of every method over the logs of the Freiburg benchmark whose checked
-relations are at hand, the laser alone and with the log's wheel odometry as prior, each with its default parameters. Each
-row is kept in bench/comparison.jsonl as soon as it is measured, in place of the one before; bench/comparison.md has the
-tables, beside what others publish. With --left only rows that are missing are measured, with --tables none.
+Runs SLAM with the default matcher and the odometry of every method over the logs of the Freiburg benchmark whose
+checked relations are at hand, the laser alone and with the log's wheel odometry as prior, each with its default
+parameters. Each row is kept in bench/comparison.jsonl as soon as it is measured, in place of the one before;
+bench/comparison.md has the tables, beside what others publish. With --left only rows that are missing are measured,
+with --tables none.
 """
 
 from __future__ import annotations

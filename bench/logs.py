@@ -1,8 +1,8 @@
 """Measure the table of docs/logs.md: `python bench/logs.py [--data FOLDER] [--only intel.clf.gz]`.
 
-Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options but those that
-the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one before; bench/logs.md has
-the table.
+Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options
+but those that the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one
+before; bench/logs.md has the table.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
 
 Truth = Literal["relations", "wheels", "corrected", "still", ""]
-"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
+"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest,
+nothing."""
 
 LOGS: dict[str, tuple[str, Truth]] = {
     "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "relations"),

@@ -1,10 +1,10 @@
 """Mutants: the package with one thing wrong, and whether the tests of its room notice; `make mutants`, not in CI.
 
-Named mutants first, each something a user would feel; then those made by rule of each file of the default matcher and of
-the odometry: numbers doubled and halved, comparisons widened and turned round, conditions and operands left out. A mutant
-lives in memory: the finder below hands its source to one forked process, which runs the tests without the JIT. (mutmut
-leaves decorated functions alone, and here the kernels are; cosmic-ray rewrites files in place, adds one to numbers of which
-most are shares, and runs the same tests for all.)
+Named mutants first, each something a user would feel; then those made by rule of each file of the default matcher and
+of the odometry: numbers doubled and halved, comparisons widened and turned round, conditions and operands left out. A
+mutant lives in memory: the finder below hands its source to one forked process, which runs the tests without the JIT.
+(mutmut leaves decorated functions alone, and here the kernels are; cosmic-ray rewrites files in place, adds one to
+numbers of which most are shares, and runs the same tests for all.)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Machine code on disk: never that of another version, never in the way, never a reason to fail.
 
-Most tests drive a package of two kernels, `tiny`, whose ``_jit.py`` and what it imports are the real ones: its `answer` calls
-a kernel of another file, which is what an upgrade changes behind Numba's back.
+Most tests drive a package of two kernels, `tiny`, whose ``_jit.py`` and what it imports are the real ones: its `answer`
+calls a kernel of another file, which is what an upgrade changes behind Numba's back.
 """
 
 from __future__ import annotations

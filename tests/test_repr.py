@@ -50,7 +50,8 @@ def objects():
 
 
 NAMES = (
-    "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty run record odometry step builder "
+    "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty run record "
+    "odometry step builder "
     "grid edge"
 )
 

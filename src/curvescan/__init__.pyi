@@ -16,6 +16,7 @@ from .errors import StorageError as StorageError
 from .errors import UnitWarning as UnitWarning
 from .errors import WorkerError as WorkerError
 from .evaluation.mounts import find_mounts as find_mounts
+from .io import datasets as datasets
 from .io import log_from_arrays as log_from_arrays
 from .io import read_config as read_config
 from .io import read_csv as read_csv
@@ -32,7 +33,7 @@ from .io.log import Log as Log
 from .io.log import LogSlice as LogSlice
 from .io.ros.writing.odometry_export import write_odometry_mcap as write_odometry_mcap
 from .io.trajectories.g2o import write_g2o as write_g2o
-from .io.trajectories.kitti import write_kitti as write_kitti
+from .io.trajectories.layouts import write_kitti as write_kitti
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
 from .live.finished.view import view as view
@@ -74,8 +75,8 @@ from .odometry import StepOutcome as StepOutcome
 from .odometry.config import KeyframesConfig as KeyframesConfig
 from .odometry.config import MotionConfig as MotionConfig
 from .odometry.config import OdometryConfig as OdometryConfig
+from .odometry.rig import Rig as Rig
 from .plots import plot as plot
-from .rig import Rig as Rig
 from .runs.batch.batch import BatchResult as BatchResult
 from .runs.batch.batch import run_batch as run_batch
 from .runs.batch.jobs import OdometryJob as OdometryJob

@@ -104,7 +104,7 @@ def reported_as(sentence: str) -> Iterator[None]:
 
 
 def note_written(what: str) -> None:
-    """Have signals from now on reported as coming after results were written, unless the work in hand says otherwise."""
+    """Report later signals as coming after results were written, unless the work in hand says otherwise."""
     _sentences[0] = f"interrupted; the results in {what} are written"
 
 

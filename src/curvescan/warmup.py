@@ -1,4 +1,4 @@
-"""Warm-up: a robot is driven through two rooms, so that every kernel of a real drive is compiled before the robot moves.
+"""Warm-up: a simulated drive through two rooms compiles every kernel of a real one.
 
 Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others.
 """
@@ -34,11 +34,11 @@ _HALL = ((-50.0, 50.0, -1.0, 1.0), (-50.0, 50.0, -1.0, 1.0))
 
 
 def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
-    """Compile all kernels that matching, odometry, SLAM and maps need, or load them where they have been compiled before.
+    """Compile all kernels that matching, odometry, SLAM and maps need, or load them from the cache.
 
     The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
-    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels. Objects that are
-    there when it ends are left out of Python's later garbage collections (:func:`gc.freeze`).
+    drives calls this before it starts its motors. Nothing is read or written but the cache of the kernels. Objects that
+    are there when it ends are left out of Python's later garbage collections (:func:`gc.freeze`).
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
         _drive(method, laps)
         if slam:
             _map_and_localize(method, laps)
-    # the compiler leaves a million objects: to look through them takes the collector a tenth of a second, in the middle of a drive
+    # the compiler leaves a million objects: to look through them takes the collector a tenth of a second, in the middle
+    # of a drive
     gc.collect()
     gc.freeze()
     return time.perf_counter() - started

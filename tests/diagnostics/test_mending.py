@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.mending import mend
+from curvescan.diagnostics.mending import StreamMender, mend
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.scan import mirrored
 from tests.diagnostics.test_beam_statistics import N_BEAMS, moving
@@ -81,3 +83,18 @@ def test_a_sound_log_is_the_same_object_and_as_is_mends_nothing():
     assert mend(log).log is log
     faulty = with_codes(0.02)
     assert mend(faulty, as_is=True).log is faulty
+
+
+def test_a_running_laser_is_mended_after_some_seconds_and_changes_its_mind_once():
+    told: list[str] = []
+    mender = StreamMender(told.append)
+    early = list(with_codes(0.02))[:100]  # codes all around
+    far = np.random.default_rng(7).uniform(46.0, 51.2, (900, N_BEAMS))
+    late = [replace(early[0], ranges=row) for row in far]  # then a hall of that size
+    seen = [mender.add(scan) for scan in (*early, *late, *early)]
+    assert seen[98].range_max == 60.0
+    assert seen[99].range_max == pytest.approx(50.6)
+    assert told[0].startswith("from scan 100 on ignored: readings beyond 50.6 m")
+    assert len(told) == 2
+    assert told[1].startswith("from scan 1,000 on no longer ignored")
+    assert seen[-1].range_max == 60.0

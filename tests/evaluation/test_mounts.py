@@ -11,7 +11,7 @@ from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.mounts import check_mounts, common_motions, find_mount, find_mounts
 from tests.bags import scan, transform, write_bag
-from tests.test_rig import MOUNTS, recorded
+from tests.odometry.test_rig import MOUNTS, recorded
 
 
 def motions(rng, mount, n=60, sigma=0.004, sigma_rad=0.002):

@@ -17,7 +17,7 @@ from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
-from curvescan.io.trajectories.kitti import write_kitti
+from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, Step, run_odometry
 from curvescan.runs import run as runner
@@ -156,7 +156,8 @@ def run_odometry_steps() -> list[Step]:
 
 
 def test_the_information_is_of_g2os_error(tmp_path: Path) -> None:
-    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is spread
+    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is
+    # spread
     pose, rng = np.array([0.4, -0.2, 1.1]), np.random.default_rng(5)
     cov = random_cov(rng) * 1e-4  # small, where first order holds
     edge = PoseEdge(i=0, j=1, pose=pose, covariance=cov)

@@ -1,4 +1,4 @@
-"""Source -> tracker -> sinks: live equals offline to the bit, a slow sink delays nobody, a fault keeps what came before."""
+"""Source -> tracker -> sinks: live equals offline, a slow sink delays nobody, a fault keeps what came before."""
 
 import itertools
 import json

@@ -91,9 +91,9 @@ def test_a_map_without_cells_and_a_folder_that_is_not_there_are_told(tmp_path, g
         write_map(tmp_path / "missing", grid)
 
 
-@pytest.mark.parametrize("limit", [2000, 7])
-def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
-    monkeypatch.setattr("curvescan.plots.occupancy._MAX_PIXELS", limit)
+@pytest.mark.parametrize("share", [0.8, 0.01])
+def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, share):
+    monkeypatch.setattr("curvescan.plots.occupancy._SHARE", share)
     draw_occupancy(tmp_path / "a.png", grid, np.array([[0.51, -0.26, 0.0]]), title="room")
     with Image.open(tmp_path / "a.png") as image:
         grey = np.array(image.convert("L"))
@@ -101,6 +101,17 @@ def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
     left, top, middle = grey.shape[1] // 5, grey.shape[0] // 6, grey.shape[0] // 2
     dark = (grey[top:middle, left:] < 60).mean(axis=0)
     assert left + dark.argmax() > 0.6 * grey.shape[1]
+
+
+def test_a_wall_of_one_cell_stays_dark_in_the_picture_of_a_large_place(tmp_path):
+    log_odds = np.full((4000, 9000), -2.0, dtype=np.float32)
+    log_odds[2003] = 5.0
+    grid = OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=OccupancyConfig())
+    draw_occupancy(tmp_path / "a.png", grid, np.zeros((1, 3)), title="hall")
+    with Image.open(tmp_path / "a.png") as image:
+        grey = np.array(image.convert("L"))
+    middle = grey[:, grey.shape[1] // 4 : 3 * grey.shape[1] // 4]
+    assert (middle < 60).all(axis=1).any()  # a row that is dark from side to side
 
 
 def test_a_map_comes_back_as_it_was_written(tmp_path):
@@ -132,3 +143,8 @@ def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
         read_map(tmp_path / "map.yaml")
     with pytest.raises(LogFileError):
         read_map(tmp_path / "none.yaml")
+
+
+def test_a_map_that_is_none_is_told(tmp_path):
+    with pytest.raises(InvalidArgumentError, match="grid must be an OccupancyGrid, got NoneType"):
+        write_map(tmp_path, None)

@@ -29,7 +29,7 @@ def expected(pose, sigma):
 
 @pytest.fixture(scope="module")
 def doubtful():
-    """Scans of a floor a metre apart, 1 degree beams, that the matcher gives no pose of without help, and the true one."""
+    """Scans of a floor a metre apart that the matcher gives no pose of without help, and the true one."""
     coarse = replace(SENSORS["sick-lms200"], n_beams=180, angle_increment=math.pi / 180)
     found = []
     log = cs.simulate("office-floor", sensor=coarse, n_scans=217, n_people=6, seed=32)

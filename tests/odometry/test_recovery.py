@@ -33,7 +33,9 @@ def test_after_a_recovery_the_old_velocity_does_not_go_on(monkeypatch):
 
 
 def another_room(n, first, link, bridge):
-    """Return the pairs of a drive of n scans that is in another room from one scan on: what the scan before it shows by chance, and what
+    """Return pairs of a drive of n scans that is in another room from one scan on.
+
+    What the scan before it shows by chance, and what
     the later scans there show of that one."""
     links = {(i, j): (0.0, 0.0) for i in range(first) for j in range(first, n)}
     links[first - 1, first] = link

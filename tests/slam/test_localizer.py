@@ -1,4 +1,4 @@
-"""Localizer: it reads the map of an earlier version, finds and follows the sensor in it, and notices when it is carried away."""
+"""Localizer: it reads old maps, finds and follows the sensor, and notices when it is carried away."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def stored() -> SlamMap:
 
 
 def _errors(steps: list[cs.Step], poses: np.ndarray) -> np.ndarray:
-    """Return (n,) distances from the truth, NaN where no pose is given; the map's frame is the first pose of the lap."""
+    """Return (n,) distances from the truth, NaN where no pose is given."""
     true = se2.between(lap()[0], poses)
     return np.array([np.hypot(*(s.pose[:2] - p[:2])) for s, p in zip(steps, true, strict=True)])
 

@@ -29,7 +29,7 @@ SPINNING = Sensor(
 
 
 def _with_dark_walls(log: cs.Simulation, seed: int) -> list[cs.LaserScan]:
-    """Return scans that lose half of what comes back from every third 0.7 m of all surfaces, another half in each: +inf, as a driver has it."""
+    """Return scans that lose half of what comes back from every third 0.7 m of all surfaces: +inf."""
     rng = np.random.default_rng(seed)
     found = []
     for scan, pose in zip(log, log.truth.poses, strict=True):

@@ -29,6 +29,7 @@ class Flag(NamedTuple):
     name: str
     text: str
     group: str = ""
+    has_choices: bool = False
 
 
 def overview(commands: Mapping[str, Callable[..., int]]) -> str:
@@ -73,8 +74,8 @@ def short_help(name: str, command: Callable[..., int]) -> str:
 def _row(flag: Flag, indent: int, width: int, *, n_lines: int) -> list[str]:
     """Return the lines of a flag: one, or two where the text takes them and there is room."""
     text = _fit(flag.text, width - indent)
-    texts = [text]
-    if n_lines == 2 and text.endswith(_CUT):
+    texts = textwrap.wrap(flag.text, width - indent, break_on_hyphens=False) if flag.has_choices else [text]
+    if not flag.has_choices and n_lines == 2 and text.endswith(_CUT):
         texts = textwrap.wrap(_fit(flag.text, 2 * (width - indent) - 12), width - indent)
     names = [flag.name, *[""] * (len(texts) - 1)]
     return [f"  {n:<{indent - 2}}{t}".rstrip() for n, t in zip(names, texts, strict=True)]
@@ -120,9 +121,10 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
 def _flag(name: str, kind: Any, found: _Extras, text: str, group: str = "") -> Flag:
     name = f"--{name.replace('_', '-')}"
     flag = f"{name} {_values(kind, found.metavar)}".rstrip()
-    if len(flag) > _MAX_FLAG - 4:
+    has_choices = len(flag) > _MAX_FLAG - 4
+    if has_choices:
         flag, text = f"{name} NAME", f"{re.split('[,.:;]', text)[0]}: {', '.join(map(str, get_args(kind)))}."
-    return Flag(flag, " ".join(text.split()), group)
+    return Flag(flag, " ".join(text.split()), group, has_choices)
 
 
 class _Extras(NamedTuple):
@@ -172,7 +174,7 @@ def _fit(text: str, width: int) -> str:
         return text
     ends = [m.start() for m in re.finditer(r"[.] |[:;] ", text) if m.start() < width]
     if ends:
-        return text[: ends[0]] + "."
+        return text[: ends[-1]] + "."
     ends = [m.start() for m in re.finditer(r", ", text) if width // 2 < m.start() < width]
     if ends:
         return text[: ends[-1]] + "."

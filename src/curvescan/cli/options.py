@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -32,8 +33,39 @@ LogPath: TypeAlias = Annotated[
 ]
 """The log to read."""
 
-OutFolder: TypeAlias = Annotated[Path, tyro.conf.arg(help="Folder for the results; made if it is missing.")]
+OutFolder: TypeAlias = Annotated[
+    Path | None, tyro.conf.arg(help="Results folder; by default ./NAME-COMMAND, numbered.")
+]
 """Where results go."""
+
+
+def results_folder(out: Path | None, log: Path, what: str) -> Path:
+    """Return where results go: `out`, or the first of ./NAME-WHAT, ./NAME-WHAT-2, ... that is not there."""
+    if out is not None:
+        return out
+    stem = log.resolve().name.split(".")[0] or "log"
+    names = (f"{stem}-{what}" + (f"-{k}" if k > 1 else "") for k in count(1))
+    return next(Path(name) for name in names if not Path(name).exists())
+
+
+WorldName: TypeAlias = Literal[
+    "room",
+    "corridor",
+    "bare-corridor",
+    "round-room",
+    "l-hall",
+    "t-hall",
+    "curved-hall",
+    "clutter",
+    "office",
+    "building",
+    "office-floor",
+]
+SensorName: TypeAlias = Literal["sick-lms200", "sick-lms200-5mm", "spinning-360", "urg-04lx", "hokuyo-270"]
+BenchmarkName: TypeAlias = Literal[
+    "aces", "intel", "mit-killian-court", "mit-csail", "freiburg-079", "freiburg-hospital"
+]
+"""Names of tables of the library, written out so that -h loads none of them."""
 
 MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]
 """Which matcher."""

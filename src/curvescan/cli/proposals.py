@@ -14,10 +14,13 @@ _REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
 
 def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
     """Return all issues that an option handles in one sentence, with the whole command to copy; empty without any."""
+    what = [issue.what for issue in issues if issue.remedy]
+    return (f"{'; '.join(what)}; try: {with_options(command, issues)}",) if what else ()
+
+
+def with_options(command: Sequence[str], issues: Sequence[Issue]) -> str:
+    """Return a command with the options that handle issues, to copy."""
     options = {issue.what: with_flags(issue.argument) for issue in issues if issue.remedy}
-    if not options:
-        return ()
     wrong = _REVERSING & set(options.values()) & set(command)
     added = [word for option in dict.fromkeys(options.values()) if option not in wrong for word in shlex.split(option)]
-    proposed = shlex.join([*(word for word in command if word not in wrong), *added])
-    return (f"{'; '.join(options)}; try: {proposed}",)
+    return shlex.join([*(word for word in command if word not in wrong), *added])

@@ -47,7 +47,7 @@ def report(run: Run, out: Path) -> int:
     OUT.print(f"wrote {out}/{', '.join(run.files)}", markup=False)
     for proposal in propose_commands(["curvescan", *sys.argv[1:]], run.issues):
         ERR.print(proposal, markup=False, soft_wrap=True)
-    OUT.print(run.verdict.sentence, markup=False, soft_wrap=True)
+    OUT.print(with_flags(run.verdict.sentence), markup=False, soft_wrap=True)
     return 0 if run.verdict.is_trusted else 3
 
 

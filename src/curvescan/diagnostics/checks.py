@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from curvescan.diagnostics.report import LogReport
 
 if TYPE_CHECKING:
-    from curvescan.diagnostics.issues import Topic
     from curvescan.diagnostics.prior.gyroscope import Gyroscope
     from curvescan.diagnostics.rotation_direction import RotationDirection
 
 _LOW_VALID_SHARE = 0.25
 _UNEVEN = 3.0
 _MISSING = 0.005
+_REST_IS_READ = "; the rest of the log is read"
 
 _STALE, _CERTAINLY_STALE = 0.1, 0.2
 """Shares of readings that repeat the sweep before: the sound logs at hand have up to 0.09, the faulty ones 0.30 and 0.32."""
@@ -25,6 +25,9 @@ _MIN_ORDERED = 20
 
 _SCATTERED = 0.7
 """Bins that no beam hit are scattered, 0.27 to 0.39 of them beside another; beams along a wall repeat in long runs."""
+
+Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
+"""What an issue is about."""
 
 Value: TypeAlias = float | bool | tuple[int, int]
 
@@ -106,7 +109,7 @@ CHECKS: tuple[Check, ...] = (
         "read_error",
         lambda r: bool(r.read_errors),
         lambda r: tuple(
-            f"{e.rule}: {_counted(e.count, 'time')}, first in {e.first}; the rest of the log is read"
+            f"{e.rule}: {_counted(e.count, 'time')}, first in {e.first}" + _REST_IS_READ * ("is read" not in e.rule)
             for e in r.read_errors
         ),
     ),

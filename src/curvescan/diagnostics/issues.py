@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
-from curvescan.diagnostics.checks import CHECKS
+from curvescan.diagnostics.checks import CHECKS, Topic
 from curvescan.diagnostics.report import LogReport
-
-Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What an issue is about."""
 
 
 class Remedy(NamedTuple):

@@ -7,7 +7,7 @@ What a user has set up by hand is left as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,8 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.prior.gyroscope import straightened
 from curvescan.diagnostics.report import LogReport
-from curvescan.diagnostics.sensor import judge_sensor
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.io.arrays.memory import as_log
 from curvescan.io.held import HeldLog
 from curvescan.io.log import Log, LogView
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
@@ -25,6 +26,9 @@ from curvescan.types import Floats
 
 _DROPS = ("stale_beams", "undeclared_codes")
 """Kinds of issues whose mending leaves readings out."""
+
+_JUDGED_AT = (100, 1000)
+"""Scans after which a running laser is judged."""
 
 _ROUNDS = 4
 """Most inspections: what is mended first can hide what is mended next."""
@@ -112,6 +116,45 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
         backwards="beams_reversed" in kinds,
     )
     return apply_setup(log, setup)
+
+
+class StreamMender:
+    """Mends the scans of a running laser by what the first of them show: codes for no return, stale beams.
+
+    It judges after some seconds and once more after a minute or two; what it says then stands.
+
+    tell: called with a sentence when something is mended, or no longer is.
+    """
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+        self._first: list[LaserScan] = []
+        self._done: dict[str, Issue] = {}
+        self._before, self._range_max = np.empty(0), math.inf
+
+    def add(self, scan: LaserScan) -> LaserScan:
+        """Return the next scan, mended."""
+        if len(self._first) < _JUDGED_AT[-1]:
+            self._first.append(scan)
+            if len(self._first) in _JUDGED_AT:
+                self._judge()
+        before, self._before = self._before, scan.ranges
+        if scan.range_max > self._range_max:
+            scan = replace(scan, range_max=self._range_max)
+        if "stale_beams" in self._done and len(before) == len(scan):
+            scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
+        return scan
+
+    def _judge(self) -> None:
+        report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
+        found = {i.kind: i for i in find_issues(report) if i.mending and i.kind in _DROPS}
+        for kind, issue in found.items():
+            if kind not in self._done or issue.argument != self._done[kind].argument:
+                self._tell(f"from scan {len(self._first):,} on {issue.mending}")
+        for kind in self._done.keys() - found.keys():
+            self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
+        limits = dict(i.remedy for i in found.values() if i.remedy)
+        self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
 
 
 class _Corrected(LogView):

@@ -80,4 +80,7 @@ def prepare_log(
         When `odometry_prior` is True and the log has none, one that turns against the scans, or the output of a SLAM.
     """
     mended = mend(log, as_is=as_is, is_order_needed=is_order_needed)
-    return PreparedLog(mended=mended, prior=choose_prior(mended.log, mended.report, wanted=odometry_prior))
+    report = mended.report
+    lag = report.odometry.lag if report.odometry else 0.0
+    prior = choose_prior(mended.log, sense=report.sense, lag=lag, wanted=odometry_prior)
+    return PreparedLog(mended=mended, prior=prior)

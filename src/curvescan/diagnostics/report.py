@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from curvescan.diagnostics.beam_order import BeamOrder
-from curvescan.diagnostics.prior.gyroscope import Gyroscope
 from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.io.files.read_errors import ReadError
+
+if TYPE_CHECKING:
+    from curvescan.diagnostics.prior.gyroscope import Gyroscope
 
 
 @dataclass(frozen=True, kw_only=True)

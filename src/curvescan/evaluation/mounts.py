@@ -2,8 +2,8 @@
 
 Sensor b sits at X in the frame of sensor a. While a moves by A and b by B, A X = X B: hand-eye calibration, here in the
 plane (Censi, Franchi, Marchionni and Oriolo, "Simultaneous calibration of odometry and sensor parameters for mobile
-robots", IEEE Transactions on Robotics 29, 2013, treat wheels and a laser so). A turn fixes the place of b on the body, a
-way fixes its direction: a drive needs both.
+robots", IEEE Transactions on Robotics 29, 2013, treat wheels and a laser so). A turn fixes the place of b on the body,
+a way fixes its direction: a drive needs both.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
     turned = float(np.abs(a[:, 2]).sum())
     if len(a) < _LEAST_PIECES or turned < _LEAST_TURN:
         raise InvalidArgumentError(
-            f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with {turned:.2f} rad: "
+            f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
+            f"{turned:.2f} rad: "
             "drive farther, and round bends"
         )
     found = least_squares(_misclosure, _linear_mount(a, b), args=(a, b), loss="soft_l1", f_scale=_scale(a, b))
@@ -110,22 +111,13 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MountCheck:
-    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give.
+    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give."""
 
-    Attributes
-    ----------
-    topic, base : str
-        The laser, and what it is seen from: the topic of another laser, or ``"the wheels"``.
-    found : UncertainPose
-        By :func:`find_mount`.
-    given : (3,) float64 or None
-        By the transforms; None where they do not lead there.
-    """
-
+    # the laser, and what it is seen from: the topic of another laser, or ``"the wheels"``
     topic: str
     base: str
-    found: UncertainPose
-    given: Pose | None
+    found: UncertainPose  # by :func:`find_mount`
+    given: Pose | None  # (3,): by the transforms; None where they do not lead there
 
     @property
     def is_wrong(self) -> bool:
@@ -246,6 +238,6 @@ def _linear_mount(a: Pose, b: Pose) -> Floats:
 
 
 def _scale(a: Pose, b: Pose) -> float:
-    """Return the misclosure from which on a piece is an outlier: three deviations of the linear solution's, at least 1 mm."""
+    """Return the misclosure of an outlier: three deviations of the linear solution's, at least 1 mm."""
     rest = np.abs(_misclosure(_linear_mount(a, b), a, b))
     return max(3.0 * float(np.median(rest)) / _MEDIAN_OF_NORMAL, 1e-3)

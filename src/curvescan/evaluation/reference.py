@@ -27,44 +27,24 @@ from curvescan.types import Floats, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReferenceErrors:
-    """Errors of the poses that have a reference, in the order of the trajectory.
+    """Errors of the poses that have a reference, in the order of the trajectory."""
 
-    Attributes
-    ----------
-    n_poses, n_reference : int
-        Known poses of the trajectory and of the reference.
-    association : Association
-        Which belongs to which.
-    stamps : (n,) float64
-        Of the trajectory, seconds.
-    poses : (n, 3) float64
-        The trajectory, moved onto the reference by the best alignment.
-    from_first : (n, 3) float64
-        The trajectory, moved so that the first poses are equal.
-    reference : (n, 3) float64
-        Reference poses of the sensor.
-    ate_best, ate_first : (n,) float64
-        Absolute trajectory error after the two alignments, metres.
-    rpe_frame, rpe_metre : RelativeErrors
-        Relative pose errors from one pair to the next, and over each metre of the reference's path.
-    totals : TrajectoryErrors
-        Error at the end, path, turns, drift.
-    is_mount_unused : bool
-        Whether a pose of the laser on the robot was given, and the reference holds poses of the laser already.
-    """
-
+    # known poses of the trajectory and of the reference
     n_poses: int
     n_reference: int
-    association: Association
-    stamps: Floats
-    poses: Pose
-    from_first: Pose
-    reference: Pose
+    association: Association  # which belongs to which
+    stamps: Floats  # (n,): of the trajectory, seconds
+    poses: Pose  # (n, 3): the trajectory, moved onto the reference by the best alignment
+    from_first: Pose  # (n, 3): the trajectory, moved so that the first poses are equal
+    reference: Pose  # (n, 3): reference poses of the sensor
+    # (n,): absolute trajectory error after the two alignments, metres
     ate_best: Floats
     ate_first: Floats
+    # relative pose errors from one pair to the next, and over each metre of the reference's path
     rpe_frame: RelativeErrors
     rpe_metre: RelativeErrors
-    totals: TrajectoryErrors
+    totals: TrajectoryErrors  # error at the end, path, turns, drift
+    # whether a pose of the laser on the robot was given, and the reference holds poses of the laser already
     is_mount_unused: bool = False
 
     def __repr__(self) -> str:

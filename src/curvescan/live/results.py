@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan.diagnostics.verdict import judge_localization, judge_run
+from curvescan.diagnostics.verdict import judge
 from curvescan.io.files.read_errors import ReadError
 from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -99,13 +99,12 @@ class ResultsSink(MapSink):
         maps = None
         if log is None or isinstance(engine, Localizer):
             maps = self._maps(engine, record.trajectory.poses)
-        judge = judge_localization if isinstance(engine, Localizer) else judge_run
         run = Run(
             log=scans,
             scans=scans,
             engine=engine,
             record=record,
-            verdict=judge(record),
+            verdict=judge(record, engine),
             occupancy=self._occupancy,
             maps=maps,
             command=tuple(command),

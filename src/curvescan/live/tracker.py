@@ -10,6 +10,7 @@ from curvescan.deskew import middle_of_sweep
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import MatchResult
 from curvescan.odometry import Step, StepOutcome
+from curvescan.odometry.run import pose_at
 from curvescan.scan import LaserScan
 from curvescan.slam import Closure, Slam
 from curvescan.slam.run import Engine, is_deskewed
@@ -98,10 +99,13 @@ class Tracker:
     ----------
     engine : Odometry, Slam or Localizer
         What estimates the poses.
+    odometry_poses : (n, 3) float64 or None
+        Pose of the sensor at each scan by its wheels, of a log that is replayed.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, odometry_poses: Pose | None = None) -> None:
         self.engine = engine
+        self._odometry_poses = odometry_poses
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
         self._scan_of_keyframe: dict[int, int] = {}
@@ -125,6 +129,8 @@ class Tracker:
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
+        if odometry_pose is None:
+            odometry_pose = pose_at(self._odometry_poses, self._n_scans)
         step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
         self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)

@@ -33,7 +33,7 @@ free_thresh: 0.196
 
 
 def map_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Return the (n_rows, n_columns) uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
+    """Return the uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
     pixels = np.full(grid.log_odds.shape, UNKNOWN, dtype=np.uint8)
     pixels[grid.is_occupied] = OCCUPIED
     pixels[grid.is_free] = FREE
@@ -55,10 +55,14 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     Raises
     ------
     InvalidArgumentError
-        When the map has no cells.
+        When the map is none, or has no cells.
     OutputError
         When the files cannot be written.
     """
+    if not isinstance(grid, OccupancyGrid):
+        raise InvalidArgumentError(
+            f"grid must be an OccupancyGrid, got {type(grid).__name__}: OccupancyBuilder().grid() is one"
+        )
     if not grid.log_odds.size:
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
     pixels = map_pixels(grid)

@@ -15,7 +15,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import RunRecord
-from curvescan.plots.canvas import DARK, PAIRED, PATH, as_place
+from curvescan.plots.canvas import FIRST, PATH, SECOND, as_place
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
@@ -77,9 +77,10 @@ def match(
     points = se2.transform(result.pose, current.points) if result.ok else current.points
     draw_overlay(axes, result, reference.points, points)
     if result.ok:
-        axes.plot(*result.pose[:2], "o", color=PAIRED, ms=4.0, label="sensor, current")
-    axes.plot([], [], ".", color=DARK, label="first scan, matched")
-    axes.plot([], [], ".", color=PAIRED, label="second scan, matched")
+        axes.plot(*result.pose[:2], "o", color=SECOND, ms=4.0, label="sensor, current")
+    matched = ", matched" * result.ok
+    axes.plot([], [], ".", color=FIRST, label=f"first scan{matched}")
+    axes.plot([], [], ".", color=SECOND, label=f"second scan{matched}")
     title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
     as_place(axes, f"{result.method}: {title}")
     axes.legend(loc="best", fontsize="small")

@@ -18,7 +18,7 @@ import numpy as np
 from curvescan._version import __version__
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps

@@ -11,7 +11,7 @@ from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 from curvescan.configs import as_config, nearest
 from curvescan.diagnostics.preparation import prepare_log
-from curvescan.diagnostics.verdict import judge_localization, judge_run
+from curvescan.diagnostics.verdict import judge
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.exports import ExportName, RunData, check_exports, takes_edges, write_exports
@@ -288,13 +288,12 @@ class _Job:
                 ahead=ahead,
                 keeps_steps=self.keeps_steps,
             )
-            judge = judge_localization if isinstance(engine, Localizer) else judge_run
             result = Run(
                 log=opened,
                 engine=engine,
                 record=record,
                 prepared=prepared,
-                verdict=judge(record, prepared.issues),
+                verdict=judge(record, engine, prepared),
                 scans=scans,
                 occupancy=self.occupancy,
                 source=None if source is None else Path(source),

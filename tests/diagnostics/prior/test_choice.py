@@ -1,4 +1,4 @@
-"""What a log tells of the motion from scan to scan: wheels first, a gyroscope else, used where they agree with the scans."""
+"""What a log tells of the motion: wheels first, a gyroscope else, used where they agree with the scans."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class GyroOnly(FakeLog):
 
 def prior_of(log, wanted=None, *, as_is=False):
     mended = mend(log, as_is=as_is)
-    return choose_prior(mended.log, mended.report, wanted=wanted)
+    return choose_prior(mended.log, sense=mended.report.sense, wanted=wanted)
 
 
 def drive(scale=1.0, turn=1.0, n=80):

@@ -9,6 +9,8 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from curvescan.cli.options import SensorName
+
 
 def calibrate(
     log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
@@ -16,7 +18,7 @@ def calibrate(
     *,
     out: Path | None = None,
     mounts: bool = False,
-    sensor: str = "sick-lms200-5mm",
+    sensor: SensorName = "sick-lms200-5mm",
     distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
     range_max: float | None = None,
     seed: int = 0,
@@ -43,7 +45,7 @@ def calibrate(
     mounts
         Find the mounts of the lasers of LOG, a bag; nothing is written.
     sensor
-        Simulated sensor, where there is no log.
+        The simulated sensor, where there is no log.
     distances
         Distances of the simulated planes, metres.
     range_max
@@ -54,6 +56,20 @@ def calibrate(
         Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
         of its own: some minutes.
     """
+    if mounts:
+        return _show_mounts(log)
+    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed, sweep)
+
+
+def _find_parameters(
+    log: Path | None,
+    out: Path,
+    sensor: str,
+    distances: tuple[float, ...],
+    range_max: float | None,
+    seed: int,
+    sweep: bool,
+) -> int:
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
@@ -71,9 +87,6 @@ def calibrate(
     from curvescan.paper.sweep import sweep as sweep_parameters
     from curvescan.simulation.sensing.sensors import choose_sensor
 
-    if mounts:
-        return _show_mounts(log)
-    out = out or Path("calibration")
     if log is None:
         source, planes = choose_sensor(sensor), None
     else:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from curvescan.cli.options import LaserPose, in_radians
+from curvescan.cli.options import BenchmarkName, LaserPose, in_radians
 
 
 def evaluate(
@@ -19,7 +19,7 @@ def evaluate(
     laser_pose: LaserPose = (0.0, 0.0, 0.0),
     near: float = 5.0,
     tolerance: float = 0.01,
-    benchmark: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    benchmark: BenchmarkName | None = None,
     out: Path | None = None,
 ) -> int:
     """Measure a trajectory against relations of the Freiburg SLAM benchmark, or against reference poses.
@@ -45,10 +45,9 @@ def evaluate(
     tolerance
         Largest difference of two time stamps that belong together, seconds; for references. Equal stamps come first.
     benchmark
-        Whose published errors to print: aces, intel, mit-killian-court, mit-csail, freiburg-079, freiburg-hospital; by default what
-        the name of the relations file says.
+        Log whose published errors to print; by default what the name of the relations file says.
     out
-        Folder to write evaluation.md, evaluation.json, errors.png and trajectory.png into; nothing is written without.
+        Folder for evaluation.md, evaluation.json and two figures; nothing is written without.
     """
     from curvescan.cli.console import OUT, show
     from curvescan.cli.flags import with_flags

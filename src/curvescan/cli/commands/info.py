@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json as json_format
 import math
+import sys
+import textwrap
 from typing import TYPE_CHECKING
 
 from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.report import LogReport
+
+_INDENT, _LEAST_WIDTH = 19, 30
+"""Columns of names, and of text at least."""
 
 
 def info(
@@ -29,10 +34,9 @@ def info(
         Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report` (all figures;
         null where one is not known or has no limit). The keys are the same for every log.
     """
-    from rich.markup import escape
-
     from curvescan.cli.console import OUT
     from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import with_options
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.report_json import report_as_plain
@@ -41,19 +45,32 @@ def info(
     if json:
         print(json_format.dumps(report_as_plain(report), indent=2, allow_nan=False))
         return 0 if report.is_usable else 1
-    # names and tags come from the file: a bracket in them is a bracket, not markup
-    OUT.print(f"[bold]{escape(report.name)}[/bold]")
+    OUT.print(report.name, markup=False, style="bold")
+    issues = find_issues(report)
     for name, value in _rows(report):
         if value:
-            OUT.print(f"  {name:<16} {escape(value)}")
-    issues = find_issues(report)
+            _show(name, value)
     for issue in issues:
-        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(with_flags(issue.sentence))}")
+        _show(issue.topic, with_flags(issue.sentence), style="yellow")
     if not issues:
         OUT.print("  nothing wrong found")
     if not report.is_usable:
         OUT.print("  not usable: motion takes two scans with a valid reading")
-    return 0 if report.is_usable else 1
+        return 1
+    given = [word for word in sys.argv[1:] if word not in ("info", "--json")]
+    proposed = [issue for issue in issues if not issue.mending]  # what is mended needs no option
+    OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}", markup=False)
+    return 0
+
+
+def _show(name: str, value: str, *, style: str = "") -> None:
+    """Print a row, its text wrapped to the terminal beside its name."""
+    from curvescan.cli.console import OUT
+
+    lines = textwrap.wrap(value, max(OUT.width - _INDENT, _LEAST_WIDTH), break_on_hyphens=False) or [""]
+    for k, line in enumerate(lines):
+        OUT.print(f"  {name if k == 0 else '':<{_INDENT - 3}}", end=" ", style=style, markup=False)
+        OUT.print(line, markup=False)
 
 
 def _rows(report: LogReport) -> list[tuple[str, str]]:

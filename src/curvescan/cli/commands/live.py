@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
-from curvescan.cli.options import Flag, MethodName, Reading, ReadingFlags
+from curvescan.cli.options import Flag, MethodName, Preparation, PreparationFlags, Reading, ReadingFlags
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
+    from curvescan.diagnostics.preparation import PreparedLog
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
@@ -29,7 +30,7 @@ Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
 
 def live(
-    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="LOG")] = None,
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
     /,
     *,
     driver: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
@@ -49,6 +50,7 @@ def live(
     scans: int | None = None,
     people: int = 3,
     seed: int = 0,
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
@@ -62,8 +64,8 @@ def live(
     log
         A log to replay, of any format that `curvescan odometry` reads.
     driver
-        Driver of a laser: lds2d:MODEL (LDROBOT, YDLIDAR, RPLIDAR and others), rplidar or hokuyo; needs the extra
-        curvescan[lidar].
+        Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and others
+        (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar].
     port
         Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
         HOST:PORT for hokuyo.
@@ -103,12 +105,15 @@ def live(
     from curvescan.cli.serving import free_port, open_browser, wait
     from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
+    from curvescan.live.sources import MendedSource
 
     source: ScanSource
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
         source = _laser(driver, port, reading)
+        if not preparation.as_is:
+            source = MendedSource(source, lambda sentence: ERR.print(sentence, markup=False))
     elif log is not None:
         source = LogSource(reading.open(log), speed=speed)
     else:
@@ -133,13 +138,16 @@ def live(
             ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
         with output_folder(out) if out else nullcontext() as folder:
             results = live_package.ResultsSink(**maps) if out else None
-            can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
+            prepared = _prepare(source.log, preparation) if isinstance(source, LogSource) else None
+            if prepared is not None and isinstance(source, LogSource):
+                source.log = prepared.log
+            can_deskew = prepared is None or prepared.sensor.can_deskew
             engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
             if results is not None:
                 sinks.append(results)
             if record is not None:
                 sinks.append(live_package.McapRecorder(record, saved_map=saved, **maps))
-            report = _track(source, Tracker(engine), viewer, sinks)
+            report = _track(source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
                 files = results.write(
@@ -189,22 +197,21 @@ def _saved_map(path: Path) -> Any:
     return load_map(path)
 
 
-def _can_deskew(log: Log) -> bool:
-    """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
+def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
+    """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
     from curvescan.cli.console import ERR
+    from curvescan.cli.flags import with_flags
     from curvescan.cli.proposals import propose_commands
-    from curvescan.diagnostics.inspect import inspect_log
-    from curvescan.diagnostics.issues import find_issues
-    from curvescan.diagnostics.sensor import judge_sensor
+    from curvescan.diagnostics.preparation import prepare_log
+    from curvescan.io.held import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
-        sensor = judge_sensor(log)
-        issues = find_issues(inspect_log(log, sensor))
-    if not sensor.can_deskew:
+        prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)
+    for remark in (*prepared.remarks, *propose_commands(["curvescan", *sys.argv[1:]], prepared.issues)):
+        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+    if not prepared.sensor.can_deskew:
         ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
-    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
-        ERR.print(proposal, markup=False, soft_wrap=True)
-    return sensor.can_deskew
+    return prepared
 
 
 def _simulation(scans: int | None, people: int, seed: int, speed: float) -> ScanSource:

@@ -18,6 +18,7 @@ from curvescan.cli.options import (
     ReadingFlags,
     SlamConfigs,
     SlamFlags,
+    results_folder,
 )
 
 
@@ -26,7 +27,7 @@ def localize(
     /,
     *,
     map: MapFile,  # noqa: A002 - the flag's name
-    out: OutFolder,
+    out: OutFolder = None,
     method: MethodName = "curvescan",
     preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
@@ -43,7 +44,7 @@ def localize(
     from curvescan.cli.summary import report
     from curvescan.runs.run import localize as localize_log
 
-    source = reading.open(log)
+    source, out = reading.open(log), results_folder(out, log, "localize")
     with run_display(lambda: load_kernels(method, slam=True)) as display:
         result = localize_log(
             source,

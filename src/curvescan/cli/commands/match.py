@@ -15,6 +15,7 @@ from curvescan.cli.options import (
     OutFolder,
     Reading,
     ReadingFlags,
+    results_folder,
 )
 
 if TYPE_CHECKING:
@@ -27,13 +28,15 @@ def match(
     j: Annotated[tyro.conf.Positional[int], tyro.conf.arg(metavar="J")],
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     method: MethodName = "curvescan",
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw how it came about.
+
+    Exit status 3 where the scans do not match.
 
     Writes segments.png (the paper's figure 4), curvature.png (5), matched.png (6 and 9) and match.json. Segments and
     curvature functions are those of CF-SMA, whatever method found the pose.
@@ -53,7 +56,7 @@ def match(
     from curvescan.matchers.cfsma.trace import CfSmaTrace
     from curvescan.plots.match import save_match
 
-    source = reading.open(log)
+    source, out = reading.open(log), results_folder(out, log, "match")
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)
@@ -74,7 +77,7 @@ def match(
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)
     OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json", markup=False)
-    return 0
+    return 0 if result.ok else 3
 
 
 def _show_gates(trace: CfSmaTrace, i: int, j: int) -> None:

@@ -20,6 +20,7 @@ from curvescan.cli.options import (
     Reading,
     ReadingFlags,
     odometry_config,
+    results_folder,
 )
 from curvescan.io.exports import ExportName
 from curvescan.mapping.config import OccupancyConfig
@@ -29,7 +30,7 @@ def odometry(
     log: LogPath,
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     method: MethodName = "curvescan",
     chain: Chain = "auto",
     export: tuple[ExportName, ...] = (),
@@ -62,7 +63,7 @@ def odometry(
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
-    source = reading.open(log)
+    source, out = reading.open(log), results_folder(out, log, "odometry")
     with run_display(lambda: load_kernels(method)) as display:
         result = run(
             source,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
@@ -22,17 +23,28 @@ from curvescan.cli.options import (
     ReadingFlags,
     SlamConfigs,
     SlamFlags,
+    results_folder,
 )
+from curvescan.errors import InvalidArgumentError
 from curvescan.io.exports import ExportName
 from curvescan.mapping.config import OccupancyConfig
 
+if TYPE_CHECKING:
+    from curvescan.slam import SlamMap
+
+
+Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="I J")]
+
 
 def slam(
-    log: LogPath,
+    log: LogPath | None = None,
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
+    drop: Pairs = (),
+    add: Pairs = (),
+    edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     method: MethodName = "curvescan",
     export: tuple[ExportName, ...] = (),
     preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
@@ -52,7 +64,13 @@ def slam(
     Parameters
     ----------
     map
-        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it.
+        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only mended.
+    drop
+        Drop the closures between keyframes I and J of the map; may be repeated.
+    add
+        Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated.
+    edits
+        File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them.
     export
         Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2); graph.g2o
         is written in any case.
@@ -61,16 +79,20 @@ def slam(
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
+    folder = results_folder(out, log or map or Path(), "slam")
+    begin = _mended(map, drop, add, edits, None if log else folder) if drop or add or edits or log is None else map
+    if log is None:
+        return 0
     source = reading.open(log)
     with run_display(lambda: load_kernels(method, slam=True)) as display:
         result = run(
             source,
             "slam",
-            out=out,
+            out=folder,
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
-            map=map,
+            map=begin,
             odometry_prior=preparation.wanted,
             as_is=preparation.as_is,
             exports=export,
@@ -80,4 +102,29 @@ def slam(
             display=display,
             keeps_steps=False,
         )
-    return report(result, out)
+    return report(result, folder)
+
+
+def _mended(
+    path: Path | None,
+    drop: Sequence[tuple[int, int]],
+    add: Sequence[tuple[int, int]],
+    file: Path | None,
+    out: Path | None,
+) -> SlamMap:
+    """Return the map with its edits, written with them into a folder, if there is one."""
+    from curvescan.cli.console import OUT
+    from curvescan.slam import load_map
+    from curvescan.slam.editing.edits import Edit, added, edited, read_edits
+    from curvescan.slam.editing.saving import save_map_folder
+
+    if path is None:
+        raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")
+    begin = load_map(path)
+    edits = [*(read_edits(file) if file else ()), *(Edit(do="drop", i=i, j=j) for i, j in drop)]
+    edits += [added(begin, i, j) for i, j in add]
+    mended = edited(begin, edits)
+    if out is not None:
+        names = save_map_folder(out, mended, edits)
+        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}", markup=False)
+    return mended

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from curvescan.diagnostics.prior.agreement import compare_motion
 from curvescan.diagnostics.prior.lag import without_lag
 from curvescan.diagnostics.prior.reference import why_reference
+from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.log import GyroLog, Log
 from curvescan.types import Pose
-
-if TYPE_CHECKING:
-    from curvescan.diagnostics.report import LogReport
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,12 +31,14 @@ class Prior:
     sentence: str = ""
 
 
-def choose_prior(log: Log, report: LogReport, *, wanted: bool | None = None) -> Prior:
-    """Return the motion prior of a log; wanted: None where it agrees with the scans, True in any case, False never.
+def choose_prior(
+    log: Log, *, sense: RotationDirection | None = None, lag: float = 0.0, wanted: bool | None = None
+) -> Prior:
+    """Return the motion prior of a log, whose wheels lag by so many seconds; wanted: None where it agrees with the scans, True in any case, False never.
 
     Raises InvalidArgumentError where it is wanted and there is none, it turns against the scans, or is the output of a SLAM.
     """
-    found, poses = _poses_of(log, report)
+    found, poses = _poses_of(log, lag)
     if poses is None:
         if wanted:
             raise InvalidArgumentError(
@@ -55,7 +54,6 @@ def choose_prior(log: Log, report: LogReport, *, wanted: bool | None = None) -> 
                 f"the poses in {log.name} are a reference and no motion prior: {why}; leave odometry_prior=True out"
             )
         return Prior(sentence=f"left out: the poses in the log are a reference and no motion prior, {why}")
-    sense = report.sense
     if sense is not None and sense.is_reversed:
         against = f"turns against {{}} scans in {sense.n_reversed} of {sense.n_turns} sharp turns"
         if wanted:
@@ -74,10 +72,9 @@ def choose_prior(log: Log, report: LogReport, *, wanted: bool | None = None) -> 
     )
 
 
-def _poses_of(log: Log, report: LogReport) -> tuple[str, Pose | None]:
+def _poses_of(log: Log, lag: float) -> tuple[str, Pose | None]:
     """Return what the motion is measured by, and the (n, 3) poses; the positions by a gyroscope are NaN."""
     if (odometry := log.odometry) is not None:
-        lag = report.odometry.lag if report.odometry else 0.0
         return "wheel odometry", without_lag(odometry.stamps, odometry.poses, lag) if lag else odometry.poses
     turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
     if turned is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.trajectories.tum_csv import csv_rows
+from curvescan.io.trajectories.layouts import csv_rows
 from curvescan.live.finished.status import status_of
 from curvescan.live.live_map import picture_of
 from curvescan.mapping.map_server import read_map
@@ -28,8 +28,11 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
+_FOLLOWED = 0.5
+"""The optimum follows an edge of more weight."""
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
-_CARRIED = ("carried_over", "It is of an earlier session, or of keyframes that have gone.")
+_CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
+_DROPPED = ("dropped", "It was accepted, and is no longer in the map.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +47,17 @@ class FinishedRun:
         Its map, if it is one of SLAM.
     numbers : (k,) int64
         Number of each keyframe in the records of closures.
+    scan_of : mapping of int to int
+        Scan of a keyframe by its number.
+    closures : sequence of mapping
+        Rows of closures.csv.
     """
 
     tree: Mapping[str, Any]
     slam_map: SlamMap | None
     numbers: Ints
+    scan_of: Mapping[int, int]
+    closures: Sequence[Mapping[str, str]]
 
 
 def read_results(path: Path) -> FinishedRun:
@@ -65,6 +74,7 @@ def read_results(path: Path) -> FinishedRun:
     slam_map = load_map(path / "map.csmap") if (path / "map.csmap").is_file() else None
     numbers = seen.get("keyframe_numbers", np.arange(0 if slam_map is None else len(slam_map))).astype(np.int64)
     scan_of = dict(seen["keyframe_scans"].astype(np.int64).tolist()) if "keyframe_scans" in seen else {}
+    closures = _closures(path / "closures.csv")
     kinds = sorted(set(outcomes))
     tree = {
         "name": str(_of(record, "input", "name") or path.name),
@@ -81,8 +91,8 @@ def read_results(path: Path) -> FinishedRun:
         **_beams(seen),
     }
     if slam_map is not None:
-        tree |= describe_map(slam_map, _closures(path / "closures.csv"), numbers, scan_of, rows.poses)
-    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers)
+        tree |= describe_map(slam_map, closures, numbers, scan_of, rows.poses)
+    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers, scan_of=scan_of, closures=closures)
 
 
 def _of_map(path: Path) -> FinishedRun:
@@ -104,11 +114,29 @@ def _of_map(path: Path) -> FinishedRun:
         **_beams(beams_of(slam_map.scans)),
         **describe_map(slam_map, [], numbers, {}, slam_map.poses),
     }
-    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers)
+    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers, scan_of={}, closures=())
+
+
+def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
+    """Return what changes on the page when its map is mended: each scan moves along with the keyframe before it."""
+    assert run.slam_map is not None
+    path, n = np.asarray(run.tree["poses"], dtype=np.float64), len(run.tree["poses"])
+    is_newest = run.slam_map.sessions == run.slam_map.n_sessions - 1
+    rows = np.arange(n)
+    if run.tree["mode"] != "map":
+        newest = np.flatnonzero(is_newest)
+        at = np.searchsorted(run.slam_map.indices[newest], np.arange(n), side="right") - 1
+        rows = newest[np.maximum(at, 0)]
+    moved = se2.compose(mended.poses[rows], se2.between(run.slam_map.poses[rows], path))
+    return {
+        "poses": moved.astype(np.float32),
+        "map": picture_tree(mended),
+        **describe_map(mended, run.closures, run.numbers, run.scan_of, moved),
+    }
 
 
 def describe_map(
-    slam_map: SlamMap, closures: list[dict[str, str]], numbers: Ints, scan_of: Mapping[int, int], path: Pose
+    slam_map: SlamMap, closures: Sequence[Mapping[str, str]], numbers: Ints, scan_of: Mapping[int, int], path: Pose
 ) -> dict[str, Any]:
     """Return keyframes, and all closures that were tried or that the map holds, each with its outcome and where it lies.
 
@@ -142,11 +170,13 @@ def describe_map(
         of_neighbours = "" if c["kind"] == "loop closure" else " (neighbours)"
         what = (c["outcome"] + of_neighbours, c["meaning"])
         weight = weight_of.pop((row_of.get(i, -1), row_of.get(j, -1)), None)
-        if c["outcome"] in _ACCEPTED and weight is not None and weight <= 0.5:
+        if c["outcome"] in _ACCEPTED and weight is None and i in row_of and j in row_of:
+            what = (_DROPPED[0] + of_neighbours, _DROPPED[1])
+        elif c["outcome"] in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
             what = (_UNFOLLOWED[0] + of_neighbours, _UNFOLLOWED[1])
         add(i, j, what, *(float(c[name] or "nan") for name in ("score", "confidence", "squared_mahalanobis")))
     for (i, j), weight in weight_of.items():
-        add(int(numbers[i]), int(numbers[j]), _CARRIED if weight > 0.5 else _UNFOLLOWED, *(np.nan,) * 3)
+        add(int(numbers[i]), int(numbers[j]), _CARRIED if weight > _FOLLOWED else _UNFOLLOWED, *(np.nan,) * 3)
     counts = Counter(kind)
     return {
         "keyframes": slam_map.poses.astype(np.float32),

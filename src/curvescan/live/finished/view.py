@@ -42,7 +42,7 @@ class FinishedView:
             When it cannot be written.
         """
         with output_file(path) as new:
-            new.write_text(self._html(), encoding="utf-8")
+            new.write_text(self._html(), encoding="utf-8", newline="\n")
 
     def _repr_html_(self) -> str:
         return f'<iframe srcdoc="{html.escape(self._html())}" style="width: 100%; height: 640px; border: 0"></iframe>'

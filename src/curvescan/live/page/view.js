@@ -2,7 +2,7 @@
 // The page of finished runs: one or two, from a server (which may let them be mended) or from this file itself.
 const TYPES = { Float32Array, Float64Array, Uint8Array, Uint16Array, Int32Array };
 const N_TONES = 48;
-let runs = [], at = 0, chosen = null, playing = 0;
+let mending = null, runs = [], at = 0, chosen = null, playing = 0;
 const shown = new Set(["map", "path", "scan"]);
 
 async function unpack(deflated) {
@@ -30,7 +30,7 @@ async function begin() {
   for (const name of ["odometry", "wheels"]) $("with-" + name).hidden = !runs.some((r) => r[name]);
   $("time").max = Math.max(run.stamps.length - 1, 0); $("more").open = innerWidth > 640;
   listKinds(); goTo(run.stamps.length - 1); readColours(); choose(true, false);
-  if (tree.mending) await beginMending(tree.mending);
+  if (tree.can_mend) await beginMending();
   document.body.dataset.ready = "yes";
 }
 
@@ -150,7 +150,8 @@ function drawEllipses(poses, covariances) {
   let pu = NaN, pv = NaN;
   for (let i = 0; 3 * i < poses.length; i++) {
     const [u, v] = toScreen(poses[3 * i], poses[3 * i + 1]);
-    if (Math.hypot(u - pu, v - pv) < 22 || u < pane.x0 - 200 || u > pane.x1 + 200 || v < pane.y0 - 200 || v > pane.y1 + 200) continue;
+    const wide = view.scale * Math.sqrt(covariances[4 * i] + covariances[4 * i + 2]);
+    if (Math.hypot(u - pu, v - pv) < Math.max(22, 0.8 * wide) || u < pane.x0 - 200 || u > pane.x1 + 200 || v < pane.y0 - 200 || v > pane.y1 + 200) continue;
     [pu, pv] = [u, v];
     drawEllipse(poses[3 * i], poses[3 * i + 1], covariances.subarray(4 * i, 4 * i + 3), { alpha: 0.06 });
   }
@@ -244,5 +245,98 @@ addEventListener("keydown", (e) => {
   if (e.key === "ArrowRight") goTo(at + (e.shiftKey ? 50 : 1));
   if (e.key === "ArrowLeft") goTo(at - (e.shiftKey ? 50 : 1));
 });
-let mending = null;
+
+// mending: the page keeps the edits, and sends all of them with each request
+async function beginMending() {
+  const answer = await fetch("token");
+  if (!answer.ok) return; // others may look on: nothing can be changed
+  mending = { token: await answer.text(), edits: [], mode: null, picked: [], answer: null };
+  $("mend").hidden = false;
+  for (const mode of ["add", "pin", "forbid"]) $(mode).addEventListener("click", () => setMode(mending.mode === mode ? null : mode));
+  $("take").addEventListener("click", () => { const { edit } = mending.answer; setMode(null); take(edit); });
+  $("leave").addEventListener("click", () => setMode(null));
+  $("undo").addEventListener("click", () => { mending.edits.pop(); optimize(); });
+  $("optimize").addEventListener("click", optimize);
+  $("save-map").addEventListener("click", () => save("map", "map.csmap"));
+  $("save-edits").addEventListener("click", () => save("edits", "edits.json"));
+  listEdits();
+}
+async function post(name, body) {
+  const headers = { "Content-Type": "application/json", "X-Curvescan-Token": mending.token };
+  showMessage("Working …");
+  const answer = await fetch("do/" + name, { method: "POST", headers, body: JSON.stringify(body) }).catch(() => null);
+  showMessage("");
+  if (answer && answer.ok) return answer;
+  const told = answer && answer.status === 422 ? (await answer.json()).error : "The server does not answer.";
+  showMessage(told);
+  throw new Error(told);
+}
+const HINTS = { add: "Pick two keyframes that show the same place.", pin: "Pick the keyframe that stays.", forbid: "Pick the first and the last keyframe of the stretch." };
+function setMode(mode) {
+  Object.assign(mending, { mode, picked: [], answer: null });
+  for (const name of ["add", "pin", "forbid"]) $(name).setAttribute("aria-pressed", String(name === mode));
+  $("hint").textContent = mode ? HINTS[mode] : ""; $("answer").hidden = true;
+  redraw();
+}
+function pickForMending(run, x, y) {
+  const { mode, picked } = mending, p = run.keyframes;
+  if (!mode || mending.answer) return mode !== null;
+  let best = 20 / view.scale, row = -1;
+  for (let k = 0; 3 * k < p.length; k++) { const d = Math.hypot(p[3 * k] - x, p[3 * k + 1] - y); if (d < best) [best, row] = [d, k]; }
+  if (row >= 0 && !picked.includes(row)) pick(row);
+  redraw();
+  return true;
+}
+async function pick(row) {
+  const { mode, picked } = mending;
+  picked.push(row);
+  const [i, j] = picked;
+  if (mode === "pin") { const pose = [...runs[0].keyframes.subarray(3 * i, 3 * i + 3)]; setMode(null); await take({ do: "pin", i, j: i, pose }); }
+  else if (picked.length < 2) $("hint").textContent = `Keyframe ${i}. Pick the other one.`;
+  else if (mode === "forbid") { setMode(null); await take({ do: "forbid", i, j }); }
+  else {
+    const answer = await (await post("match", { i, j })).json();
+    if (mending.mode !== mode) return;
+    $("hint").textContent = `Keyframes ${i} and ${j}: ${answer.sentence}`;
+    if (answer.edit) { mending.answer = answer; $("answer").hidden = false; } else mending.picked = [];
+    redraw();
+  }
+}
+function offerDrop(i, j, isInMap) {
+  if (!isInMap) return;
+  const button = document.createElement("button");
+  button.type = "button"; button.id = "drop"; button.textContent = "Drop it";
+  button.addEventListener("click", () => { chosen = null; showClosure(); take({ do: "drop", i, j }); });
+  $("of-closure").replaceChildren(button); $("of-closure").hidden = false;
+}
+async function take(edit) {
+  mending.edits.push(edit); listEdits();
+  await optimize().catch(() => { mending.edits.pop(); listEdits(); });
+}
+async function optimize() {
+  listEdits();
+  const tree = await unpack(await (await post("optimize", { edits: mending.edits })).arrayBuffer());
+  Object.assign(runs[0], tree, { key: null });
+  await prepare(runs[0]);
+  chosen = null; showClosure(); listKinds(); goTo(at);
+}
+function listEdits() {
+  $("edits").replaceChildren(...mending.edits.map(({ do: what, i, j }) => {
+    const item = document.createElement("li");
+    item.textContent = what === "pin" ? `pin ${i}` : what === "forbid" ? `forbid ${i} to ${j}` : `${what} ${i} – ${j}`;
+    return item;
+  }));
+  $("undo").disabled = $("save-edits").disabled = !mending.edits.length;
+}
+async function save(name, file) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await (await post(name, { edits: mending.edits })).blob()); link.download = file;
+  link.click(); URL.revokeObjectURL(link.href);
+}
+function drawMending(run) {
+  if (mending.mode && !shown.has("keyframes")) drawKeyframes(run);
+  pen.strokeStyle = colours.warn; pen.lineWidth = 3;
+  for (const k of mending.picked) { const [u, v] = toScreen(run.keyframes[3 * k], run.keyframes[3 * k + 1]); pen.beginPath(); pen.arc(u, v, 8, 0, 2 * Math.PI); pen.stroke(); }
+  if (mending.answer) drawScan(mending.answer.pose, mending.answer.points, 0.01, colours.warn);
+}
 begin().catch((error) => { $("verdict").hidden = false; chip("verdict", "bad", `This page could not be read: ${error.message}`); });

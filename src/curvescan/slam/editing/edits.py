@@ -70,6 +70,8 @@ def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None =
 
     Raises InvalidArgumentError when an edit names what the map does not have.
     """
+    if not edits:
+        return slam_map
     graph = MapGraph.of(slam_map)
     for edit in edits:
         graph = _applied(graph, edit)
@@ -122,6 +124,14 @@ def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = Non
     return result, Edit(do="add", i=i, j=j, pose=pose, covariance=cov)
 
 
+def added(slam_map: SlamMap, i: int, j: int) -> Edit:
+    """Return the edit that adds a closure as the matcher finds it. Raises InvalidArgumentError where it finds none."""
+    result, edit = ask_match(slam_map, i, j)
+    if edit is None:
+        raise InvalidArgumentError(f"keyframes {i} and {j} cannot be joined: {result.outcome.value}")
+    return edit
+
+
 def edit_of(values: Mapping[str, Any]) -> Edit:
     """Return an edit from plain values, as the file and the page give them. Raises InvalidArgumentError."""
     unknown = values.keys() - Edit.__dataclass_fields__.keys()
@@ -163,10 +173,3 @@ def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
         raise LogFileError(f"cannot read {os.fspath(path)!r}: {error.strerror or error}") from error
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise LogFormatError(f"{os.fspath(path)!r} is no file of edits: {error}") from error
-
-
-def pinned_now(slam_map: SlamMap, i: int) -> Edit:
-    """Return the edit that pins a keyframe where it is."""
-    if not 0 <= i < len(slam_map):
-        raise InvalidArgumentError(f"the map has keyframes 0 to {len(slam_map) - 1}, got {i}")
-    return Edit(do="pin", i=i, j=i, pose=tuple(slam_map.poses[i].tolist()))

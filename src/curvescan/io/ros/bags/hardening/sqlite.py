@@ -14,7 +14,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.printable import printable
-from curvescan.io.ros.bags.limits import check_qos
+from curvescan.io.ros.bags.hardening.limits import check_qos
 
 _NEEDED = ("messages", "topics")
 _READ = (*_NEEDED, "schema", "message_definitions")

@@ -102,8 +102,8 @@ class Rig:
         Returns
         -------
         LaserScan
-            Beams all around, one a direction of the finest laser, rising; NaN where no laser has a reading. Its stamp is
-            the middle of the newest sweep.
+            Beams all around, one a direction of the finest laser, rising; NaN where no laser has a reading. Its stamp
+            is the middle of the newest sweep.
 
         Raises
         ------
@@ -136,8 +136,8 @@ class Rig:
     def together(self, logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[dict[str, LaserScan]]:
         """Yield the sweeps of several lasers in groups of one time, each laser at most once in a group.
 
-        A group is complete when every laser has given a sweep. Where one sends a second sweep before another has sent its
-        first, the other is late or dead, and the group goes without it.
+        A group is complete when every laser has given a sweep. Where one sends a second sweep before another has sent
+        its first, the other is late or dead, and the group goes without it.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ def _from_the_base(points: Points, step: float, body_radius: float) -> tuple[Flo
     """Return rising directions all around, and the ranges of the nearest points in each, NaN without; both (n,)."""
     n = max(int(2.0 * math.pi / step), 1)
     width = 2.0 * math.pi / n
-    angles = np.asarray(-math.pi + width * (np.arange(n) + 0.5), dtype=np.float64)
+    angles: Floats = np.arange(n, dtype=np.float64) * width + (0.5 * width - math.pi)
     ranges = np.full(n, np.nan)
     distance = np.hypot(points[:, 0], points[:, 1])
     is_other = distance > body_radius
