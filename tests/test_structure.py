@@ -213,7 +213,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers/baselines": (1850, 47, 40),
     "matchers/cfsma": (1250, 15, 17),
     "matchers/curvescan": (4600, 208, 63),
-    "odometry": (2400, 47, 27),
+    "odometry": (2100, 35, 18),
     "paper": (2250, 183, 0),
     "plots": (950, 76, 0),
     "runs": (1800, 20, 0),

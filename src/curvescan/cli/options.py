@@ -222,12 +222,12 @@ ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How th
 class Preparation:
     """What of a log is used, and what is mended in it."""
 
-    odometry_prior: Flag = False
-    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
-    laser_only: Flag = False
-    """Leave wheels and gyroscope out, also where they agree with the scans."""
     as_is: Flag = False
     """Mend nothing: codes for no return, stale, mirrored or reversed beams are taken as the log has them."""
+    laser_only: Flag = False
+    """Leave wheels and gyroscope out, also where they agree with the scans."""
+    odometry_prior: Flag = False
+    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
 
     def __post_init__(self) -> None:
         if self.odometry_prior and self.laser_only:

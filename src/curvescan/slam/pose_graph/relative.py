@@ -17,9 +17,9 @@ def between_steps(origin: Step, step: Step) -> UncertainPose:
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
     if _is_positive(found.cov):
         return found
-    # the two may hang on one keyframe of the odometry, whose error they share
+    # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
     values, vectors = np.linalg.eigh(found.cov)
-    return UncertainPose(found.pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
+    return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)
 
 
 def _is_positive(cov: Cov) -> bool:
