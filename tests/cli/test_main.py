@@ -21,6 +21,7 @@ from curvescan import __version__
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
+from curvescan.cli.flags import with_flags
 from curvescan.cli.options import (
     BenchmarkName,
     ChainConfigs,
@@ -87,7 +88,7 @@ def test_a_wreck_ends_with_the_reason_and_a_status_of_its_own(tmp_path, capsys):
     assert last.startswith("not to be trusted: 3 of 7 scans are not matched")
     verdict = json.loads((out / "run.json").read_text())["verdict"]
     assert not verdict["is_trusted"]
-    assert last.endswith("; ".join(verdict["reasons"]))
+    assert last.endswith(with_flags("; ".join(verdict["reasons"])))
 
 
 def test_odometry_takes_gzip_and_parameters(log, tmp_path):
