@@ -21,11 +21,11 @@ from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.matchers.curvescan.assessment.assessment import assess_pose
 from curvescan.matchers.curvescan.assessment.confidence import weigh
 from curvescan.matchers.curvescan.assessment.information import covariance
-from curvescan.matchers.curvescan.assessment.movable import free_standing, information_without
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS
@@ -136,8 +136,8 @@ def _refine(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
     refine_fully(np.zeros((1, 3)), nothing.image, nothing.image, *sigmas)
 
 
-def _weigh_movable(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
-    free_standing(nothing.image.surfels, nothing.bounds, np.empty(0, dtype=np.uint8))
+def _covariance(nothing: CurvescanFeatures, config: CurvescanConfig) -> None:
+    find_objects(nothing.image.surfels, nothing.bounds)
     covariance(np.ones(3), np.eye(3), np.ones(3), np.zeros(3, dtype=np.bool_), 1.0)
 
 
@@ -160,7 +160,7 @@ def _find_keypoints(nothing: CurvescanFeatures, config: CurvescanConfig) -> None
     find_corners(surfels, sums, nothing.bounds, rules.arm_lengths, sigma, rules.min_turn, most)
 
 
-BACKWARDS = (_assess, _refine, _weigh, _weigh_movable, _pair_keypoints, _search, _find_keypoints)
+BACKWARDS = (_assess, _refine, _weigh, _covariance, _pair_keypoints, _search, _find_keypoints)
 """Stages of the default matcher for helpers to compile, each before the process that is helped comes to it: with one helper
 that is the half that comes last, for what both compile at the same time is compiled twice. Each runs without a scan, so that
 no other has to be compiled.
@@ -175,6 +175,7 @@ def _no_features() -> CurvescanFeatures:
         n_beams=0,
         beam_idx=np.empty(0, dtype=np.int64),
         bounds=np.zeros(1, dtype=np.int64),
+        objects=Objects(*find_objects(surfels, np.zeros(1, dtype=np.int64))),
         image=image,
         wide_image=image,
         full_image=image,
@@ -190,11 +191,6 @@ def _warm_up_whatever_matches(_: str) -> None:
     nothing = _no_features()
     image, fine = nothing.image, CurvescanConfig().scoring.fine
     best_beside(np.zeros(3), np.zeros(3), np.zeros(1), image, image, *fine)
-    # people in a corridor
-    no_partner, codes = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.uint8)
-    is_free = free_standing(image.surfels, nothing.bounds, codes)[0]
-    one_side = (image.surfels, no_partner, is_free)
-    information_without(*one_side, *one_side, np.zeros(3))
 
 
 def _warm_up_slam() -> None:
