@@ -1,5 +1,5 @@
 # make demo    install into .venv and run the main job on simulated scans
-# make test    install into .venv and run all checks, and the tests compiled and without the JIT
+# make test    install into .venv and run all checks, the tests, and those of kernels once more without the JIT
 # make docs    build the documentation into docs/_build/html
 # Needs Python 3.11 or newer, git and make; PYTHON=python3.12 names another interpreter.
 
@@ -23,8 +23,8 @@ demo: $(INSTALLED)
 
 test: lint
 	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
-	$(BIN)/pytest -q -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2
+	$(BIN)/pytest -q -n 2 --dist worksteal
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2 --dist worksteal -m kernels  # reads past the end are seen here
 
 # the ROS 2 node over a real middleware, in a venv of its own; skipped where its wheels are not to be had
 test-ros:
@@ -32,7 +32,7 @@ test-ros:
 
 # the site, with its gallery run and warnings as errors: docs/_build/html/index.html
 docs: $(DOCS_INSTALLED)
-	CURVESCAN_COMPILE_HELPERS=0 $(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 # every dependency at the lowest version that pyproject.toml allows
 test-lowest: $(INSTALLED)

@@ -28,13 +28,15 @@ from curvescan.types import Bools, Floats, Pose
 from lookalikes import Deceit, deceive
 
 FALSE_M, FALSE_RAD = 0.3, 0.15
-"""A closure is false when its pose is off by more than this, metres and radians: along a corridor only what it measures counts."""
+"""A closure is false when its pose is off by more than this, metres and radians: along a corridor only what it measures
+counts."""
 
 _NEAR_M, _NEAR_RAD, _APART = 1.0, 0.6, 20
 """A keyframe revisits a place when one this many keyframes before lies within this of it."""
 
 _WITHIN = 5
-"""A loop is missed where none of the keyframes this near before and after a revisit has a closure with an earlier lap."""
+"""A loop is missed where none of the keyframes this near before and after a revisit has a closure with an earlier
+lap."""
 
 _STOREY_M = 500.0
 """Farther away than this is another storey, metres."""
@@ -76,40 +78,24 @@ class _Liar:
 
 @dataclass(frozen=True, kw_only=True)
 class FloorResult:
-    """SLAM on one floor.
+    """SLAM on one floor."""
 
-    Attributes
-    ----------
-    n_scans, n_keyframes : int
-        Scans and keyframes.
-    n_closures, n_neighbours : int
-        Loop closures that the graph follows, and matches of neighbours.
-    n_false : int
-        Of both, those whose pose is false.
-    n_revisits, n_missed : int
-        Keyframes at places that were seen before, and those of them without a closure around.
-    n_forced : int
-        False matches that were forced on candidates.
-    nees : float
-        Normalised squared error of the last pose; 3 on average where the covariance is right.
-    odometry, slam : (float, float)
-        Mean and greatest error of the positions, metres, first poses laid over each other.
-    is_deceived : bool
-        Whether closures were withdrawn because they bent the odometry.
-    """
-
+    # scans and keyframes
     n_scans: int
     n_keyframes: int
+    # loop closures that the graph follows, and matches of neighbours
     n_closures: int
     n_neighbours: int
-    n_false: int
+    n_false: int  # of both, those whose pose is false
+    # keyframes at places that were seen before, and those of them without a closure around
     n_revisits: int
     n_missed: int
-    n_forced: int
-    nees: float
+    n_forced: int  # false matches that were forced on candidates
+    nees: float  # normalised squared error of the last pose; 3 on average where the covariance is right
+    # mean and greatest error of the positions, metres, first poses laid over each other
     odometry: tuple[float, float]
     slam: tuple[float, float]
-    is_deceived: bool
+    is_deceived: bool  # whether closures were withdrawn because they bent the odometry
 
     @property
     def is_worse(self) -> bool:
@@ -125,7 +111,8 @@ def summary(results: list[FloorResult]) -> str:
         f"{len(results)} floors | {sum(r.n_closures for r in results):,} closures | {n_false} false on "
         f"{sum(r.n_false > 0 for r in results)} floors ({sum(r.n_forced for r in results):,} forced in) | "
         f"{sum(r.n_missed for r in results):,} of {sum(r.n_revisits for r in results):,} revisits missed | "
-        f"mean error {np.mean([r.slam[0] for r in results]):.3f} m, odometry {np.mean([r.odometry[0] for r in results]):.3f} m | "
+        f"mean error {np.mean([r.slam[0] for r in results]):.3f} m, odometry "
+        f"{np.mean([r.odometry[0] for r in results]):.3f} m | "
         f"worst {max(r.slam[1] for r in results):.2f} m, odometry {max(r.odometry[1] for r in results):.2f} m | "
         f"worse on {sum(r.is_worse for r in results)} | withdrawn on {sum(r.is_deceived for r in results)} | "
         f"NEES mean {nees.mean():.2f}, median {np.median(nees):.2f}, {np.mean(nees < 7.815):.0%} below 7.8"

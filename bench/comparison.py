@@ -1,9 +1,10 @@
 """Measure the rows of docs/comparison.md: `python bench/comparison.py [--data FOLDER] [--logs intel] [--methods plicp] [--left]`.
 
-Runs SLAM with the default matcher and the odometry of every method over the logs of the Freiburg benchmark whose checked
-relations are at hand, the laser alone and with the log's wheel odometry as prior, each with its default parameters. Each
-row is kept in bench/comparison.jsonl as soon as it is measured, in place of the one before; bench/comparison.md has the
-tables, beside what others publish. With --left only rows that are missing are measured, with --tables none.
+Runs SLAM with the default matcher and the odometry of every method over the logs of the Freiburg benchmark whose
+checked relations are at hand, the laser alone and with the log's wheel odometry as prior, each with its default
+parameters. Each row is kept in bench/comparison.jsonl as soon as it is measured, in place of the one before;
+bench/comparison.md has the tables, beside what others publish. With --left only rows that are missing are measured,
+with --tables none.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ import curvescan as cs
 from curvescan.evaluation.published import BENCHMARKS
 from curvescan.evaluation.relations import relation_errors
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS
-from curvescan.runs.slam_log import slam_log
 from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
@@ -77,7 +77,7 @@ def measure(data: Path, log: str, task: str, method: str, wheels: bool) -> Row:
     """Run a method over a log and return the errors of its relations."""
     scans = cs.read_log(data / f"{LOGS[log]}.clf.gz")
     if task == "slam":
-        trajectory = slam_log(scans, method=method, odometry_prior=wheels).run.revised.trajectory
+        trajectory = cs.run(scans, "slam", method=method, odometry_prior=wheels).trajectory
     else:
         trajectory = cs.run(scans, method=method, odometry_prior=wheels).trajectory
     errors = relation_errors(trajectory, cs.read_relations(data / f"{LOGS[log]}.relations"))

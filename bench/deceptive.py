@@ -41,70 +41,37 @@ _NOBODY: Floats = np.empty((0, 3))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DeceptivePair:
-    """Two scans and the truth about them.
+    """Two scans and the truth about them."""
 
-    Attributes
-    ----------
-    reference, current : LaserScan
-        The earlier and the later scan.
-    pose : (3,) float64 or None
-        True pose of `current` in `reference`, metres, metres, radians; None where the scans show nothing of the same
-        place, so that every pose is wrong.
-    guess : (3,) float64 or None
-        What the matcher is given to start from.
-    """
-
+    # the earlier and the later scan
     reference: LaserScan
     current: LaserScan
+    # (3,): true pose of `current` in `reference`, metres, metres, radians; None where the scans show nothing of the
+    # same place, so that every pose is wrong
     pose: Pose | None
-    guess: Pose | None = None
+    guess: Pose | None = None  # (3,): what the matcher is given to start from
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """Where a pair is taken: the world at each of both scans, the two sensor poses in it, and people.
+    """Where a pair is taken: the world at each of both scans, the two sensor poses in it, and people."""
 
-    Attributes
-    ----------
-    worlds : tuple of two World
-        At the reference scan, at the current scan.
-    poses : (2, 3) float64
-        Of the sensor, world frame, metres, metres, radians.
-    people : tuple of two (p, 3) float64
-        Circles [x, y, r], world frame, metres.
-    is_shared : bool
-        Whether the scans show anything of the same place.
-    is_guessed : bool
-        Whether the true pose is the matcher's guess.
-    """
-
-    worlds: tuple[World, World]
-    poses: Pose
+    worlds: tuple[World, World]  # tuple of two World: at the reference scan, at the current scan
+    poses: Pose  # (2, 3): of the sensor, world frame, metres, metres, radians
+    # tuple of two (p, 3) float64: circles [x, y, r], world frame, metres
     people: tuple[Floats, Floats] = (_NOBODY, _NOBODY)
-    is_shared: bool = True
-    is_guessed: bool = False
+    is_shared: bool = True  # whether the scans show anything of the same place
+    is_guessed: bool = False  # whether the true pose is the matcher's guess
 
 
 @dataclass(frozen=True, kw_only=True)
 class Deception:
-    """One kind of deceptive pair.
+    """One kind of deceptive pair."""
 
-    Attributes
-    ----------
-    name : str
-        For tables.
-    summary : str
-        What deceives, in a sentence.
-    sensor : str
-        Name of a simulated sensor.
-    scene : callable
-        Scene of a random generator and the sensor.
-    """
-
-    name: str
-    summary: str
-    sensor: str
-    scene: Callable[[np.random.Generator, Sensor], Scene]
+    name: str  # for tables
+    summary: str  # what deceives, in a sentence
+    sensor: str  # name of a simulated sensor
+    scene: Callable[[np.random.Generator, Sensor], Scene]  # scene of a random generator and the sensor
 
 
 def deceptive_pairs(name: str, *, n_pairs: int = 500, seed: int = 0) -> Iterator[DeceptivePair]:
@@ -303,15 +270,19 @@ def _company(rng: np.random.Generator, sensor: Sensor) -> Scene:
 
 
 def _walkers(rng: np.random.Generator, sensor: Sensor) -> Scene:
-    """Return a corridor, bare or with a door now and then, and two people in front who walk on their own ways."""
+    """Return a corridor, bare or with a door now and then, and the legs of two people in front who go their own ways."""
     doors = [(x, 1.0, rng.uniform(0.08, 0.2)) for x in np.arange(-20.0, 20.0, rng.uniform(5.0, 9.0))]
     world = corridor(44.0, rng.uniform(1.8, 2.6), recesses=doors if rng.random() < 0.5 else [])
     start = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.3, 0.3), rng.normal() * 0.1])
     end = start + np.array([rng.uniform(0.05, 0.5), rng.normal() * 0.02, rng.normal() * 0.05])
-    people = np.column_stack([rng.uniform(0.8, 3.0, 2), [-0.35, 0.35], rng.uniform(0.12, 0.22, 2)])
-    people[:, 0] += start[0]
-    later = people + np.column_stack([rng.uniform(-0.3, 0.6, 2), rng.normal(size=2) * 0.05, np.zeros(2)])
-    return Scene(worlds=(world, world), poses=np.array([start, end]), people=(people, later))
+    scenes = []
+    bodies = np.column_stack([start[0] + rng.uniform(0.7, 2.5, 2), rng.uniform(-0.5, 0.5, 2)])
+    steps = np.column_stack([rng.uniform(-0.3, 0.6, 2), rng.normal(size=2) * 0.05])
+    for places in (bodies, bodies + steps):
+        stride = rng.uniform(-0.3, 0.3, 2)
+        legs = [places + np.column_stack([side * stride, np.full(2, side * 0.1)]) for side in (-1.0, 1.0)]
+        scenes.append(np.column_stack([np.concatenate(legs), np.full(4, rng.uniform(0.05, 0.1))]))
+    return Scene(worlds=(world, world), poses=np.array([start, end]), people=(scenes[0], scenes[1]))
 
 
 def _walls_out_of_reach(rng: np.random.Generator, sensor: Sensor) -> Scene:
@@ -431,27 +402,13 @@ DECEPTIONS = {kind.name: kind for kind in _kinds()}
 
 @dataclass(frozen=True, kw_only=True)
 class DeceptionScore:
-    """How a matcher did in one deceptive world.
+    """How a matcher did in one deceptive world."""
 
-    Attributes
-    ----------
-    world : str
-        Name of the deception.
-    n_pairs : int
-        How many pairs.
-    right : float
-        Share of pairs matched within 0.1 m and 2 degrees.
-    sure_and_wrong : float
-        Share matched elsewhere, without naming a degenerate direction.
-    flagged_and_wrong : float
-        Share matched elsewhere, naming one.
-    """
-
-    world: str
-    n_pairs: int
-    right: float
-    sure_and_wrong: float
-    flagged_and_wrong: float
+    world: str  # name of the deception
+    n_pairs: int  # how many pairs
+    right: float  # share of pairs matched within 0.1 m and 2 degrees
+    sure_and_wrong: float  # share matched elsewhere, without naming a degenerate direction
+    flagged_and_wrong: float  # share matched elsewhere, naming one
 
     @property
     def unmatched(self) -> float:

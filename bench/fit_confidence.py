@@ -1,10 +1,11 @@
 """Fit the confidence of the default matcher anew: `python bench/fit_confidence.py [--n 150] [--seed 40] [--check]`.
 
-Runs the matcher on every deceptive world, on the bench's scenarios, on offices and buildings with round people in them, and,
-where CURVESCAN_DATA holds them, on keyframes of real logs (neighbours: right; far apart: nothing shared), without a
-guess and with a good or a made-up one. Pairs of another generator are judged with, not fitted to. Prints the constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of
-reliability with each family of sets left out of the fit in turn, and draws the diagram of the whole. Every set counts the
-same. With --check nothing is fitted: table and diagram are those of the constants as they are.
+Runs the matcher on every deceptive world, on the bench's scenarios, on offices and buildings with round people in them,
+and, where CURVESCAN_DATA holds them, on keyframes of real logs (neighbours: right; far apart: nothing shared), without
+a guess and with a good or a made-up one. Pairs of another generator are judged with, not fitted to. Prints the
+constants of `curvescan.matchers.curvescan.assessment.confidence`, a table of reliability with each family of sets left
+out of the fit in turn, and draws the diagram of the whole. Every set counts the same. With --check nothing is fitted:
+table and diagram are those of the constants as they are.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ LIMITS = (0.4, 0.5, 0.55, 0.6, 0.7, 0.8)
 N_RIVALS = 4
 SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
 NEAR_SIM, NEAR_REAL = (0.1, np.radians(2.0)), (0.25, np.radians(3.0))
-# metres up to which each measures: the laser of Acapulco writes 51.05 to 51.16 where nothing returns, up to 46 readings of a scan, an arc
+# metres up to which each measures: the laser of Acapulco writes 51.05 to 51.16 where nothing returns, up to 46 readings
+# of a scan, an arc
 # that moves with the sensor
 KEY_LOGS = {
     "keyframed-corrected/belgioioso-corrected.log.gz": math.inf,

@@ -54,7 +54,8 @@ def main() -> None:
     off = np.hypot(*(found.poses - truth)[:, :2].T)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     sys.stdout.write(
-        f"{n_poses:,} poses, {len(edges.ends):,} edges, {'qdldl' if has_qdldl() else 'splu'}: chordal start {to_start:.1f} s, "
+        f"{n_poses:,} poses, {len(edges.ends):,} edges, {'qdldl' if has_qdldl() else 'splu'}: chordal start "
+        f"{to_start:.1f} s, "
         f"in all {seconds:.1f} s of processor, {found.n_iterations} iterations; error {off.mean():.3f} m on the mean; "
         f"process {memory:.0f} MB\n"
     )

@@ -64,11 +64,13 @@ def _fixes(task: LocalizationTask, fixes: list[Checked]) -> str:
     seconds = np.array([task.scans[f.scan[-1]].stamp - task.scans[f.scan[0]].stamp for f in right])
     spent = np.array([f.milliseconds.sum() for f in right])
     return (
-        f"{text}; after one scan {np.sum(n == 1)}; scans to the fix: median {np.median(n):.0f}, 90 % {np.percentile(n, 90):.0f} "
+        f"{text}; after one scan {np.sum(n == 1)}; scans to the fix: median {np.median(n):.0f}, 90 % "
+        f"{np.percentile(n, 90):.0f} "
         f"({np.percentile(seconds, 90):.1f} s); "
         f"{np.median(spent):.0f} ms, 90 % {np.percentile(spent, 90):.0f} ms of processor; "
         f"median error {1e3 * np.median([f.error_m[-1] for f in right]):.0f} mm, "
-        f"NEES {np.median([f.nees[-1] for f in right]):.1f} in the median, {np.mean([f.nees[-1] for f in right]):.1f} in the mean"
+        f"NEES {np.median([f.nees[-1] for f in right]):.1f} in the median, "
+        f"{np.mean([f.nees[-1] for f in right]):.1f} in the mean"
     )
 
 
@@ -79,12 +81,14 @@ def _following(task: LocalizationTask, steps: Checked) -> str:
     matched = exact & steps.is_matched
     text = (
         f"{_share(known[mapped]):.1%} of the scans in the map have a pose; of all poses "
-        f"{_share(right[known]):.1%} are right, of those in the map {_share(right[known & mapped]):.1%}; {np.median(steps.milliseconds):.1f} ms a scan"
+        f"{_share(right[known]):.1%} are right, of those in the map {_share(right[known & mapped]):.1%}; "
+        f"{np.median(steps.milliseconds):.1f} ms a scan"
     )
     if not matched.any():
         return text
     return (
-        f"{text}; median error {1e3 * np.median(steps.error_m[exact]):.0f} mm, {np.degrees(np.median(steps.error_rad[exact])):.2f} deg; "
+        f"{text}; median error {1e3 * np.median(steps.error_m[exact]):.0f} mm, "
+        f"{np.degrees(np.median(steps.error_rad[exact])):.2f} deg; "
         f"NEES {np.mean(steps.nees[matched]):.1f}, {np.mean(steps.nees[matched] < 7.815):.0%} within 95 %"
     )
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam import Localizer, LocalizerOutcome, LocalizerStep
+from curvescan.odometry import Step, StepOutcome
+from curvescan.slam import Localizer
 from curvescan.types import Bools, Floats, Ints
 from localization_tasks import SHOWN, LocalizationTask
 
@@ -22,35 +23,18 @@ FAR_M = 5.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Checked:
-    """Steps of a localizer held against the reference, a row each.
+    """Steps of a localizer held against the reference, a row each."""
 
-    Attributes
-    ----------
-    scan : (n,) int64
-        Number of the scan in the log.
-    outcomes : tuple of LocalizerOutcome
-        Of each.
-    shown : (n,) float64
-        Share of its readings that the map shows.
-    error_m, error_rad : (n,) float64
-        Distance and angle from the reference, seen from the keyframe that was matched last, as it is or fitted to the map; NaN while the sensor is
-        searched for.
-    nees : (n,) float64
-        Squared Mahalanobis distance from the reference seen from that keyframe, as it is.
-    milliseconds : (n,) float64
-        Processor time.
-    is_matched : (n,) bool
-        Whether keyframes were matched at this very scan.
-    """
-
-    scan: Ints
-    outcomes: tuple[LocalizerOutcome, ...]
-    shown: Floats
+    scan: Ints  # (n,): number of the scan in the log
+    outcomes: tuple[StepOutcome, ...]  # of each
+    shown: Floats  # (n,): share of its readings that the map shows
+    # (n,): distance and angle from the reference, seen from the keyframe that was matched last, as it is or fitted to
+    # the map; NaN while the sensor is searched for
     error_m: Floats
     error_rad: Floats
-    nees: Floats
-    milliseconds: Floats
-    is_matched: Bools
+    nees: Floats  # (n,): squared Mahalanobis distance from the reference seen from that keyframe, as it is
+    milliseconds: Floats  # (n,): processor time
+    is_matched: Bools  # (n,): whether keyframes were matched at this very scan
 
     @property
     def is_known(self) -> Bools:
@@ -67,7 +51,7 @@ class Checked:
 
 def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[int], *, until_found: bool) -> Checked:
     """Return the steps of a localizer over some scans, one after the other whatever their stamps say."""
-    steps: list[LocalizerStep] = []
+    steps: list[Step] = []
     spent = []
     for k in numbers:
         started = time.process_time()
@@ -93,10 +77,11 @@ def run_steps(task: LocalizationTask, localizer: Localizer, numbers: Sequence[in
     )
 
 
-def _errors(task: LocalizationTask, k: int, step: LocalizerStep, keyframe: int) -> tuple[float, float, float]:
+def _errors(task: LocalizationTask, k: int, step: Step, keyframe: int) -> tuple[float, float, float]:
     """Return distance, angle and squared Mahalanobis distance of a step from where its scan was taken.
 
-    Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's: the nearer of the two counts.
+    Where the map has a wall twice, a little apart, the reference may be fitted to the other one than the keyframe's:
+    the nearer of the two counts.
     """
     reference = task.poses[k] if keyframe < 0 else task.seen_from(keyframe, k)
     off = step.pose - reference

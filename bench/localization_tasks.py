@@ -23,7 +23,8 @@ from curvescan.slam.localization.field import DistanceField, field_of
 from curvescan.types import Bools, Floats, Points, Pose
 
 SHOWN, PARTLY_SHOWN = 0.8, 0.5
-"""A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one does."""
+"""A scan is in the map where this share of its readings ends on walls that the map shows; partly, where this one
+does."""
 
 PARTS = ((SHOWN, 1.1, "in the map"), (PARTLY_SHOWN, SHOWN, "partly in the map"), (0.0, PARTLY_SHOWN, "outside"))
 """Shares of a scan that the map shows: from, below, and what it is called."""
@@ -32,42 +33,25 @@ _DOOR_M, _WALL_M = (0.6, 1.5), 0.2
 """A gap so wide, metres, between two walls in a line, no thicker than this, is a door."""
 
 _FIT_M, _FIT_GAIN = 0.6, 0.02
-"""A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near, metres."""
+"""A reference pose is moved to where the scan fits the map better by this share of its readings, if that is as near,
+metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LocalizationTask:
-    """A map, and a log of the same place with reference poses in the frame of the map.
+    """A map, and a log of the same place with reference poses in the frame of the map."""
 
-    Attributes
-    ----------
-    name : str
-        For people.
-    slam_map : SlamMap
-        The map.
-    scans : sequence of LaserScan
-        The log.
-    references, keyframes : (n, 3), (m, 3) float64
-        Poses of the scans, and of the map's keyframes, by the reference, in a frame of its own.
-    poses : (n, 3) float64
-        Where each scan was taken in the frame of the map, by the keyframe nearest to it: metres, metres, radians.
-    is_exact : (n,) bool
-        Whether its reference pose was given, not interpolated.
-    is_true : bool
-        Whether the reference is the truth; else it is SLAM's, and may itself err against the map.
-    field : DistanceField
-        The map as cells.
-    """
-
-    name: str
-    slam_map: SlamMap
-    scans: Sequence[LaserScan]
+    name: str  # for people
+    slam_map: SlamMap  # the map
+    scans: Sequence[LaserScan]  # the log
+    # poses of the scans, and of the map's keyframes, by the reference, in a frame of its own
     references: Pose
     keyframes: Pose
+    # (n, 3): where each scan was taken in the frame of the map, by the keyframe nearest to it: metres, metres, radians
     poses: Pose
-    is_exact: Bools
-    is_true: bool
-    field: DistanceField
+    is_exact: Bools  # (n,): whether its reference pose was given, not interpolated
+    is_true: bool  # whether the reference is the truth; else it is SLAM's, and may itself err against the map
+    field: DistanceField  # the map as cells
 
     def shown(self, k: int) -> float:
         """Return the share of the readings of a scan that end on walls of the map."""

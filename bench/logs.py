@@ -1,8 +1,8 @@
 """Measure the table of docs/logs.md: `python bench/logs.py [--data FOLDER] [--only intel.clf.gz]`.
 
-Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options but those that
-the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one before; bench/logs.md has
-the table.
+Reads each log as `curvescan info` does, and follows it as `curvescan odometry` does, the laser alone, with no options
+but those that the issues propose. Each row is kept in bench/logs.jsonl as soon as it is measured, in place of the one
+before; bench/logs.md has the table.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.cli.flags import with_flags
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome
@@ -29,7 +30,8 @@ HERE = Path(__file__).parent
 ROWS, TABLE = HERE / "logs.jsonl", HERE / "logs.md"
 
 Truth = Literal["relations", "wheels", "corrected", "still", ""]
-"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest, nothing."""
+"""What the path is compared with: checked relations, the wheels, poses that a SLAM system corrected, a sensor at rest,
+nothing."""
 
 LOGS: dict[str, tuple[str, Truth]] = {
     "intel-lab/intel.clf.gz": ("Intel Research Lab, SICK, 45 min", "relations"),
@@ -51,9 +53,6 @@ LOGS: dict[str, tuple[str, Truth]] = {
     "ual-campus-sick/ual-campus.clf.gz": ("SICK on a car, outdoors, 4 m/s", "wheels"),
 }
 """Each log, by its path in the folder of logs: what it is, and what its end is compared with."""
-
-CORRECTED = (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
-"""Outcomes that put right the drift since an earlier keyframe."""
 
 NOT_LISTED = ("note",)
 """Kinds of issues that are remarks of the reader."""
@@ -116,16 +115,16 @@ def measure(folder: Path, name: str) -> Row:
     words = [issue.argument.partition("=") for issue in issues if issue.argument]
     given = {name: ast.literal_eval(value) for name, _, value in words}
     log = cs.read_log(folder / name, **given)
-    run = cs.run_odometry(log)
+    run = cs.run(log).record
     poses = run.trajectory.poses
     return Row(
         log=name,
         format=log.format,
         n_scans=len(poses),
         issues=list(dict.fromkeys(i.kind for i in issues if i.kind not in NOT_LISTED)),
-        options=[issue.option for issue in issues if issue.option],
+        options=[with_flags(issue.argument) for issue in issues if issue.remedy],
         n_failed=int(np.count_nonzero(run.is_failed)),
-        n_relocalized=sum(one in CORRECTED for one in run.outcomes),
+        n_relocalized=run.outcomes.count(StepOutcome.RELOCALIZED),
         length=round(float(travelled(poses)[-1]), 2),
         end=end_of(run.trajectory, log, LOGS[name][1], folder / name),
         version=cs.__version__,

@@ -30,26 +30,15 @@ _BESIDE_M, _BESIDE_RAD = 0.08, 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class HourResult:
-    """One hour.
+    """One hour."""
 
-    Attributes
-    ----------
-    n_keyframes, n_edges, n_gone : int
-        Of the graph after it, and keyframes that went so far.
-    megabytes : float
-        Resident memory of the process after it; NaN where the system does not tell.
-    milliseconds : (float, float, float)
-        Wall time a scan: median, 99th percentile, worst.
-    error : float
-        Mean error of the positions of this hour as they were reported, metres.
-    """
-
+    # of the graph after it, and keyframes that went so far
     n_keyframes: int
     n_edges: int
     n_gone: int
-    megabytes: float
-    milliseconds: tuple[float, float, float]
-    error: float
+    megabytes: float  # resident memory of the process after it; NaN where the system does not tell
+    milliseconds: tuple[float, float, float]  # wall time a scan: median, 99th percentile, worst
+    error: float  # mean error of the positions of this hour as they were reported, metres
 
 
 def hours(n_hours: int, n_scans: int = 250, seed: int = 0) -> Iterator[HourResult]:

@@ -19,14 +19,15 @@ from curvescan.simulation.sensing.sensors import choose_sensor
 from curvescan.types import Pose
 
 Deceit: TypeAlias = Literal["offices", "corridors", "people", "moved", "storeys"]
-"""Rooms all alike; no room open to the corridors; people besides; furniture of half of the rooms moved in the second lap; the
-second lap on another storey that is exactly like the first, and nothing seen on the stair."""
+"""Rooms all alike; no room open to the corridors; people besides; furniture of half of the rooms moved in the second
+lap; the second lap on another storey that is exactly like the first, and nothing seen on the stair."""
 
 _N_STAIR = 30
 """Scans on the stair."""
 
 _N_ROOMS = 3, 5
-"""Rooms of a row: at least three, so that one has the same neighbour on both sides; not more than four, so that a floor costs seconds."""
+"""Rooms of a row: at least three, so that one has the same neighbour on both sides; not more than four, so that a floor
+costs seconds."""
 
 _DRIVE = Drive(speed=0.8)
 

@@ -35,7 +35,8 @@ def figures(text: str) -> str:
     assert n_pairs is not None, "bench.md has no table of scenarios"
     scores = table(text, "Pairs of scans")
     lines = [
-        f"Simulated offices, 361 beams over 180 degrees, 8 m, 10 mm of noise, {n_pairs[1]} pairs of scans a row, no guess.",
+        f"Simulated offices, 361 beams over 180 degrees, 8 m, 10 mm of noise, {n_pairs[1]} pairs of scans a row, no "
+        f"guess.",
         "Success: within 0.1 m and 2 deg.",
         "",
         "| two scans apart by up to | default matcher | best of the others | `cfsma` | median error of the default |",
@@ -53,7 +54,8 @@ def figures(text: str) -> str:
     ours, paper = times[DEFAULT], times[PAPER]
     lines += [
         "",
-        f"- **Time**, medians, one thread: a match of two prepared scans {_median(ours, 'match, no guess')} without a guess, "
+        f"- **Time**, medians, one thread: a match of two prepared scans {_median(ours, 'match, no guess')} without "
+        f"a guess, "
         f"{_median(ours, 'match, good guess')} with a good one; preparing a scan",
         f"  {_median(ours, 'prepare a scan')}. `cfsma`: {_median(paper, 'match, no guess')}, and "
         f"{_median(paper, 'prepare a scan')} to prepare.",

@@ -1,7 +1,7 @@
 """How far apart a log ends when its stamps are moved by nothing that matters: by a unit in the last place, by a millisecond.
 
-Every threshold of the odometry turns a change in the last place of a guess into another keyframe sooner or later; stamps
-must not be where such a change comes from. What remains of a larger jitter is what the deskewing makes of it.
+Every threshold of the odometry turns a change in the last place of a guess into another keyframe sooner or later;
+stamps must not be where such a change comes from. What remains of a larger jitter is what the deskewing makes of it.
 """
 
 from __future__ import annotations
@@ -31,26 +31,14 @@ def timed_log(seed: int = 0) -> Simulation:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JitterSpread:
-    """Ends of one log whose stamps were moved, beside the end with its own stamps.
+    """Ends of one log whose stamps were moved, beside the end with its own stamps."""
 
-    Attributes
-    ----------
-    log : str
-        Name of the log.
-    n_scans : int
-        Scans read.
-    jitter : float
-        Most that a stamp was moved by, seconds; 0 for one unit in the last place, up, down or not at all.
-    ends : (n_runs, 3) float64
-        Last pose of each run, seen from the last pose with the log's own stamps: metres, metres, radians.
-    moved_shares : (n_runs,) float64
-        Share of the poses of each run that are not those with the log's own stamps to the bit.
-    """
-
-    log: str
-    n_scans: int
-    jitter: float
+    log: str  # name of the log
+    n_scans: int  # scans read
+    jitter: float  # most that a stamp was moved by, seconds; 0 for one unit in the last place, up, down or not at all
+    # (n_runs, 3): last pose of each run, seen from the last pose with the log's own stamps: metres, metres, radians
     ends: Pose
+    # (n_runs,): share of the poses of each run that are not those with the log's own stamps to the bit
     moved_shares: Floats
 
     @property

@@ -1,8 +1,8 @@
 """The campaign of hostile files: ``python -m tests.fuzz READER [--minutes N] [--seed K] [--out FOLDER]``.
 
-Readers are tried one after the other, each in a process of its own whose address space is limited. A file that breaks a promise
-(see fuzzing.py) is kept with the traceback in its name's ``.txt``; so is one on which the process hangs or dies. The number of files
-tried is printed for each reader.
+Readers are tried one after the other, each in a process of its own whose address space is limited. A file that breaks a
+promise (see fuzzing.py) is kept with the traceback in its name's ``.txt``; so is one on which the process hangs or
+dies. The number of files tried is printed for each reader.
 """
 
 from __future__ import annotations
@@ -84,7 +84,15 @@ def _watch(process: multiprocessing.process.BaseProcess, count: Synchronized[int
     return False
 
 
-def _campaign(name: str, seconds: float, seed: int, folder: Path, out: Path, n_files: Synchronized[int], n_found: Synchronized[int]) -> None:  # fmt: skip
+def _campaign(
+    name: str,
+    seconds: float,
+    seed: int,
+    folder: Path,
+    out: Path,
+    n_files: Synchronized[int],
+    n_found: Synchronized[int],
+) -> None:
     warnings.simplefilter("error")
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as seeds:

@@ -1,7 +1,7 @@
 """Hostile files: seeds of every reader, mutations of them, and what a reader must hold to on whatever comes out.
 
-A reader is given a file and must return or raise an error of curvescan in one printable sentence that names the file. The smoke
-test (test_fuzz.py) and the campaign (``python -m tests.fuzz``) share what stands here.
+A reader is given a file and must return or raise an error of curvescan in one printable sentence that names the file.
+The smoke test (test_fuzz.py) and the campaign (``python -m tests.fuzz``) share what stands here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,10 @@ _TOKENS = [
     b"\xef\xbb\xbf", b"\xd9\xa3", b"\xff\xfe", b"\x00", b'"', b"True", b"[]", b"1e5000000", b"\r", b"\x1b[2J",
 ]  # fmt: skip
 _SEPARATORS = (b" ", b",", b"\n", b"=", b"\t")
-_INTEGERS = (0, 1, -1, 2, 127, 255, 2**15, 2**16 - 1, 2**28, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**63)  # fmt: skip
+_INTEGERS = (
+    *(0, 1, -1, 2, 127, 255, 2**15, 2**16 - 1, 2**28, 2**31 - 1),
+    *(2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**63),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,9 +274,11 @@ _COLUMNS = (
 )  # fmt: skip
 _STATEMENTS = (
     "drop table {t}", "alter table {t} rename to other", "alter table {t} drop column {c}", "delete from {t}",
-    "alter table {t} rename column {c} to other", "insert into {t} select * from {t} where 0", "drop index timestamp_idx",
+    "alter table {t} rename column {c} to other",
+    "insert into {t} select * from {t} where 0", "drop index timestamp_idx",
     "create view v as select * from {t}", "alter table {t} add column b as ({v})", "pragma user_version = 5",
-    "drop table {t}; create table {t} (a)", "drop table {t}; create view {t} as select {v} as {c}, {v} as name, {v} as type",
+    "drop table {t}; create table {t} (a)",
+    "drop table {t}; create view {t} as select {v} as {c}, {v} as name, {v} as type",
 )  # fmt: skip
 
 
@@ -372,7 +377,8 @@ def _packed(writer: Ros1Writer | Ros2Writer, store: object, serialize: Callable[
     with writer:
         connection = writer.add_connection(topic, msgtype, typestore=store)  # type: ignore[arg-type]
         for i in (1, 2):
-            writer.write(connection, i, serialize(bags.build(store, msgtype, fields), msgtype))  # type: ignore[arg-type]
+            message = bags.build(store, msgtype, fields)
+            writer.write(connection, i, serialize(message, msgtype))  # type: ignore[arg-type]
     return bags.storage(Path(writer.path)).read_bytes()
 
 

@@ -1,4 +1,4 @@
-"""Constraints for pip: every dependency at the lowest version that pyproject.toml allows; `make test-lowest` uses them."""
+"""Constraints for pip: every dependency at the lowest version allowed; `make test-lowest` uses them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Machine code on disk: never that of another version, never in the way, never a reason to fail.
 
-Most tests drive a package of two kernels, `tiny`, whose ``_jit.py`` and what it imports are the real ones: its `answer` calls
-a kernel of another file, which is what an upgrade changes behind Numba's back.
+Most tests drive a package of two kernels, `tiny`, whose ``_jit.py`` and what it imports are the real ones: its `answer`
+calls a kernel of another file, which is what an upgrade changes behind Numba's back.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ print(answer(1.0), _jit.n_compiled())
 def write_tiny(parent, number):
     folder = parent / "tiny"
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("_jit.py", "_kernel_cache.py", "_compilation.py", "_interrupts.py", "_processes.py"):
+    for name in ("_jit.py", "_kernel_cache.py", "_compilation.py"):
         text = (SOURCE / name).read_text(encoding="utf-8")
         (folder / name).write_text(text.replace("curvescan.", "tiny."), encoding="utf-8")
     (folder / "__init__.py").write_text("")
@@ -294,16 +294,20 @@ def test_the_digest_covers_whatever_a_kernel_can_depend_on(tmp_path):
     assert not unnoticed
 
 
-def test_the_digest_follows_the_sources_it_covers(tmp_path):
+def test_the_digest_follows_the_sources_it_covers(tmp_path, monkeypatch):
     write_tiny(tmp_path, 1.0)
+    monkeypatch.syspath_prepend(tmp_path)
+    source_digest = importlib.import_module("tiny._kernel_cache").source_digest
+    for name in ("tiny", "tiny._kernel_cache"):
+        monkeypatch.delitem(sys.modules, name)
     (tmp_path / "tiny" / "cli").mkdir()
     (tmp_path / "tiny" / "cli" / "main.py").write_text("a = 1\n")
-    before = _kernel_cache.source_digest(tmp_path / "tiny")
+    before = source_digest(tmp_path / "tiny")
     (tmp_path / "tiny" / "cli" / "main.py").write_text("a = 2\n")
-    assert _kernel_cache.source_digest(tmp_path / "tiny") == before
+    assert source_digest(tmp_path / "tiny") == before
     (tmp_path / "tiny" / "callee.py").write_text(CALLEE.format(number=2.0))
-    changed = _kernel_cache.source_digest(tmp_path / "tiny")
+    changed = source_digest(tmp_path / "tiny")
     assert changed != before
     (tmp_path / "tiny" / "callee.py").rename(tmp_path / "tiny" / "renamed.py")
-    assert _kernel_cache.source_digest(tmp_path / "tiny") not in (before, changed, None)
-    assert _kernel_cache.source_digest(tmp_path / "missing") is None
+    assert source_digest(tmp_path / "tiny") not in (before, changed, None)
+    assert source_digest(tmp_path / "missing") is None

@@ -39,10 +39,10 @@ def objects():
         ),
         "trajectory": (run.trajectory, "Trajectory(6 poses over "),
         "empty": (run.trajectory[:0], "Trajectory(no pose)"),
-        "result": (run, "RunResult('office"),
-        "run": (run.run, "OdometryRun('curvescan': 6 scans, 0 not matched)"),
-        "odometry": (odometry, "Odometry('curvescan', 1 scans, 1 keyframes)"),
-        "step": (step, "OdometryStep(0: STARTED, x=0.0000 m"),
+        "run": (run, "Run('office"),
+        "record": (run.record, "RunRecord('curvescan': 6 scans, 0 not matched)"),
+        "odometry": (odometry, "Odometry('curvescan', 1 scans)"),
+        "step": (step, "Step(0: STARTED, x=0.0000 m"),
         "builder": (builder, "OccupancyBuilder(1 scans in cells of 0.05 m)"),
         "grid": (builder.grid(), "OccupancyGrid("),
         "edge": (cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None), "PoseEdge(1 -> 2: x=1.0000 m"),
@@ -50,7 +50,8 @@ def objects():
 
 
 NAMES = (
-    "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty result run odometry step builder "
+    "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty run record "
+    "odometry step builder "
     "grid edge"
 )
 

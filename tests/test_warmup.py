@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import logging
-import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -34,14 +33,15 @@ from curvescan.mapping.run_maps import build_maps
 from curvescan.odometry import run_odometry
 
 sensor = replace(SENSORS["spinning-360"], time_increment=0.1 / 360)
-# a loop, a leap to where it has not been, and back: failures, recovery and loop closures
+# a loop, a leap to where it has not been, and back: failures and recovery
 sim = simulate("office", sensor=sensor, n_scans=220, n_people=2, seed=1)
 rows = [*range(60), *range(190, 220), *range(30, 90)]
 scans, wheels = [sim[i] for i in rows], sim.odometry.poses[rows]
 cs.warm_up()
 before = variants()
-run = run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
-assert {"RELOCALIZED", "LOOP_CLOSED", "CHAINED", "PREDICTED"} <= {o.name for o in run.outcomes}
+run_odometry(scans, cs.Odometry(), odometry_poses=wheels)
+run = run_odometry(scans, cs.Odometry())
+assert {"PREDICTED", "LOST", "MATCHED"} <= {o.name for o in run.outcomes}
 build_maps(scans, run.trajectory.poses, run.is_joined, occupancy=OccupancyConfig())
 sick = simulate("corridor", n_scans=30, n_people=2)
 run_odometry(sick, cs.Odometry())
@@ -57,16 +57,6 @@ localizer = cs.Localizer(slam.map)
 assert any(localizer.add(scan).ok for scan in scans[:40])
 print(*sorted(variants() - before))
 """
-BACKWARDS = """
-from curvescan import warmup
-for part in warmup.BACKWARDS:
-    part(warmup._no_features(), warmup.CurvescanConfig())
-before = variants()
-cs.warm_up()
-kernels = {name for name, _ in before}
-print(*sorted(v for v in variants() - before if v[0] in kernels))
-assert len(kernels) > 8
-"""
 
 
 def run(code):
@@ -78,11 +68,6 @@ def run(code):
 @pytest.mark.slow
 def test_a_drive_after_the_warm_up_compiles_and_loads_nothing():
     assert run(DRIVE) == ""
-
-
-@pytest.mark.slow
-def test_what_is_compiled_backwards_is_what_a_match_uses():
-    assert run(BACKWARDS) == ""
 
 
 @pytest.mark.slow
@@ -159,48 +144,3 @@ def test_the_garbage_collector_halts_for_the_outermost_compilation_alone():
         assert not gc.isenabled()
     finally:
         gc.enable()
-
-
-@pytest.mark.slow
-def test_helpers_compile_what_the_first_match_needs(tmp_path):
-    """One process helps, the other has its cores taken away: it finds all it needs for a match."""
-    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "CURVESCAN_COMPILE_HELPERS": "0"}
-    code = "from curvescan.warmup import help_compile; help_compile(0)"
-    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
-    code = (
-        "import curvescan as cs; from curvescan import _jit\n"
-        "a = cs.simulate('office', n_scans=2)\n"
-        "before = _jit.n_compiled()\n"
-        "assert cs.match(a[0], a[1]).ok\n"
-        "assert _jit.n_compiled() == before"
-    )
-    subprocess.run([sys.executable, "-c", code], env=env, check=True, timeout=600)
-
-
-def test_helpers_are_started_once_and_only_where_there_are_cores(tmp_path, monkeypatch):
-    started = []
-
-    def start(command, **_):
-        started.append(command)
-        return SimpleNamespace(kill=None)
-
-    monkeypatch.setattr(_compilation.subprocess, "Popen", start)
-    monkeypatch.setattr(_compilation.atexit, "register", lambda *a: None)
-    monkeypatch.setattr(_compilation, "clean_up_at_end", lambda clean_up: None)
-    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 0)
-    _compilation.start_helpers(tmp_path)
-    assert not started
-    monkeypatch.setattr(_compilation, "_n_helpers", lambda: 2)
-    _compilation.start_helpers(None)
-    assert not started
-    for _ in range(2):
-        _compilation.start_helpers(tmp_path)
-    assert [code[-1].rpartition("; ")[2] for code in started] == ["help_compile(0)", "help_compile(1)"]
-
-
-def test_no_helper_where_it_is_not_wanted_or_python_has_another_name(monkeypatch):
-    monkeypatch.setenv("CURVESCAN_COMPILE_HELPERS", "0")
-    assert _compilation._n_helpers() == 0
-    monkeypatch.delenv("CURVESCAN_COMPILE_HELPERS")
-    monkeypatch.setattr(sys, "executable", "/usr/bin/blender")
-    assert _compilation._n_helpers() == 0

@@ -12,5 +12,6 @@ import lazy_loader
 
 from curvescan._version import __version__ as __version__
 
-# a new public name takes one line in __init__.pyi, `from .room.file import Name as Name`, and one in docs/reference/api.rst
+# a new public name takes one line in __init__.pyi, `from .room.file import Name as Name`, and one in
+# docs/reference/api.rst
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -93,11 +93,6 @@ def cleaned_up_by(clean_up: CleanUp) -> Iterator[None]:
         _clean_ups.remove(clean_up)
 
 
-def clean_up_at_end(clean_up: CleanUp) -> None:
-    """Have a function called before the process is ended at once by a signal, whenever that is."""
-    _clean_ups.insert(0, clean_up)
-
-
 @contextmanager
 def reported_as(sentence: str) -> Iterator[None]:
     """Have a signal that arrives inside reported by this sentence."""
@@ -109,7 +104,7 @@ def reported_as(sentence: str) -> Iterator[None]:
 
 
 def note_written(what: str) -> None:
-    """Have signals from now on reported as coming after results were written, unless the work in hand says otherwise."""
+    """Report later signals as coming after results were written, unless the work in hand says otherwise."""
     _sentences[0] = f"interrupted; the results in {what} are written"
 
 

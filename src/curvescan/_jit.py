@@ -16,7 +16,7 @@ import numba
 from numba.core import event
 from numba.core.registry import CPUDispatcher
 
-from curvescan._compilation import start_helpers, watch
+from curvescan._compilation import watch
 from curvescan._kernel_cache import ForgivingCache, cache_folder, numba_caches_in
 
 _P = ParamSpec("_P")
@@ -78,8 +78,6 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if _is_kernel(event.data["dispatcher"]):
-            if n_compiled() <= 1:
-                start_helpers(cache_folder())
             watch.start()
 
     def on_end(self, event: Any) -> None:

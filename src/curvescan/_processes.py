@@ -23,7 +23,7 @@ def has_own_python() -> bool:
 
 
 def python_command(module: str, call: str) -> list[str]:
-    """Return the command of a process that imports from the same places as this one, and calls a function of a module."""
+    """Return the command of a process that imports as this one does and calls a function of a module."""
     paths = [str(Path(entry).absolute()) for entry in sys.path]
     name = call.partition("(")[0]
     code = f"import sys; sys.path[:] = {paths}; from {module} import {name}; {call}"

@@ -1,4 +1,4 @@
-"""SLAM on simulated floors is never worse than the odometry in front of it, and accepts no false closure on ordinary ones."""
+"""SLAM on simulated floors: never worse than its odometry, no false closure on ordinary floors."""
 
 from __future__ import annotations
 

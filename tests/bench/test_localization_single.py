@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from curvescan.slam import LocalizerOutcome
+from curvescan.odometry import StepOutcome
 from localization_runs import Checked
 from localization_single import draw, lines
 from localization_tasks import task_of_floor
@@ -17,7 +17,7 @@ def _single(scan: int, shown: float, error_m: float) -> Checked:
     is_found = np.isfinite(error_m)
     return Checked(
         scan=np.array([scan]),
-        outcomes=(LocalizerOutcome.FOUND if is_found else LocalizerOutcome.SEARCHING,),
+        outcomes=(StepOutcome.FOUND if is_found else StepOutcome.SEARCHING,),
         shown=np.array([shown]),
         error_m=np.array([error_m]),
         error_rad=np.array([0.01 if is_found else np.nan]),

@@ -11,20 +11,13 @@ from curvescan import se2
 from curvescan.benchmarks.cramer_rao import median_error, pair_bound, range_gradient
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
 from curvescan.simulation import SENSORS, World, build_world, simulate_pairs
-from curvescan.simulation.sensing.raycast import cast_rays
+from curvescan.simulation.sensing.sensors import cast_beams
 
 LMS = SENSORS["sick-lms200"]
 
 
 def cast(world, pose, sensor=LMS):
-    return cast_rays(
-        world,
-        pose,
-        angle_min=sensor.angle_min,
-        angle_increment=sensor.angle_increment,
-        n_beams=sensor.n_beams,
-        range_max=sensor.range_max,
-    )
+    return cast_beams(world, pose, sensor)
 
 
 @pytest.mark.parametrize("name", ["room", "round-room", "clutter"])

@@ -86,15 +86,15 @@ def test_messages_of_the_library_name_flags_on_the_command_line(message, printed
 
 
 def test_an_issue_names_the_argument_and_the_option():
-    from curvescan.diagnostics.issues import Issue
+    from curvescan.diagnostics.issues import Issue, Remedy
 
-    for option, argument in (
-        ("--range-max 8.1", "range_max=8.1"),
-        ("--ignore-beams 2 3", "ignore_beams=(2, 3)"),
-        ("--drop-stale", "drop_stale=True"),
-        ("--upright", "upside_down=False"),
-        ("", ""),
+    for option, argument, remedy in (
+        ("--range-max 8.1", "range_max=8.1", Remedy("range_max", 8.1)),
+        ("--ignore-beams 2 3", "ignore_beams=(2, 3)", Remedy("ignore_beams", (2, 3))),
+        ("--drop-stale", "drop_stale=True", Remedy("drop_stale", True)),
+        ("--upright", "upside_down=False", Remedy("upside_down", False)),
+        ("", "", None),
     ):
-        issue = Issue(topic="beams", kind="k", what="w", option=option)
+        issue = Issue(topic="beams", kind="k", what="w", remedy=remedy)
         assert issue.argument == argument
         assert with_flags(argument) == option

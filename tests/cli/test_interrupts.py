@@ -133,7 +133,7 @@ def test_while_the_results_are_moved_they_are_moved_whole(log, tmp_path, command
     out.mkdir()
     (out / "old.png").write_text("old")
     (out / "run.json").write_text('{"files": ["old.png", "run.json"]}')
-    setting = patched("curvescan.io.files.replacing", "_exchanged", is_after=True)
+    setting = patched("curvescan.io.files.output", "_results_before", is_after=True)
     done = run_interrupted(log, out, command=command, setting=setting)
     assert done.stdout == "arrives\n"
     assert done.returncode == 130

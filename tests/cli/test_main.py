@@ -21,11 +21,21 @@ from curvescan import __version__
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
-from curvescan.cli.options import ChainConfigs, Method, MethodConfigs
-from curvescan.cli.tracker import make_odometry
+from curvescan.cli.options import (
+    BenchmarkName,
+    ChainConfigs,
+    Method,
+    SensorName,
+    WorldName,
+    odometry_config,
+    results_folder,
+)
 from curvescan.diagnostics.beam_order import BeamOrder
+from curvescan.evaluation.published import BENCHMARKS
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
+from curvescan.simulation import WORLDS
+from curvescan.simulation.sensing.sensors import SENSORS
 from tests.scenes import room_scan
 
 
@@ -53,7 +63,8 @@ def test_odometry_writes_all_files(log, tmp_path, capsys):
     assert run(["odometry", str(log), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "8 scans" in printed
-    assert f"wrote {out}/trajectory.tum" in printed
+    written = next(line for line in printed.splitlines() if line.startswith(f"wrote {out}/"))
+    assert {"trajectory.tum", "map.png", "run.json"} <= set(written.removeprefix(f"wrote {out}/").split(", "))
     lines = (out / "trajectory.tum").read_text().splitlines()
     assert [line.split()[0] for line in lines[:2]] == ["100.0", "100.2"]
     assert all(len(line.split()) == 8 for line in lines)
@@ -90,12 +101,11 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
 
 @pytest.mark.parametrize("method", MATCHERS)
 def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
-    pytest.importorskip("scipy", reason="icp needs SciPy")
     given = ChainConfigs(odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
     last = OdometryConfig.scan_to_scan()
 
     def config(chain, chain_config=given):
-        return make_odometry(method, chain, MethodConfigs(), chain_config).config
+        return odometry_config(method, chain, chain_config)
 
     assert config("keys") == given.odometry
     assert config("last") == last
@@ -191,7 +201,7 @@ def test_info_as_json(log, tmp_path, capsys):
 def test_odometry_takes_the_cells_of_the_map(log, tmp_path, capsys):
     out = tmp_path / "o"
     assert run(["odometry", str(log), "--out", str(out), "--map.resolution", "0.2"]) == 0
-    assert "map.pgm with map.yaml" in capsys.readouterr().out
+    assert "map.pgm, map.png, map.yaml" in capsys.readouterr().out
     assert "resolution: 0.2\n" in (out / "map.yaml").read_text()
     with pytest.raises(SystemExit) as exit_info:
         run(["odometry", str(log), "--out", str(out), "--map.resolution", "0"])
@@ -285,7 +295,50 @@ def test_parameters_out_of_range_are_told(log, tmp_path, capsys):
     assert not (tmp_path / "o").exists()
 
 
-@pytest.mark.parametrize("arguments", [["fly"], ["odometry"], ["info", "a", "--no-such"]])
+def test_a_command_that_does_not_exist_is_told_with_the_nearest(capsys):
+    assert run(["odometri", "a"]) == 2
+    assert (
+        "there is no command 'odometri': did you mean 'odometry'? all commands: curvescan -h" in capsys.readouterr().err
+    )
+    assert run(["fly"]) == 2
+    assert "there is no command 'fly': all commands: curvescan -h" in capsys.readouterr().err
+
+
+def test_results_have_a_folder_of_their_own_by_default(log, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        assert run(["odometry", str(log)]) == 0
+    assert {"room-odometry", "room-odometry-2"} <= {path.name for path in tmp_path.iterdir()}
+    assert "wrote room-odometry-2/" in capsys.readouterr().out
+    assert (tmp_path / "room-odometry-2" / "run.json").exists()
+    packed = tmp_path / "hall.csv.gz"
+    assert results_folder(None, packed, "slam") == Path("hall-slam")
+    assert results_folder(tmp_path / "here", packed, "slam") == tmp_path / "here"
+
+
+def test_scans_that_do_not_match_have_a_status_of_their_own(log, tmp_path, capsys):
+    log.write_text(log.read_text() + flaser(replace(room_scan(), ranges=np.zeros(361)), 8))
+    assert run(["match", str(log), "0", "8", "--out", str(tmp_path / "m")]) == 3
+    assert "scan 8 seen from scan 0: A scan has no segment" in capsys.readouterr().out
+    assert (tmp_path / "m" / "matched.png").stat().st_size > 1000
+
+
+def test_info_wraps_and_ends_with_the_command_to_run(log, capsys, monkeypatch):
+    monkeypatch.setattr(console.OUT, "_width", 60)
+    assert run(["info", str(log)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines[:-1])) <= 60
+    assert any(line.startswith(" " * 19) and line.strip() for line in lines)
+    assert lines[-1].startswith("to map it: curvescan slam ")
+
+
+def test_a_picture_of_a_map_is_refused_with_what_is_needed(log, tmp_path, capsys):
+    (tmp_path / "floor.pgm").write_bytes(b"P5\n1 1\n255\n0")
+    assert run(["localize", str(log), "--map", str(tmp_path / "floor.pgm")]) == 1
+    assert "give the map.csmap of `curvescan slam`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["odometry"], ["info", "a", "--no-such"]])
 def test_a_wrong_command_line_is_status_2(arguments):
     with pytest.raises(SystemExit) as exit_info:
         run(arguments)
@@ -313,6 +366,9 @@ def test_version(capsys):
 
 def test_the_methods_of_the_command_line_are_those_of_the_library():
     assert set(get_args(Method)) == set(MATCHERS)
+    assert set(get_args(WorldName)) == set(WORLDS)
+    assert set(get_args(SensorName)) == set(SENSORS)
+    assert set(get_args(BenchmarkName)) == set(BENCHMARKS)
 
 
 def test_ctrl_c_keeps_what_there_is(log, tmp_path, capsys, monkeypatch):

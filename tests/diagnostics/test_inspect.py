@@ -302,8 +302,8 @@ def test_largest_values_are_counted_exactly(rows: list[list[int]]) -> None:
 def test_a_finding_says_what_follows_and_what_to_try() -> None:
     ranges = noisy_room(100, seed=1)
     ranges[:, 30:40] = 9.5
-    (found,) = (f for f in find_issues(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.option)
-    assert (found.topic, found.kind, found.option) == ("readings", "undeclared_code", "--range-max 9.4")
+    (found,) = (f for f in find_issues(inspect_log(FakeLog([scan(r) for r in ranges]))) if f.remedy)
+    assert (found.topic, found.kind, found.argument) == ("readings", "undeclared_code", "range_max=9.4")
     assert found.sentence == f"{found.what}: {found.consequence}; try {found.argument}"
 
 
@@ -336,7 +336,7 @@ def test_a_report_is_strict_json_with_the_same_keys_for_every_log() -> None:
     assert one["report"]["fov_deg"] is None
     assert {c["value"] for c in two["report"]["codes"]} == {"nan", "inf", "-inf", 81.91}
     assert [f["kind"] for f in one["issues"]] == ["too_few_scans", "no_odometry"]
-    assert set(one["issues"][0]) == {"topic", "kind", "what", "consequence", "option"}
+    assert set(one["issues"][0]) == {"topic", "kind", "what", "consequence", "remedy", "mending"}
 
 
 # ---- odometry, faults, notes
@@ -460,8 +460,8 @@ def test_mumble_runs_clockwise_and_keeps_old_values(real_data: Path) -> None:
     path = real_data / "mumble-rplidar-a1/kitchen_1"
     report = inspect_log(read_log(path))
     assert 0.25 < report.stale_share < 0.4
-    options = {f.kind: f.option for f in find_issues(report) if f.topic == "beams"}
-    assert options == {"stale_beams": "--drop-stale", "turns_against": "--clockwise", "gyro_in_degrees": ""}
+    options = {f.kind: f.argument for f in find_issues(report) if f.topic == "beams"}
+    assert options == {"stale_beams": "drop_stale=True", "turns_against": "clockwise=True", "gyro_in_degrees": ""}
     repaired = inspect_log(read_log(path, clockwise=True))
     assert repaired.sense is not None
     assert repaired.sense.is_along

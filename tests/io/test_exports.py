@@ -17,10 +17,11 @@ from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
-from curvescan.io.trajectories.kitti import write_kitti
+from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.odometry import Odometry, OdometryStep, StepOutcome, run_odometry
-from curvescan.runs.pose_graph import PoseGraph
+from curvescan.odometry import Odometry, Step, run_odometry
+from curvescan.runs import run as runner
+from curvescan.runs.pose_graph import edges_of
 from curvescan.simulation import simulate
 from curvescan.types import PoseEdge
 from tests.logs import assert_same_scan, rich_log
@@ -139,24 +140,15 @@ def test_gtsam_reads_a_pose_graph(tmp_path: Path) -> None:
         np.testing.assert_allclose(factor.noiseModel().information(), information_of(edge), rtol=1e-9, atol=1e-6)
 
 
-def test_a_return_has_both_its_edges() -> None:
+def test_a_step_is_one_edge() -> None:
     steps = run_odometry_steps()
-    graph = PoseGraph()
-    for step in steps:
-        graph.add(step)
-    returns = [step for step in steps if step.outcome is StepOutcome.LOOP_CLOSED]
-    assert returns
-    for step in returns:
-        by_match, by_motion = [edge for edge in graph.edges if edge.j == step.index]
-        assert (by_match.i, by_motion.i) == (step.reference, step.index - 1)
-        assert by_match.i < step.index - 1
-        np.testing.assert_array_equal(by_motion.pose, step.motion)
-    assert len(graph.edges) == len(steps) - 1 + len(returns)
-    for edge in graph.edges:  # which refuses a covariance that is not positive definite
+    edges = edges_of(steps)
+    assert [(edge.i, edge.j) for edge in edges] == [(step.reference, step.index) for step in steps[1:]]
+    for edge in edges:  # which refuses a covariance that is not positive definite
         assert np.isfinite(information_of(edge)).all()
 
 
-def run_odometry_steps() -> list[OdometryStep]:
+def run_odometry_steps() -> list[Step]:
     """Return the steps of a drive that comes back to where it began."""
     scans = list(simulate("office", n_scans=60, seed=4))
     odometry = Odometry()
@@ -164,7 +156,8 @@ def run_odometry_steps() -> list[OdometryStep]:
 
 
 def test_the_information_is_of_g2os_error(tmp_path: Path) -> None:
-    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is spread
+    # g2o's error is delta = measurement^-1 * (x_i^-1 x_j): draw poses by our covariance, and look at how delta is
+    # spread
     pose, rng = np.array([0.4, -0.2, 1.1]), np.random.default_rng(5)
     cov = random_cov(rng) * 1e-4  # small, where first order holds
     edge = PoseEdge(i=0, j=1, pose=pose, covariance=cov)
@@ -199,13 +192,13 @@ def test_a_graph_of_a_run_joins_all_scans(tmp_path: Path) -> None:
     scans = [room_scan((0.05 * k, 0.0, 0.02 * k), seed=k) for k in range(5)]
     blind = log_from_arrays([(0.0, np.full(181, np.nan))], angle_min=-1.5, angle_increment=0.0174)
     scans.insert(3, blind[0])
-    graph = PoseGraph()
-    result = run_odometry(scans, Odometry(), on_step=graph.add)
-    write_g2o(tmp_path / "a", result.trajectory, graph.edges)
+    steps: list[Step] = []
+    result = run_odometry(scans, Odometry(), on_step=steps.append)
+    write_g2o(tmp_path / "a", result.trajectory, edges_of(steps))
     vertices, edges, _ = read_g2o(tmp_path / "a")
-    # after the blind scan the scan before it matches, beside the motion since: both are edges
-    assert [(i, j) for i, j, _, _ in edges if j == 4] == [(2, 4), (3, 4)]
-    assert [j for _, j, _, _ in edges] == [1, 2, 3, 4, 4, 5]
+    # after the blind scan the scan before it matches
+    assert [(i, j) for i, j, _, _ in edges if j == 4] == [(2, 4)]
+    assert [j for _, j, _, _ in edges] == [1, 2, 3, 4, 5]
     for i, j, pose, _ in edges:
         # poses follow these very matches, and a little the motion that was expected
         found = se2.between(np.array(vertices[i]), np.array(vertices[j]))
@@ -314,13 +307,13 @@ def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_the_graph_is_gathered_for_those_that_take_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert [name for name in EXPORTS if takes_edges([name])] == ["g2o"]
     write_room_log(tmp_path / "log.csv")
-    added: list[int] = []
-    monkeypatch.setattr(PoseGraph, "add", lambda _, step: added.append(step.index))
+    gathered: list[int] = []
+    monkeypatch.setattr(runner, "edges_of", lambda steps: gathered.append(len(steps)) or [])
     command = ["odometry", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out"), "--export"]
     assert run([*command, "kitti"]) == 0
-    assert added == []
+    assert gathered == []
     assert run([*command, "kitti", "g2o"]) == 0
-    assert added == [0, 1, 2, 3]
+    assert gathered == [4]
 
 
 def test_a_file_that_cannot_be_made_costs_no_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

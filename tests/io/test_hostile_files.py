@@ -1,4 +1,7 @@
-"""Files made to harm: bombs, loops, lengths that are only claimed. Each is refused in a sentence, at once and in little memory."""
+"""Files made to harm: bombs, loops, lengths that are only claimed.
+
+Each is refused in a sentence, at once and in little memory.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ import pytest
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io import read_config, read_log, read_poses, read_relations, read_tum
-from curvescan.io.ros.bags.limits import check_chunks
+from curvescan.io.ros.bags.hardening.limits import check_chunks
 from curvescan.matchers.curvescan.config import CurvescanConfig
 from tests import bags, bombs, carmen_files
 
@@ -134,8 +137,8 @@ PAD = bytes(70 * MIB)
 def test_index_longer_than_the_file_can_hold(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(30)])
     assert len(read_log(path)) == 30
-    monkeypatch.setattr("curvescan.io.ros.bags.limits.BYTES_A_MESSAGE", 1 << 20)
-    monkeypatch.setattr("curvescan.io.ros.bags.limits.MIN_INDEX_LIMIT", 29)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.limits.BYTES_A_MESSAGE", 1 << 20)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.limits.MIN_INDEX_LIMIT", 29)
     with pytest.raises(LogFormatError, match="index lists more messages than fit into a file"):
         read_log(path)
 
@@ -160,8 +163,8 @@ def _index_at(content: bytearray) -> int:
 
 def test_file_that_is_read_again_and_again(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(9)])
-    monkeypatch.setattr("curvescan.io.files.limits.MIN_READ_LIMIT", 0)
-    monkeypatch.setattr("curvescan.io.files.limits.MAX_READ_RATIO", 0)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.checked_path.MIN_READ_LIMIT", 0)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.checked_path.MAX_READ_RATIO", 0)
     with pytest.raises(LogFormatError, match="leads to the same bytes again and again"):
         read_log(path)
 

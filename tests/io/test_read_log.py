@@ -332,3 +332,16 @@ def test_arbitrary_bytes_give_a_log_or_an_error_of_ours(tmp_path: Path, content:
 
 def test_real_carmen_log(real_data: Path) -> None:
     assert len(read_log(real_data / "intel-lab/intel.clf.gz")) == 13_631
+
+
+def test_an_address_is_no_file():
+    with pytest.raises(
+        LogFileError, match=r"s3://bucket/a\.bag is an address, and a log is read from a file: download it first"
+    ):
+        read_log("s3://bucket/a.bag")
+
+
+def test_text_of_another_format_names_the_page_that_helps(tmp_path):
+    (tmp_path / "diary.txt").write_text("Dear diary\n")
+    with pytest.raises(LogFormatError, match=r"docs/howto/format\.md shows how to read any other in eight lines"):
+        read_log(tmp_path / "diary.txt")

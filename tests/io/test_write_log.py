@@ -404,3 +404,12 @@ def test_a_log_that_never_stops_shrinking(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="changes while it is read; try again when it is whole"):
         write_log(tmp_path / "a.npz", ChangingLog(*range(9, 0, -1)))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_scans_alone_are_written(tmp_path):
+    scan = LaserScan([1.0, 2.5, np.nan], angle_min=0.0, angle_increment=0.1, range_max=8.0)
+    write_log(tmp_path / "x.csv", [scan])
+    np.testing.assert_array_equal(read_log(tmp_path / "x.csv")[0].ranges, scan.ranges)
+    with pytest.raises(InvalidArgumentError, match="a log must be a Log, an iterable of LaserScan"):
+        write_log(tmp_path / "y.csv", scan)
+    assert not (tmp_path / "y.csv").exists()

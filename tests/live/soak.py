@@ -1,4 +1,4 @@
-"""A long run: `python tests/live/soak.py HOURS [SPEED] [odometry]`: 720 beams at 40 Hz, SLAM, a browser, memory and latency.
+"""A long run, `python tests/live/soak.py HOURS [SPEED] [odometry]`: 720 beams at 40 Hz, a browser, memory, latency.
 
 One lap of a simulated floor is made beforehand and driven again and again, so that what is timed is the run and not the
 simulation. Prints the scans and what was dropped, memory after each tenth, and latencies.

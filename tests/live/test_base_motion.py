@@ -1,12 +1,13 @@
 """BaseMotion: what the steps of a laser's odometry mean for the base that it is mounted on."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from curvescan import se2
 from curvescan.live.base_motion import BaseMotion
+from curvescan.odometry import Step, StepOutcome
 
 
 def test_base_and_laser_agree():
@@ -41,8 +42,7 @@ def test_a_leap_of_the_odometry_is_none_of_odom():
 
 def test_map_odom_waits_until_the_laser_has_been_found():
     motion, covariance = BaseMotion(np.zeros(3)), np.eye(3) * 1e-4
-    unknown = step_of(np.full(3, np.nan), np.full((3, 3), np.nan), np.zeros(3))
-    unknown.pose_odom, unknown.covariance_odom = np.zeros(3), covariance
+    unknown = replace(step_of(np.zeros(3), covariance, np.zeros(3)), pose=np.full(3, np.nan))
     state = motion.add(unknown, 0.0)
     assert state.map_odom is None
     assert np.isfinite(state.odom_base.cov).all()
@@ -52,4 +52,16 @@ def test_map_odom_waits_until_the_laser_has_been_found():
 
 
 def step_of(pose, covariance, moved):
-    return SimpleNamespace(pose=pose, covariance=covariance, motion=moved, motion_covariance=covariance)
+    return Step(
+        index=0,
+        stamp=0.0,
+        pose=pose,
+        covariance=covariance,
+        pose_odom=pose,
+        covariance_odom=covariance,
+        motion=moved,
+        motion_covariance=covariance,
+        outcome=StepOutcome.MATCHED,
+        match=None,
+        reference=None,
+    )

@@ -1,4 +1,4 @@
-"""A laser on a serial port: an LD19 is emulated on a pseudo terminal, and everything that can go wrong with it is done to it."""
+"""An LD19 is emulated on a pseudo terminal, and everything that can go wrong with it is done to it."""
 
 import itertools
 import math

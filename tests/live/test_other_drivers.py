@@ -1,4 +1,4 @@
-"""RPLIDAR and Hokuyo: both are emulated byte by byte, behind the packages that talk to them, and everything is done to them."""
+"""RPLIDAR and Hokuyo are emulated byte by byte, behind the packages that talk to them."""
 
 import itertools
 import sys

@@ -177,7 +177,8 @@ def test_nonsense_is_refused_and_the_page_stays(page, data):
 def test_two_requests_in_one_are_not_smuggled(page):
     answer = raw(
         page,
-        b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 40\r\n\r\nGET /map.png HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 40\r\n\r\n"
+        b"GET /map.png HTTP/1.1\r\nHost: localhost\r\n\r\n",
     )
     assert answer.count(b"HTTP/1.1 ") == 1
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan
-from curvescan.errors import InvalidArgumentError, OutputError
-from curvescan.mapping.map_server import write_map
-from curvescan.mapping.occupancy import OccupancyBuilder
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.map_server import read_map, write_map
+from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.plots.occupancy import draw_occupancy
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML")
@@ -90,9 +91,9 @@ def test_a_map_without_cells_and_a_folder_that_is_not_there_are_told(tmp_path, g
         write_map(tmp_path / "missing", grid)
 
 
-@pytest.mark.parametrize("limit", [2000, 7])
-def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
-    monkeypatch.setattr("curvescan.plots.occupancy._MAX_PIXELS", limit)
+@pytest.mark.parametrize("share", [0.8, 0.01])
+def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, share):
+    monkeypatch.setattr("curvescan.plots.occupancy._SHARE", share)
     draw_occupancy(tmp_path / "a.png", grid, np.array([[0.51, -0.26, 0.0]]), title="room")
     with Image.open(tmp_path / "a.png") as image:
         grey = np.array(image.convert("L"))
@@ -100,3 +101,50 @@ def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, limit):
     left, top, middle = grey.shape[1] // 5, grey.shape[0] // 6, grey.shape[0] // 2
     dark = (grey[top:middle, left:] < 60).mean(axis=0)
     assert left + dark.argmax() > 0.6 * grey.shape[1]
+
+
+def test_a_wall_of_one_cell_stays_dark_in_the_picture_of_a_large_place(tmp_path):
+    log_odds = np.full((4000, 9000), -2.0, dtype=np.float32)
+    log_odds[2003] = 5.0
+    grid = OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=OccupancyConfig())
+    draw_occupancy(tmp_path / "a.png", grid, np.zeros((1, 3)), title="hall")
+    with Image.open(tmp_path / "a.png") as image:
+        grey = np.array(image.convert("L"))
+    middle = grey[:, grey.shape[1] // 4 : 3 * grey.shape[1] // 4]
+    assert (middle < 60).all(axis=1).any()  # a row that is dark from side to side
+
+
+def test_a_map_comes_back_as_it_was_written(tmp_path):
+    log_odds = np.zeros((4, 5), dtype=np.float32)
+    log_odds[1, 2], log_odds[3, 0] = 2.0, -1.0
+    write_map(tmp_path, OccupancyGrid(log_odds=log_odds, origin=np.array([-1.5, 2.0]), config=OccupancyConfig()))
+    grid = read_map(tmp_path / "map.yaml")
+    np.testing.assert_array_equal(np.sign(grid.log_odds), np.sign(log_odds))
+    assert grid.is_occupied[1, 2]
+    assert grid.is_free[3, 0]
+    assert grid.origin.tolist() == [-1.5, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((b"P5", b"P2"), "binary PGM"),
+        ((b"5 4", b"5 5"), "cut short"),
+        ((b"origin: [0, 0, 0.0]", b"origin: [0, 0, 0.5]"), "turned by 0.5 rad"),
+        ((b"resolution", b"solution"), "resolution"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):
+    grid = OccupancyGrid(log_odds=np.ones((4, 5), dtype=np.float32), origin=np.zeros(2), config=OccupancyConfig())
+    write_map(tmp_path, grid)
+    for file in tmp_path.iterdir():
+        file.write_bytes(file.read_bytes().replace(*change))
+    with pytest.raises(LogFormatError, match=message):
+        read_map(tmp_path / "map.yaml")
+    with pytest.raises(LogFileError):
+        read_map(tmp_path / "none.yaml")
+
+
+def test_a_map_that_is_none_is_told(tmp_path):
+    with pytest.raises(InvalidArgumentError, match="grid must be an OccupancyGrid, got NoneType"):
+        write_map(tmp_path, None)

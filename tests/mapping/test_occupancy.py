@@ -228,3 +228,8 @@ def test_occupied_cells_lie_on_the_walls_and_people_are_left_out():
 def test_a_value_out_of_range_is_told(name, value, rule):
     with pytest.raises(InvalidArgumentError, match=rule):
         dataclasses.replace(OccupancyConfig(), **{name: value})
+
+
+def test_a_pose_of_two_numbers_is_told():
+    with pytest.raises(InvalidArgumentError, match=r"pose must be three numbers \[x, y, theta\], got \(0, 0\)"):
+        OccupancyBuilder().add(LaserScan([1.0], angle_min=0.0, angle_increment=0.1), (0, 0))

@@ -1,4 +1,4 @@
-"""A matcher that finds what a script says, so that the odometry is tested alone: which scans see each other, and where they are."""
+"""A matcher that finds what a script says, so that the odometry is tested alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _N_BEAMS = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Script:
-    """The true pose of each scan, by its number, the scans that nothing is matched with, and pairs with a score and confidence of their own.
+    """True poses of scans by number, scans that match nothing, and pairs with a score and confidence of their own.
 
     A pair of score 0 is not matched.
     """
@@ -38,7 +38,7 @@ class ScriptedMatcher:
     def can_be_reference(self, features):
         return True
 
-    def match(self, reference, current, guess):
+    def match(self, reference, current, prior):
         score, confidence = self.config.links.get((reference, current), (0.8, 0.95))
         is_seen = score > 0.0 and not {reference, current} & self.config.hidden
         pose = se2.between(self.config.poses[reference], self.config.poses[current])

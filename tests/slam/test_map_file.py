@@ -91,3 +91,9 @@ def test_an_array_that_is_not_known_is_left_aside(tmp_path: Path) -> None:
     with path.open("wb") as new:
         np.savez(new, tomorrow=np.arange(3.0), **arrays)
     assert len(load_map(path)) == 2
+
+
+def test_a_picture_is_no_map(tmp_path: Path) -> None:
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG\r\n")
+    with pytest.raises(LogFormatError, match=r"picture\.png is not a map that curvescan saved: give the map\.csmap of"):
+        load_map(tmp_path / "picture.png")

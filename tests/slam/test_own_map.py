@@ -11,8 +11,8 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.odometry import StepOutcome
 from curvescan.simulation import Sensor
-from curvescan.slam import LocalizerOutcome
 
 SPINNING = Sensor(
     name="spinning, 720 beams in the whole of its turn",
@@ -29,7 +29,7 @@ SPINNING = Sensor(
 
 
 def _with_dark_walls(log: cs.Simulation, seed: int) -> list[cs.LaserScan]:
-    """Return scans that lose half of what comes back from every third 0.7 m of all surfaces, another half in each: +inf, as a driver has it."""
+    """Return scans that lose half of what comes back from every third 0.7 m of all surfaces: +inf."""
     rng = np.random.default_rng(seed)
     found = []
     for scan, pose in zip(log, log.truth.poses, strict=True):
@@ -52,7 +52,7 @@ def test_in_its_own_map_the_sensor_is_tracked(world: str, seed: int, tmp_path: P
     slam.map.save(tmp_path / "floor.csmap")
     localizer = cs.Localizer(cs.load_map(tmp_path / "floor.csmap"))
     steps = [localizer.add(scan) for scan in scans]
-    followed = [s.outcome in (LocalizerOutcome.FOUND, LocalizerOutcome.TRACKED) for s in steps]
+    followed = [s.outcome in (StepOutcome.FOUND, StepOutcome.TRACKED) for s in steps]
     assert all(followed[:20])
     assert np.mean(followed) >= 0.95
     off = [se2.between(p, s.pose) for p, s in zip(slam.trajectory().poses, steps, strict=True)]

@@ -9,7 +9,8 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.slam import ClosureOutcome, SlamRun, run_slam
+from curvescan.runs.result import Run
+from curvescan.slam import ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind
 
 pytestmark = pytest.mark.slow
@@ -27,36 +28,36 @@ def floor() -> tuple[list[cs.LaserScan], np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def run(floor: tuple[list[cs.LaserScan], np.ndarray]) -> SlamRun:
-    return run_slam(floor[0])
+def run(floor: tuple[list[cs.LaserScan], np.ndarray]) -> Run:
+    return cs.run(floor[0], "slam")
 
 
 def test_loops_close_and_the_trajectory_is_no_worse_than_the_odometry(
-    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: Run
 ) -> None:
     _, truth = floor
-    found = run.revised.trajectory
+    found = run.trajectory
     # matches err by millimetres; what is left is the bend of a map of 14 m
     assert _mean_error(found.poses, truth) < 0.05
-    assert _mean_error(found.poses, truth) <= _mean_error(run.odometry.poses, truth) + 0.01
-    assert np.count_nonzero(run.slam.map.kinds == EdgeKind.CLOSURE) > 20
-    assert run.slam.n_fragments == 1
+    assert _mean_error(found.poses, truth) <= _mean_error(run.record.odometry.poses, truth) + 0.01
+    assert np.count_nonzero(run.engine.map.kinds == EdgeKind.CLOSURE) > 20
+    assert run.engine.n_fragments == 1
 
 
-def test_loop_closures_and_matches_of_neighbours_are_counted_apart(run: SlamRun) -> None:
-    graph = run.slam.backend.graph
-    n_closures, n_neighbours = run.slam.backend.count_matches()
+def test_loop_closures_and_matches_of_neighbours_are_counted_apart(run: Run) -> None:
+    graph = run.engine.backend.graph
+    n_closures, n_neighbours = run.engine.backend.count_matches()
     assert n_closures > 20
     assert n_neighbours > 20
     assert n_closures + n_neighbours == np.count_nonzero(graph.is_closure & (graph.weights > 0.5))
-    assert f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours" in repr(run.slam)
+    assert f"{n_closures:,} loop closures, {n_neighbours:,} matches of neighbours" in repr(run.engine)
 
 
-def test_every_accepted_closure_is_true(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
+def test_every_accepted_closure_is_true(floor: tuple[list[cs.LaserScan], np.ndarray], run: Run) -> None:
     _, truth = floor
-    slam_map = run.slam.map
+    slam_map = run.engine.map
     true = se2.between(truth[0], truth)
-    accepted = [c for c in run.slam.closures if c.is_accepted]
+    accepted = [c for c in run.engine.closures if c.is_accepted]
     assert accepted
     for c in accepted:
         i, j = slam_map.indices[[c.i, c.j]]
@@ -66,25 +67,25 @@ def test_every_accepted_closure_is_true(floor: tuple[list[cs.LaserScan], np.ndar
             assert np.hypot(off[0], off[1]) < 0.3
 
 
-def test_every_pose_has_a_covariance_that_is_positive_definite(run: SlamRun) -> None:
-    covariances = run.revised.trajectory.covariances
+def test_every_pose_has_a_covariance_that_is_positive_definite(run: Run) -> None:
+    covariances = run.trajectory.covariances
     assert covariances is not None
     # the first keyframe is known exactly
     assert np.linalg.eigvalsh(covariances[50:]).min() > 0.0
     assert np.isfinite(covariances).all()
 
 
-def test_the_same_input_gives_the_same_bits(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
-    again = run_slam(floor[0])
-    assert again.revised.trajectory.poses.tobytes() == run.revised.trajectory.poses.tobytes()
-    assert again.online.poses.tobytes() == run.online.poses.tobytes()
+def test_the_same_input_gives_the_same_bits(floor: tuple[list[cs.LaserScan], np.ndarray], run: Run) -> None:
+    again = cs.run(floor[0], "slam")
+    assert again.trajectory.poses.tobytes() == run.trajectory.poses.tobytes()
+    assert again.record.online.poses.tobytes() == run.record.online.poses.tobytes()
 
 
 def test_a_map_is_continued_from_anywhere(
-    floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun, tmp_path: Path
+    floor: tuple[list[cs.LaserScan], np.ndarray], run: Run, tmp_path: Path
 ) -> None:
     scans, truth = floor
-    run.slam.map.save(tmp_path / "floor.csmap")
+    run.engine.map.save(tmp_path / "floor.csmap")
     start = len(scans) // 3
     slam = cs.Slam(map=cs.load_map(tmp_path / "floor.csmap"))
     for scan in scans[start : start + 120]:
@@ -96,10 +97,10 @@ def test_a_map_is_continued_from_anywhere(
     assert np.hypot(*(trajectory.poses[-1, :2] - true[-1, :2])) < 0.1
 
 
-def test_a_localizer_finds_and_follows_the_sensor(floor: tuple[list[cs.LaserScan], np.ndarray], run: SlamRun) -> None:
+def test_a_localizer_finds_and_follows_the_sensor(floor: tuple[list[cs.LaserScan], np.ndarray], run: Run) -> None:
     scans, truth = floor
     start = len(scans) // 2
-    localizer = cs.Localizer(run.slam.map)
+    localizer = cs.Localizer(run.engine.map)
     steps = [localizer.add(scan) for scan in scans[start : start + 120]]
     known = [k for k, step in enumerate(steps) if step.ok]
     assert known

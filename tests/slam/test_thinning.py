@@ -7,7 +7,6 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.slam import run_slam
 from curvescan.slam.config import PlacesConfig, SlamConfig
 from curvescan.slam.thinning import crowded_places
 
@@ -40,8 +39,8 @@ def test_memory_follows_the_area_and_not_the_time() -> None:
 
 def test_without_a_place_seen_often_nothing_goes() -> None:
     made = cs.simulate("office", seed=1, n_scans=200, odometry_noise=None)
-    run = run_slam(list(made))
-    assert len(run.slam.backend.heirs) == 0
+    slam = cs.run(list(made), "slam").engine
+    assert len(slam.backend.heirs) == 0
 
 
 def test_crowded_places_are_those_with_so_many_later_ones_near() -> None:

@@ -35,40 +35,20 @@ EXPERIMENT_1_SENSOR = "sick-lms200"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Benchmark:
-    """What was measured.
+    """What was measured."""
 
-    Attributes
-    ----------
-    n_pairs, n_runs : int
-        Pairs of a scenario, and runs of experiment 1.
-    speeds : tuple of Speed
-        Of 361 beams, one a method.
-    stages : tuple of StageTime
-        Of the methods STAGED, stage by stage.
-    growth : dict of str to tuple of Speed
-        For each method, one a number of BEAM_COUNTS.
-    scenarios : tuple of ScenarioScore
-        Scenario by scenario, one a method.
-    open_worlds : tuple of OpenScore
-        World by world, one a method.
-    experiment_1 : dict of (world, condition) to RandomTransformRuns
-        The paper's experiment 1.
-    logs : tuple of LogEvaluation
-        Log by log, one a method.
-    reading : tuple of ReadingSpeed
-        How fast logs are read, one a format.
-    """
-
+    # pairs of a scenario, and runs of experiment 1
     n_pairs: int
     n_runs: int
-    speeds: tuple[Speed, ...]
-    stages: tuple[StageTime, ...]
-    growth: dict[str, tuple[Speed, ...]]
-    scenarios: tuple[ScenarioScore, ...]
-    open_worlds: tuple[OpenScore, ...]
+    speeds: tuple[Speed, ...]  # of 361 beams, one a method
+    stages: tuple[StageTime, ...]  # of the methods STAGED, stage by stage
+    growth: dict[str, tuple[Speed, ...]]  # for each method, one a number of BEAM_COUNTS
+    scenarios: tuple[ScenarioScore, ...]  # scenario by scenario, one a method
+    open_worlds: tuple[OpenScore, ...]  # world by world, one a method
+    # the paper's experiment 1
     experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
-    logs: tuple[LogEvaluation, ...]
-    reading: tuple[ReadingSpeed, ...]
+    logs: tuple[LogEvaluation, ...]  # log by log, one a method
+    reading: tuple[ReadingSpeed, ...]  # how fast logs are read, one a format
 
 
 def run_benchmark(

@@ -11,6 +11,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.simulation import ScanPair, Sensor, World
+from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
 
 _SAME_SURFACE = 0.05
@@ -22,16 +23,7 @@ def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Fl
 
     pose (3,); ranges (n,): Metres; inf where nothing is met; gradient (n, 3).
     """
-    from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
-
-    ranges, hit_idx = cast_rays(
-        world,
-        pose,
-        angle_min=sensor.angle_min,
-        angle_increment=sensor.angle_increment,
-        n_beams=sensor.n_beams,
-        range_max=sensor.range_max,
-    )
+    ranges, hit_idx = cast_beams(world, pose, sensor)
     angles = sensor.angle_min + sensor.angle_increment * np.arange(sensor.n_beams)
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -34,28 +34,15 @@ _SUFFIXES = {name: next((s for s in row.suffixes if s), "") for name, row in WRI
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingSpeed:
-    """How fast a log of one format is read.
+    """How fast a log of one format is read."""
 
-    Attributes
-    ----------
-    format : str
-        Its name in words.
-    n_scans, n_beams : int
-        Size of the log.
-    bytes_per_scan : float
-        On disk.
-    open_seconds : float
-        Until read_log returns and the number of scans is known; text is read through once for that.
-    read_seconds : float
-        One iteration over all scans.
-    """
-
-    format: str
+    format: str  # its name in words
+    # size of the log
     n_scans: int
     n_beams: int
-    bytes_per_scan: float
-    open_seconds: float
-    read_seconds: float
+    bytes_per_scan: float  # on disk
+    open_seconds: float  # until read_log returns and the number of scans is known; text is read through once for that
+    read_seconds: float  # one iteration over all scans
 
     @property
     def scans_per_second(self) -> float:

@@ -25,20 +25,12 @@ REST = "the rest"
 
 @dataclass(frozen=True, kw_only=True)
 class StageTime:
-    """Mean time that a matcher spends in one stage.
+    """Mean time that a matcher spends in one stage."""
 
-    Attributes
-    ----------
-    method : str
-        Name of the matcher.
-    stage : str
-        A file of the package, ``matchers/curvescan/features/surfels.py``, or REST. What a kernel calls counts as its own.
-    prepare_seconds, match_seconds, guess_seconds : float
-        For each scan that is prepared, each match without a guess, and each with one as good as odometry's.
-    """
-
-    method: str
+    method: str  # name of the matcher
+    # A file of the package, ``matchers/curvescan/features/surfels.py``, or REST. What a kernel calls counts as its own
     stage: str
+    # for each scan that is prepared, each match without a guess, and each with one as good as odometry's
     prepare_seconds: float
     match_seconds: float
     guess_seconds: float

@@ -20,25 +20,14 @@ _CHI2_95 = 7.815
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One kind of pair.
+    """One kind of pair."""
 
-    Attributes
-    ----------
-    name : str
-        For tables.
-    sensor : str
-        Name of a simulated sensor.
-    translation_max, rotation_max_deg : float
-        Motion, uniform within: metres, degrees.
-    people_share : float
-        Share of the beams on people who differ between the scans.
-    """
-
-    name: str
-    sensor: str
+    name: str  # for tables
+    sensor: str  # name of a simulated sensor
+    # motion, uniform within: metres, degrees
     translation_max: float
     rotation_max_deg: float
-    people_share: float
+    people_share: float  # share of the beams on people who differ between the scans
 
 
 _SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
@@ -71,35 +60,20 @@ SCENARIOS = (
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioScore:
-    """How one method did in one scenario.
+    """How one method did in one scenario."""
 
-    Attributes
-    ----------
-    method, scenario : str
-        Names.
-    success : float
-        Share of pairs matched within 0.1 m and 2 degrees.
-    false_positives : float
-        Share of pairs that are ``ok`` and not within.
-    unflagged_false_positives : float
-        The same without those that name a degenerate direction, along which their covariance is wide.
-    median_error, bound : float
-        Median translation error of the matches, and what the Cramér-Rao bound allows, metres.
-    nees : float
-        Mean normalised estimation error squared of right matches; 3 when the covariance is right.
-    inside_95 : float
-        Share of right matches inside the 95 % ellipsoid of their covariance.
-    """
-
+    # names
     method: str
     scenario: str
-    success: float
-    false_positives: float
+    success: float  # share of pairs matched within 0.1 m and 2 degrees
+    false_positives: float  # share of pairs that are ``ok`` and not within
+    # the same without those that name a degenerate direction, along which their covariance is wide
     unflagged_false_positives: float
+    # median translation error of the matches, and what the Cramér-Rao bound allows, metres
     median_error: float
     bound: float
-    nees: float
-    inside_95: float
+    nees: float  # mean normalised estimation error squared of right matches; 3 when the covariance is right
+    inside_95: float  # share of right matches inside the 95 % ellipsoid of their covariance
 
 
 def score_scenario(
@@ -135,23 +109,16 @@ def score_scenario(
 
 @dataclass(frozen=True, kw_only=True)
 class OpenScore:
-    """How one method did where no laser can fix the whole pose.
+    """How one method did where no laser can fix the whole pose."""
 
-    Attributes
-    ----------
-    method, world : str
-        Names.
-    ok, flagged : float
-        Share of the pairs with a pose, and of these the share that names its degenerate direction.
-    nees, nees_median, inside_95 : float
-        As in :class:`ScenarioScore`, over all pairs with a pose; a motion along an arc is linear to first order only,
-        so that a few large ones decide the mean.
-    """
-
+    # names
     method: str
     world: str
+    # share of the pairs with a pose, and of these the share that names its degenerate direction
     ok: float
     flagged: float
+    # as in :class:`ScenarioScore`, over all pairs with a pose; a motion along an arc is linear to first order only, so
+    # that a few large ones decide the mean
     nees: float
     nees_median: float
     inside_95: float

@@ -14,27 +14,13 @@ from curvescan.types import Floats, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Speed:
-    """Times of one matcher over many pairs of scans.
+    """Times of one matcher over many pairs of scans."""
 
-    Attributes
-    ----------
-    method : str
-        Name of the matcher.
-    n_beams : int
-        Beams of a scan.
-    prepare_seconds : (2 m,) float64
-        Time of each preparation of a scan.
-    match_seconds : (m,) float64
-        Time of each match of two prepared scans, without a guess.
-    guess_seconds : (m,) float64
-        The same with a guess as good as odometry's: 2 cm and 1 degree off.
-    """
-
-    method: str
-    n_beams: int
-    prepare_seconds: Floats
-    match_seconds: Floats
-    guess_seconds: Floats
+    method: str  # name of the matcher
+    n_beams: int  # beams of a scan
+    prepare_seconds: Floats  # (2 m,): time of each preparation of a scan
+    match_seconds: Floats  # (m,): time of each match of two prepared scans, without a guess
+    guess_seconds: Floats  # (m,): the same with a guess as good as odometry's: 2 cm and 1 degree off
 
 
 def easy_pairs(sensor: str | Sensor, n_pairs: int, seed: int) -> tuple[list[ScanPair], list[Pose]]:

@@ -26,9 +26,11 @@ from curvescan.cli.commands.localize import localize
 from curvescan.cli.commands.match import match
 from curvescan.cli.commands.odometry import odometry
 from curvescan.cli.commands.slam import slam
+from curvescan.cli.commands.view import view
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
 from curvescan.io.files.printable import printable
 from curvescan.mapping.config import OccupancyConfig
@@ -42,6 +44,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "localize": localize,
     "batch": batch,
     "live": live,
+    "view": view,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,
@@ -70,6 +73,9 @@ All commands: curvescan -h"""
 MAX_SENTENCE = 4_000
 """Longest sentence about an error, characters: a path may have so many."""
 
+MAX_NAME = 80
+"""Longest name of a command in a sentence."""
+
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -79,6 +85,10 @@ def run(arguments: list[str]) -> int:
         if (text := _help(arguments)) is not None:
             print(text)
             return DONE
+        if not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+            name, meant = printable(arguments[0], MAX_NAME), nearest(arguments[0], COMMANDS)
+            print(f"curvescan: there is no command {name!r}: {meant}all commands: curvescan -h", file=sys.stderr)
+            return BAD_COMMAND_LINE
         if HELP_ALL in arguments:
             arguments = ["--help" if argument == HELP_ALL else argument for argument in arguments]
         return int(_parse_and_call(arguments))

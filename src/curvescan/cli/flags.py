@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 _FLAGS = {
+    "as_is": "--as-is",
     "backwards": "--backwards",
     "clockwise": "--clockwise",
     "drop_stale": "--drop-stale",
@@ -14,12 +15,15 @@ _FLAGS = {
     "odometry_prior": "--odometry-prior",
     "out": "--out",
     "range_max": "--range-max",
+    "reference": "--reference",
+    "relations": "--relations",
     "timeout": "--timeout",
     "topic": "--topic",
 }
 """Arguments that messages name, and their flags."""
 
 _WORDS = {
+    "odometry_prior=False": "--laser-only",
     "upside_down=True": "--upside-down",
     "upside_down=False": "--upright",
     "read it with read_relations": "give it as --relations",

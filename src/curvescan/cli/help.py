@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 import shutil
@@ -11,6 +10,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+import tyro
+from docstring_parser import parse, parse_from_object
+
+_ArgConfig: Any = type(tyro.conf.arg())
 
 _MAX_WIDTH = 100
 _MAX_LINES = 29
@@ -25,13 +29,14 @@ class Flag(NamedTuple):
     name: str
     text: str
     group: str = ""
+    has_choices: bool = False
 
 
 def overview(commands: Mapping[str, Callable[..., int]]) -> str:
     """Return the list of commands, a line each."""
     width = _width()
     indent = max(map(len, commands)) + 4
-    rows = [f"  {name:<{indent - 2}}{_fit(_summary(command), width - indent)}" for name, command in commands.items()]
+    rows = [f"  {name:<{indent - 2}}{_fit(_paragraph(command), width - indent)}" for name, command in commands.items()]
     return "\n".join(
         [
             "usage: curvescan COMMAND ...",
@@ -69,8 +74,8 @@ def short_help(name: str, command: Callable[..., int]) -> str:
 def _row(flag: Flag, indent: int, width: int, *, n_lines: int) -> list[str]:
     """Return the lines of a flag: one, or two where the text takes them and there is room."""
     text = _fit(flag.text, width - indent)
-    texts = [text]
-    if n_lines == 2 and text.endswith(_CUT):
+    texts = textwrap.wrap(flag.text, width - indent, break_on_hyphens=False) if flag.has_choices else [text]
+    if not flag.has_choices and n_lines == 2 and text.endswith(_CUT):
         texts = textwrap.wrap(_fit(flag.text, 2 * (width - indent) - 12), width - indent)
     names = [flag.name, *[""] * (len(texts) - 1)]
     return [f"  {n:<{indent - 2}}{t}".rstrip() for n, t in zip(names, texts, strict=True)]
@@ -90,63 +95,63 @@ def _merged(flags: list[Flag]) -> Iterator[Flag]:
 
 def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int]:
     """Return the positional arguments, the flags, and how many groups of parameters are left to --help-all."""
-    texts = _parameter_texts(inspect.getdoc(command) or "")
+    texts = {p.arg_name: p.description or "" for p in parse(inspect.getdoc(command) or "").params}
     hints = get_type_hints(command, include_extras=True)
     positional, flags, n_groups = [], [Flag("-h, --help-all", "This help; all of it.")], 0
     for name, parameter in inspect.signature(command).parameters.items():
-        kind, metavar, is_flat = _unwrapped(hints[name])
+        kind, found = _unwrapped(hints[name])
+        text = texts.get(name) or found.help
         if is_dataclass(kind):
-            if is_flat and not any(is_dataclass(_unwrapped(h)[0]) for h in get_type_hints(kind).values()):
-                flags += _fields(kind, texts.get(name, ""))
+            inner = get_type_hints(kind, include_extras=True)
+            if found.is_flat and not any(is_dataclass(_unwrapped(hint)[0]) for hint in inner.values()):
+                docs = {p.arg_name: p.description or "" for p in parse_from_object(kind).params}
+                flags += (
+                    _flag(field.name, *_unwrapped(inner[field.name]), docs[field.name], text) for field in fields(kind)
+                )
             else:
                 n_groups += 1
         elif parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
-            positional.append(Flag(metavar or name.upper(), texts.get(name, "")))
+            positional.append(Flag(found.metavar or name.upper(), text))
         else:
-            text = texts.get(name, "")
-            flag = f"--{name.replace('_', '-')} {_values(kind, metavar)}".rstrip()
-            if len(flag) > _MAX_FLAG - 4:
-                flag = f"--{name.replace('_', '-')} NAME"
-                text = f"{re.split('[,.:;]', text)[0]}: {', '.join(map(str, get_args(kind)))}."
             is_needed = parameter.default is inspect.Parameter.empty
-            flags.append(Flag(flag, text + (" Required." if is_needed else "")))
+            flags.append(_flag(name, kind, found, text + " Required." * is_needed))
     return positional, flags, n_groups
 
 
-def _fields(kind: Any, group: str) -> Iterator[Flag]:
-    hints = get_type_hints(kind, include_extras=True)
-    tree = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
-    assert isinstance(tree, ast.ClassDef)
-    texts = {
-        a.target.id: str(b.value.value)
-        for a, b in zip(tree.body, tree.body[1:], strict=False)
-        if isinstance(a, ast.AnnAssign)
-        and isinstance(a.target, ast.Name)
-        and isinstance(b, ast.Expr)
-        and isinstance(b.value, ast.Constant)
-    }
-    for field in fields(kind):
-        inner, metavar, _ = _unwrapped(hints[field.name])
-        flag = f"--{field.name.replace('_', '-')} {_values(inner, metavar)}".rstrip()
-        yield Flag(flag, " ".join(texts.get(field.name, "").split()), group)
+def _flag(name: str, kind: Any, found: _Extras, text: str, group: str = "") -> Flag:
+    name = f"--{name.replace('_', '-')}"
+    flag = f"{name} {_values(kind, found.metavar)}".rstrip()
+    has_choices = len(flag) > _MAX_FLAG - 4
+    if has_choices:
+        flag, text = f"{name} NAME", f"{re.split('[,.:;]', text)[0]}: {', '.join(map(str, get_args(kind)))}."
+    return Flag(flag, " ".join(text.split()), group, has_choices)
 
 
-def _unwrapped(hint: Any) -> tuple[Any, str, bool]:
-    """Return a type without None and annotations, its metavar, and whether its fields are flags without a prefix."""
-    metavar, is_flat = "", False
+class _Extras(NamedTuple):
+    """What annotations of an argument say: its metavar, its text, and whether its fields are flags without a prefix."""
+
+    metavar: str = ""
+    help: str = ""
+    is_flat: bool = False
+
+
+def _unwrapped(hint: Any) -> tuple[Any, _Extras]:
+    """Return a type without None, and what its annotations say."""
+    found = _Extras()
     while True:
         if get_origin(hint) is Annotated:
             for extra in hint.__metadata__:
-                metavar = metavar or getattr(extra, "metavar", None) or ""
-                is_flat |= getattr(extra, "name", None) == ""
+                if isinstance(extra, _ArgConfig):
+                    metavar, text = found.metavar or extra.metavar or "", found.help or str(extra.help or "")
+                    found = _Extras(metavar, text, found.is_flat or extra.name == "")
             hint = get_args(hint)[0]
         elif get_origin(hint) in (Union, UnionType):
             kinds = [kind for kind in get_args(hint) if kind is not NoneType]
             if len(kinds) != 1:
-                return hint, metavar, is_flat
+                return hint, found
             hint = kinds[0]
         else:
-            return hint, metavar, is_flat
+            return hint, found
 
 
 def _values(kind: Any, metavar: str) -> str:
@@ -159,26 +164,8 @@ def _values(kind: Any, metavar: str) -> str:
     return {int: "N", float: "NUMBER", str: "NAME"}.get(kind, "PATH")
 
 
-def _parameter_texts(doc: str) -> dict[str, str]:
-    """Return the descriptions of a numpydoc section Parameters, by name."""
-    _, _, section = doc.partition("Parameters\n----------\n")
-    texts: dict[str, list[str]] = {}
-    name = ""
-    for line in section.splitlines():
-        if line and not line.startswith(" "):
-            name = line.split(":")[0].strip()
-            texts[name] = []
-        elif name:
-            texts[name].append(line.strip())
-    return {name: " ".join(lines).strip() for name, lines in texts.items()}
-
-
 def _paragraph(command: Callable[..., int]) -> str:
     return " ".join((inspect.getdoc(command) or "").split("\n\n")[0].split())
-
-
-def _summary(command: Callable[..., int]) -> str:
-    return _paragraph(command)
 
 
 def _fit(text: str, width: int) -> str:
@@ -187,7 +174,7 @@ def _fit(text: str, width: int) -> str:
         return text
     ends = [m.start() for m in re.finditer(r"[.] |[:;] ", text) if m.start() < width]
     if ends:
-        return text[: ends[0]] + "."
+        return text[: ends[-1]] + "."
     ends = [m.start() for m in re.finditer(r", ", text) if width // 2 < m.start() < width]
     if ends:
         return text[: ends[-1]] + "."

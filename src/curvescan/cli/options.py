@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -22,11 +23,55 @@ if TYPE_CHECKING:
     from curvescan.io import Log, SensorSetup
     from curvescan.types import Floats
 
-LogPath: TypeAlias = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
+LogPath: TypeAlias = Annotated[
+    tyro.conf.Positional[Path],
+    tyro.conf.arg(
+        metavar="LOG",
+        help="The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; "
+        "or a ROS 2 bag's folder.",
+    ),
+]
 """The log to read."""
 
-ScanNumber: TypeAlias = tyro.conf.Positional[int]
-"""Number of a scan in its log."""
+OutFolder: TypeAlias = Annotated[
+    Path | None, tyro.conf.arg(help="Results folder; by default ./NAME-COMMAND, numbered.")
+]
+"""Where results go."""
+
+
+def results_folder(out: Path | None, log: Path, what: str) -> Path:
+    """Return where results go: `out`, or the first of ./NAME-WHAT, ./NAME-WHAT-2, ... that is not there."""
+    if out is not None:
+        return out
+    stem = log.resolve().name.split(".")[0] or "log"
+    names = (f"{stem}-{what}" + (f"-{k}" if k > 1 else "") for k in count(1))
+    return next(Path(name) for name in names if not Path(name).exists())
+
+
+WorldName: TypeAlias = Literal[
+    "room",
+    "corridor",
+    "bare-corridor",
+    "round-room",
+    "l-hall",
+    "t-hall",
+    "curved-hall",
+    "clutter",
+    "office",
+    "building",
+    "office-floor",
+]
+SensorName: TypeAlias = Literal["sick-lms200", "sick-lms200-5mm", "spinning-360", "urg-04lx", "hokuyo-270"]
+BenchmarkName: TypeAlias = Literal[
+    "aces", "intel", "mit-killian-court", "mit-csail", "freiburg-079", "freiburg-hospital"
+]
+"""Names of tables of the library, written out so that -h loads none of them."""
+
+MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]
+"""Which matcher."""
+
+MapFile: TypeAlias = Annotated[Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`.")]
+"""A map that was saved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,22 +118,29 @@ class SlamConfigs:
 Chain: TypeAlias = Literal["auto", "keys", "last"]
 """What a scan is matched with: keyframes, the last scan, or what suits the method."""
 
-ConfigFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
-"""A TOML file of parameters, as `curvescan calibrate` writes it; main() reads it, and flags change what it says."""
+ConfigFile: TypeAlias = Annotated[
+    Path | None,
+    tyro.conf.arg(
+        metavar="FILE",
+        help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.",
+    ),
+]
+"""Read by main()."""
 
-Configs: TypeAlias = Annotated[MethodConfigs, tyro.conf.arg(name="")]
+Configs: TypeAlias = Annotated[
+    MethodConfigs, tyro.conf.arg(name="", help="Parameters of the methods; those of the method that runs are used.")
+]
 """Parameters of all methods, as flags --METHOD.PARAMETER."""
 
-ChainConfig: TypeAlias = Annotated[ChainConfigs, tyro.conf.arg(name="")]
+ChainConfig: TypeAlias = Annotated[
+    ChainConfigs, tyro.conf.arg(name="", help="Parameters of the odometry, where keyframes are used.")
+]
 """Parameters of the odometry, as flags --odometry.PARAMETER."""
 
-SlamFlags: TypeAlias = Annotated[SlamConfigs, tyro.conf.arg(name="")]
+SlamFlags: TypeAlias = Annotated[SlamConfigs, tyro.conf.arg(name="", help="Parameters of SLAM and localization.")]
 """Parameters of SLAM, as flags --slam.PARAMETER."""
 
-Topic: TypeAlias = str | None
-"""Topic of a ROS bag; None for the only one with laser scans."""
-
-MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map")]
+MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map", help="How to make the occupancy map.")]
 """Parameters of the occupancy map, as flags --map.PARAMETER."""
 
 LaserPose: TypeAlias = Annotated[tuple[float, float, float], tyro.conf.arg(metavar="X Y YAW_DEG")]
@@ -111,9 +163,13 @@ Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Laser:
-    """How the laser is set up, where its log does not say so or is wrong."""
+class Reading:
+    """How the log is read, and how the laser is set up where its log does not say so or is wrong."""
 
+    range_max: float | None = None
+    """Upper limit of a valid reading, metres, in place of what the log says."""
+    topic: str | None = None
+    """Which topic of a ROS bag to read, where it holds laser scans on several."""
     ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
     """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
     laser_pose: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")] = None
@@ -134,31 +190,63 @@ class Laser:
         if self.upside_down and self.upright:
             raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
 
+    def setup(self) -> SensorSetup:
+        """Return how the laser is set up, as the library has it."""
+        from curvescan.io import SensorSetup
 
-SensorFlags: TypeAlias = Annotated[Laser, tyro.conf.arg(name="")]
-"""How the laser is set up, as flags of their own."""
+        pose = None
+        if self.laser_pose is not None:
+            x, y, theta = in_radians(self.laser_pose).tolist()
+            pose = (x, y, theta)
+        return SensorSetup(
+            ignore_beams=self.ignore_beams,
+            laser_pose=pose,
+            upside_down=self.upside_down if self.upside_down or self.upright else None,
+            clockwise=self.clockwise,
+            drop_stale=self.drop_stale,
+            backwards=self.backwards,
+        )
+
+    def open(self, path: Path) -> Log:
+        """Return the log that the flags ask for."""
+        from curvescan.io import read_log
+
+        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup()))
 
 
-def sensor_setup(laser: Laser) -> SensorSetup:
-    """Return how the laser is set up, as the library has it."""
-    from curvescan.io import SensorSetup
-
-    pose = None
-    if laser.laser_pose is not None:
-        x, y, theta = in_radians(laser.laser_pose).tolist()
-        pose = (x, y, theta)
-    return SensorSetup(
-        ignore_beams=laser.ignore_beams,
-        laser_pose=pose,
-        upside_down=laser.upside_down if laser.upside_down or laser.upright else None,
-        clockwise=laser.clockwise,
-        drop_stale=laser.drop_stale,
-        backwards=laser.backwards,
-    )
+ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]
+"""How a log is read, as flags of their own."""
 
 
-def open_log(path: Path, *, range_max: float | None, topic: Topic, laser: Laser) -> Log:
-    """Return the log that the flags of a command ask for."""
-    from curvescan.io import read_log
+@dataclass(frozen=True, kw_only=True)
+class Preparation:
+    """What of a log is used, and what is mended in it."""
 
-    return read_log(path, range_max=range_max, topic=topic, **asdict(sensor_setup(laser)))
+    as_is: Flag = False
+    """Mend nothing: codes for no return, stale, mirrored or reversed beams are taken as the log has them."""
+    laser_only: Flag = False
+    """Leave wheels and gyroscope out, also where they agree with the scans."""
+    odometry_prior: Flag = False
+    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
+
+    def __post_init__(self) -> None:
+        if self.odometry_prior and self.laser_only:
+            raise InvalidArgumentError("--odometry-prior and --laser-only exclude each other: give one")
+
+    @property
+    def wanted(self) -> bool | None:
+        """Whether the motion prior of the log is used: None where it agrees with the scans."""
+        return True if self.odometry_prior else False if self.laser_only else None
+
+
+PreparationFlags: TypeAlias = Annotated[
+    Preparation, tyro.conf.arg(name="", help="What of a log is used, and what is mended in it.")
+]
+"""What of a log is used, and what is mended in it, as flags of their own."""
+
+
+def odometry_config(method: Method, chain: Chain, given: ChainConfigs) -> OdometryConfig:
+    """Return the configuration of the odometry; "auto" uses keyframes where they suit the matcher."""
+    uses_keys = chain == "keys" or (chain == "auto" and OdometryConfig.keys_suit(method))
+    config = given.odometry if uses_keys else OdometryConfig.scan_to_scan()
+    return replace(config, deskew=given.odometry.deskew)

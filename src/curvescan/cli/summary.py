@@ -2,54 +2,90 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
-from curvescan.cli.console import table
-from curvescan.diagnostics.issues import Issue
+from curvescan.cli.console import ERR, OUT, table
+from curvescan.cli.flags import with_flags
+from curvescan.cli.proposals import propose_commands
 from curvescan.evaluation.trajectory_errors import trajectory_errors
-from curvescan.odometry import OdometryRun, StepOutcome
+from curvescan.odometry import StepOutcome
+from curvescan.odometry.step import IN_MAP
+from curvescan.runs.result import Run
 from curvescan.se2 import between
+from curvescan.slam import Localizer, Slam
 from curvescan.types import Pose
 
 _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 
 
-def summarise(run: OdometryRun, n_scans: int) -> Table:
+def report(run: Run, out: Path) -> int:
+    """Print how a run went, what it wrote and whether it can be trusted, and return the exit status."""
+    if run.prepared is not None:
+        for remark in run.prepared.remarks:
+            ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+        if not run.prepared.sensor.can_deskew:
+            ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+    OUT.print(summarise(run))
+    engine = run.engine
+    if isinstance(engine, Slam):
+        OUT.print(f"{engine!r}; finished in {run.record.seconds_to_finish:.1f} s", markup=False)
+        if engine.is_deceived:
+            OUT.print(
+                "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly "
+                "the odometry's"
+            )
+    if isinstance(engine, Localizer) and run.first_fix is not None:
+        OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}", markup=False)
+    for remark in (*(issue.what for issue in run.issues if issue.kind == "read_error"), *run.left_out):
+        ERR.print(remark, markup=False)
+    OUT.print(f"wrote {out}/{', '.join(run.files)}", markup=False)
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], run.issues):
+        ERR.print(proposal, markup=False, soft_wrap=True)
+    OUT.print(with_flags(run.verdict.sentence), markup=False, soft_wrap=True)
+    return 0 if run.verdict.is_trusted else 3
+
+
+def summarise(result: Run) -> Table:
     """Return a table of how a run went: scans, failures by reason, end pose, time."""
+    run, n_scans = result.record, len(result.log)
     n = len(run.outcomes)
     title = f"{run.method}: {n:,} scans" + (f" of {n_scans:,} (partial)" if run.is_partial else "")
-    result = table(title, "", "count", "share")
-    n_steps = max(n - 1, 1)
+    rows = table(title, "", "count", "share")
+    is_localized = isinstance(result.engine, Localizer)
+    n_steps = n if is_localized else max(n - 1, 1)
+
+    def add(sentence: str, count: int) -> None:
+        rows.add_row(sentence, f"{count:,}", f"{100 * count / n_steps:.1f} %")
+
     counts = Counter(run.outcomes)
-    for kind in StepOutcome:
-        if kind is not StepOutcome.STARTED and (counts[kind] or kind in _ALWAYS):
-            result.add_row(kind.value, f"{counts[kind]:,}", f"{100 * counts[kind] / n_steps:.1f} %")
-    for outcome, count in run.failures.items():
-        result.add_row(f"  {outcome.value}", f"{count:,}", f"{100 * count / n_steps:.1f} %")
-    if run.n_rejected:
-        share = f"{100 * run.n_rejected / n_steps:.1f} %"
-        sentence = "  A match contradicts what was expected, or joins nothing known before."
-        result.add_row(sentence, f"{run.n_rejected:,}", share)
+    for kind in IN_MAP if is_localized else StepOutcome:
+        if kind is not StepOutcome.STARTED and (counts[kind] or is_localized or kind in _ALWAYS):
+            add(kind.value, counts[kind])
+    if not is_localized:
+        for outcome, count in run.failures.items():
+            add(f"  {outcome.value}", count)
+        if run.n_rejected:
+            add("  A match contradicts what was expected, or joins nothing known before.", run.n_rejected)
     if run.n_prior_rejected:
-        share = f"{100 * run.n_prior_rejected / n_steps:.1f} %"
-        sentence = "The log's odometry contradicts a match, and was left out."
-        result.add_row(sentence, f"{run.n_prior_rejected:,}", share)
+        add("The log's odometry contradicts a match, and was left out.", run.n_prior_rejected)
     x, y, theta = run.trajectory.poses[-1]
-    result.add_section()
-    result.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")
+    rows.add_section()
+    if np.isfinite(x):
+        rows.add_row(f"end pose: {x:.3f} m, {y:.3f} m, {np.degrees(theta):.2f} deg", "", "")
     median, p99, worst = np.percentile(1e3 * run.seconds, [50, 99, 100])
-    result.add_row(
+    rows.add_row(
         f"time a scan: {median:.3f} ms median, {p99:.3f} ms at the 99th percentile, {worst:.1f} ms worst", "", ""
     )
     share = 100.0 * median / (1e3 * run.scan_period)
     if np.isfinite(share):
-        result.add_row(f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", "")
-    return result
+        rows.add_row(f"of the {1e3 * run.scan_period:.0f} ms between scans: {share:.2g} %", "", "")
+    return rows
 
 
 def errors_of(tracks: Mapping[str, Pose], truth: Pose) -> Table:
@@ -71,24 +107,3 @@ def errors_of(tracks: Mapping[str, Pose], truth: Pose) -> Table:
             f"{e.end_translation:.2f} m, {np.degrees(e.end_rotation):.1f} deg",
         )
     return rows
-
-
-def wrote_slam(folder: Path, left_out: Sequence[str], *further: str) -> str:
-    """Return the sentence on the files of a SLAM run."""
-    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
-    more = "".join(f"{name}, " for name in further)
-    return (
-        f"wrote {folder}/trajectory.tum, trajectory.csv, trajectory_online.tum, map.png{maps}, graph.png, {more}"
-        "graph.g2o, closures.csv, map.csmap, run.json"
-    )
-
-
-def wrote(folder: Path, left_out: Sequence[str]) -> str:
-    """Return the sentence on the files of a run."""
-    maps = "" if left_out else ", occupancy.png, map.pgm with map.yaml"
-    return f"wrote {folder}/trajectory.tum, trajectory.csv, map.png{maps}, run.json"
-
-
-def on_the_file(issues: Sequence[Issue]) -> tuple[str, ...]:
-    """Return what of a log could not be read, a sentence each: the results are made from the rest."""
-    return tuple(issue.what for issue in issues if issue.kind == "read_error")

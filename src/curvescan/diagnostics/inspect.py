@@ -7,11 +7,13 @@ import math
 import numpy as np
 
 from curvescan import se2
-from curvescan.diagnostics.odometry_lag import odometry_lag
+from curvescan.diagnostics.prior.gyroscope import Gyroscope, judge_gyroscope
+from curvescan.diagnostics.prior.lag import odometry_lag
 from curvescan.diagnostics.report import LogReport, OdometrySummary, ReadingCode, TimeSummary
+from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import LogStatistics
-from curvescan.io.log import Log, MountedLog
+from curvescan.io.log import GyroLog, Log, MountedLog
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats
 
@@ -76,6 +78,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         n_repeated_scans=statistics.n_repeats,
         n_blind_beams=statistics.beams.n_blind,
         stale_share=statistics.beams.stale_share,
+        stale_run=statistics.beams.stale_run,
         fixed_beams=statistics.beams.fixed_beams,
         largest_reading=statistics.largest_reading,
         codes=_codes(statistics),
@@ -85,11 +88,20 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),
         sense=sensor.rotation,
+        gyroscope=_gyroscope(log, sensor.rotation),
         beam_order=sensor.beam_order,
         tag_counts=dict(log.tag_counts),
         read_errors=log.read_errors,
         notes=log.notes,
     )
+
+
+def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
+    """Return what sure matches say of a gyroscope; None where it is not used, or turns against the scans or in degrees."""
+    if sense is None or sense.reference != "gyroscope" or sense.is_reversed or sense.is_in_degrees:
+        return None
+    turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None
+    return None if turned is None else judge_gyroscope(log, turned)
 
 
 def summarise_time(stamps: Floats) -> TimeSummary:

@@ -1,16 +1,24 @@
-"""The issues of a log in sentences: what is wrong or odd, its consequence, and the option that handles it."""
+"""The issues of a log in sentences: what is wrong or odd, its consequence, and the argument that handles it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import NamedTuple
 
-from curvescan.diagnostics.checks import Problem, on_beams, on_file, on_odometry, on_readings, on_scans, on_time
+from curvescan.diagnostics.checks import CHECKS, Topic
 from curvescan.diagnostics.report import LogReport
 
-Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What an issue is about."""
+
+class Remedy(NamedTuple):
+    """An argument of :func:`curvescan.read_log` that handles an issue, and its value."""
+
+    argument: str
+    value: float | bool | tuple[int, int]
+
+    def __str__(self) -> str:
+        value = self.value
+        return f"{self.argument}={value if isinstance(value, bool | tuple) else f'{value:g}'}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,52 +35,56 @@ class Issue:
         What was found, with its figures.
     consequence : str
         What follows from it; empty for a remark of the reader.
-    option : str
-        Option of the commands that handles it, with its values: ``"--range-max 8.1"``; empty where there is none.
+    remedy : Remedy or None
+        The argument of :func:`curvescan.read_log` that handles it; None where there is none.
+    mending : str
+        What a run does about it by itself, where the evidence leaves no doubt; empty where it only proposes the remedy.
     """
 
     topic: Topic
     kind: str
     what: str
     consequence: str = ""
-    option: str = ""
+    remedy: Remedy | None = None
+    mending: str = ""
 
     @property
     def argument(self) -> str:
-        """The same for :func:`curvescan.read_log`: ``"range_max=8.1"``; empty where there is none."""
-        if not self.option:
-            return ""
-        flag, *values = self.option.split()
-        if flag == "--upright":
-            return "upside_down=False"
-        value = f"({', '.join(values)})" if len(values) > 1 else "".join(values) or "True"
-        return f"{flag.removeprefix('--').replace('-', '_')}={value}"
+        """The remedy as it is written in Python: ``"range_max=8.1"``; empty where there is none."""
+        return "" if self.remedy is None else str(self.remedy)
 
     @property
     def sentence(self) -> str:
         """All of it in one sentence, with the argument that handles it."""
-        return self._sentence(self.argument)
-
-    @property
-    def sentence_with_option(self) -> str:
-        """The same with the option of the commands."""
-        return self._sentence(self.option)
-
-    def _sentence(self, remedy: str) -> str:
         consequence = f": {self.consequence}" if self.consequence else ""
-        return f"{self.what}{consequence}" + (f"; try {remedy}" if remedy else "")
+        return f"{self.what}{consequence}" + (f"; try {self.argument}" if self.remedy else "")
 
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:
     """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
-    return tuple(Issue(topic=topic, **found._asdict()) for topic, find in _CHECKS.items() for found in find(report))
+    return tuple(
+        Issue(
+            topic=check.topic,
+            kind=check.kind,
+            what=what,
+            consequence=_text(check.consequence, report),
+            remedy=None if check.remedy is None else _remedy(check.remedy(report)),
+            mending=_text(check.mending, report),
+        )
+        for check in CHECKS
+        if check.test(report)
+        for what in _texts(check.what, report)
+    )
 
 
-_CHECKS: dict[Topic, Callable[[LogReport], Iterator[Problem]]] = {
-    "file": on_file,
-    "scans": on_scans,
-    "beams": on_beams,
-    "time": on_time,
-    "readings": on_readings,
-    "odometry": on_odometry,
-}
+def _remedy(found: tuple[str, float | bool | tuple[int, int]] | None) -> Remedy | None:
+    return None if found is None else Remedy(*found)
+
+
+def _text(text: str | Callable[[LogReport], str], report: LogReport) -> str:
+    return text if isinstance(text, str) else text(report)
+
+
+def _texts(what: Callable[[LogReport], str | tuple[str, ...]], report: LogReport) -> tuple[str, ...]:
+    found = what(report)
+    return (found,) if isinstance(found, str) else found

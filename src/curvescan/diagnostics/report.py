@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from curvescan.diagnostics.beam_order import BeamOrder
 from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.io.files.read_errors import ReadError
+
+if TYPE_CHECKING:
+    from curvescan.diagnostics.prior.gyroscope import Gyroscope
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +132,8 @@ class LogReport:
     stale_share : float
         Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
         NaN where the scene does not change enough.
+    stale_run : float
+        Share of the readings that repeat the sweep before whose next beam does too; NaN without any.
     fixed_beams : tuple of (int, int)
         Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot.
     largest_reading : float
@@ -147,6 +153,8 @@ class LogReport:
         Whether the log says that the laser hangs upside down.
     sense : RotationDirection or None
         Whether the scans turn as the wheels or a gyroscope do; None where neither turns.
+    gyroscope : Gyroscope or None
+        What sure matches say of the gyroscope; None without one that turns with the scans, in radians.
     beam_order : BeamOrder or None
         In which order the beams of a sweep were swept; None where the scans have no beam times.
     tag_counts : mapping of str to int
@@ -174,6 +182,7 @@ class LogReport:
     n_repeated_scans: int
     n_blind_beams: int
     stale_share: float
+    stale_run: float
     fixed_beams: tuple[tuple[int, int], ...]
     largest_reading: float
     codes: tuple[ReadingCode, ...]
@@ -183,6 +192,7 @@ class LogReport:
     mount: tuple[float, float, float] | None
     is_upside_down: bool
     sense: RotationDirection | None
+    gyroscope: Gyroscope | None
     beam_order: BeamOrder | None
     tag_counts: Mapping[str, int]
     read_errors: tuple[ReadError, ...]

@@ -7,15 +7,12 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from curvescan.diagnostics.issues import find_issues
+from curvescan.diagnostics.issues import Remedy, find_issues
 from curvescan.diagnostics.report import LogReport, ReadingCode
 
 
 def report_as_plain(report: LogReport) -> dict[str, Any]:
-    """Return a report and its issues as dictionaries, lists, numbers, strings and None.
-
-    dict.
-    """
+    """Return a report and its issues as dictionaries, lists, numbers, strings and None."""
     return {
         "usable": report.is_usable,
         "issues": [_plain(issue) for issue in find_issues(report)],
@@ -27,6 +24,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, ReadingCode):
         is_number = math.isfinite(value.value)
         return {"value": value.value if is_number else str(value.value), "share": value.share}
+    if isinstance(value, Remedy):
+        return {value.argument: _plain(value.value)}
     if is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):

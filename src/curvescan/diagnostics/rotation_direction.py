@@ -37,6 +37,7 @@ _DEGREES = (30.0, 90.0)
 
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
+_CERTAIN_SHARE = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +65,11 @@ class RotationDirection:
     def is_reversed(self) -> bool:
         """Whether scans and reference clearly turn opposite ways."""
         return self.n_turns >= _MIN_TURNS and self.n_reversed >= _MIN_SHARE * self.n_turns
+
+    @property
+    def is_certainly_reversed(self) -> bool:
+        """Whether they turn opposite ways in all but a few turns: no mistake in single turns explains that."""
+        return self.is_reversed and self.n_reversed >= _CERTAIN_SHARE * self.n_turns
 
     @property
     def is_along(self) -> bool:

@@ -1,38 +1,43 @@
-"""A verdict: whether the trajectory of a run can be trusted, and why not."""
+"""A verdict: whether the result of a run can be trusted, and why not.
+
+It is judged by what the run ended with, not by what happened on the way: parts that stayed apart, the covariance of the final poses,
+sure matches that contradict the finished map, scans that are not in the map, faults of the log that spoil the readings.
+"""
 
 from __future__ import annotations
 
 import math
-import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from curvescan.diagnostics.issues import Issue
-from curvescan.odometry.run import OdometryRun
+from curvescan.diagnostics.preparation import PreparedLog
+from curvescan.io.log import CountedLog
+from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
-from curvescan.types import Bools
+from curvescan.slam import Localizer, Slam
+from curvescan.slam.run import Engine
+from curvescan.types import Bools, Floats
 
-MAX_UNMATCHED_SHARE = 0.02
-"""A trajectory of which a greater share of the scans is not matched has gaps where a turn is easily lost."""
+MAX_UNMATCHED, MAX_UNMATCHED_SHARE = 2, 0.02
+"""So many scans without a match, or this share of them, are bridged by the expected motion."""
 
-MAX_UNMATCHED = 2
-"""So many scans without a match are bridged on any path, however short."""
-
-MAX_REJECTED_SHARE = 0.1
-"""Wheels that contradict more of the matches than this share lag, slip or are another robot's."""
+MAX_BRIDGED_SHARE = 0.2
+"""The same of SLAM, whose covariances tell what the motion bridged: beyond it there is little left to map."""
 
 MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
 
-MAX_SIGMA_SHARE = 0.02
-"""The same on a long path, as a share of it: what odometry may drift by."""
+MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.005
+"""The same on a long path, as a share of it: what odometry may drift by, and what SLAM may leave open."""
 
-_REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
-"""Options that turn the beams round: one that was given, and is asked for all the same, is to be left out."""
+MIN_FOUND = 0.9
+"""Share of the scans that must be found in a saved map."""
 
-_SPOILING = ("stale_beams", "turns_against", "undeclared_code", "no_valid_reading")
+_SPOILING = ("stale_beams", "turns_against", "undeclared_code", "undeclared_codes", "no_valid_reading")
 """Kinds of issues that spoil readings so that what is made of them is not to be trusted."""
 
 
@@ -43,9 +48,9 @@ class Verdict:
     Attributes
     ----------
     is_trusted : bool
-        Whether nothing speaks against the trajectory.
+        Whether nothing speaks against the result.
     reasons : tuple of str
-        What does, a clause each with its figures; empty when trusted.
+        What does, a clause each with its figures and what helps; empty when trusted.
     """
 
     is_trusted: bool
@@ -55,87 +60,204 @@ class Verdict:
     def sentence(self) -> str:
         """The last line of a run."""
         if self.is_trusted:
-            return "trusted: nothing in the run speaks against its trajectory"
+            return "trusted: nothing in the result speaks against it"
         return f"not to be trusted: {'; '.join(self.reasons)}"
 
 
-def judge_run(run: OdometryRun, issues: Sequence[Issue] = ()) -> Verdict:
-    """Return whether the trajectory of a run can be trusted, and why not."""
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """The figures of a result that a verdict is judged by; engine: "odometry", "slam" or "localization".
+
+    is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose; path and
+    sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left out" or "none".
+    """
+
+    engine: str = "odometry"
+    n_scans: int
+    n_recorded: int = 0
+    is_cut: bool = False
+    is_unmatched: Bools
+    is_open: Bools
+    is_known: Bools
+    path: float = 0.0
+    sigma: float = 0.0
+    n_parts: int = 1
+    contradictions: tuple[tuple[int, int, float, float], ...] = ()
+    is_aliased: bool = False
+    motion: str = "none"
+    faults: tuple[str, ...] = ()
+
+    @property
+    def is_slam(self) -> bool:
+        """Whether loops were closed."""
+        return self.engine == "slam"
+
+    @property
+    def n_unmatched(self) -> int:
+        """Scans without a match."""
+        return int(np.count_nonzero(self.is_unmatched))
+
+    @property
+    def found(self) -> float:
+        """Share of the scans whose pose is known."""
+        return float(np.mean(self.is_known)) if self.is_known.size else 0.0
+
+    @property
+    def most_unmatched(self) -> float:
+        """Most scans that may be without a match."""
+        share = MAX_BRIDGED_SHARE if self.is_slam else MAX_UNMATCHED_SHARE
+        return max(MAX_UNMATCHED, share * (self.n_scans - 1))
+
+    @property
+    def most_sigma(self) -> float:
+        """Greatest standard deviation of a position that can be called known, metres."""
+        return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * self.path)
+
+
+class _Reason(NamedTuple):
+    """A row: what speaks against a result, where it does, and what helps."""
+
+    test: Callable[[Evidence], bool]
+    what: Callable[[Evidence], str]
+    remedy: Callable[[Evidence], str]
+
+
+_REASONS = (
+    _Reason(
+        lambda e: e.n_scans < 2,
+        lambda e: f"the log gave {e.n_scans} scan{'s' * (not e.n_scans)}, a motion needs two",
+        lambda _: "",
+    ),
+    _Reason(
+        lambda e: e.is_cut,
+        lambda e: (
+            f"the log is cut short: {e.n_scans:,} of about {e.n_recorded:,} scans are there"
+            if e.n_recorded > e.n_scans
+            else "the log is cut short: its end is missing"
+        ),
+        lambda _: "copy or record it again, or take the result for its beginning alone",
+    ),
+    _Reason(
+        lambda e: e.n_parts > 1,
+        lambda e: (
+            f"the {'map' if e.is_slam else 'trajectory'} is in {e.n_parts} parts, and how they lie to each other is unknown"
+        ),
+        lambda e: _by_motion(e, "drive from one part to the other once more"),
+    ),
+    _Reason(
+        lambda e: e.engine == "localization" and e.found < MIN_FOUND,
+        lambda e: (
+            f"the sensor was found in the map in {e.found:.0%} of the scans, first in scan {int(np.argmax(e.is_known)):,}"
+            if e.is_known.any()
+            else "the sensor was not found in the map"
+        ),
+        lambda _: "a map that shows the rest too: SLAM with map= continues it",
+    ),
+    _Reason(
+        lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
+        lambda e: (
+            f"{e.n_unmatched:,} of {e.n_scans - 1:,} scans are not matched ({e.n_unmatched / (e.n_scans - 1):.0%}), up to "
+            f"{_longest(e.is_unmatched):,} in a row"
+        ),
+        lambda e: _by_motion(e, "a wider field of view or a slower drive"),
+    ),
+    _Reason(
+        lambda e: e.n_parts == 1 and e.sigma > e.most_sigma,
+        lambda e: (
+            f"the position is uncertain by up to {e.sigma:.1f} m (standard deviation)"
+            + (
+                f"; in {int(np.count_nonzero(e.is_open)):,} scans, up to {_longest(e.is_open):,} in a row, motion along one "
+                "direction is unobservable"
+            )
+            * bool(e.is_open.any())
+        ),
+        lambda e: _by_motion(e, "a drive that comes back there" if e.is_slam else "SLAM, which closes loops"),
+    ),
+    _Reason(
+        lambda e: bool(e.contradictions),
+        lambda e: (
+            f"{sum(c[0] for c in e.contradictions):,} sure matches from {sum(c[1] for c in e.contradictions):,} keyframes "
+            f"contradict the map, most at x {e.contradictions[0][2]:.0f} m, y {e.contradictions[0][3]:.0f} m"
+        ),
+        lambda e: _by_motion(e, "look there with `curvescan view`, which mends closures by hand"),
+    ),
+    _Reason(
+        lambda e: e.is_aliased,
+        lambda _: "places look alike: loop closures that bent the map were withdrawn",
+        lambda e: _by_motion(e, "look at the map with `curvescan view`"),
+    ),
+)
+
+
+def judge(record: RunRecord, engine: Engine, prepared: PreparedLog | None = None) -> Verdict:
+    """Return whether the result of a run can be trusted, and why not; prepared: its log, where there is one."""
+    return verdict_of(evidence_of(record, engine, prepared))
+
+
+def verdict_of(evidence: Evidence) -> Verdict:
+    """Return the verdict on the figures of a result."""
     reasons = [
-        *_on_lost_tracks(run),
-        *_on_matches(run),
-        *_on_uncertainty(run),
-        *_on_prior(run),
-        *(issue.what for issue in issues if issue.kind in _SPOILING),
+        f"{reason.what(evidence)}{f'; what helps: {remedy}' if (remedy := reason.remedy(evidence)) else ''}"
+        for reason in _REASONS
+        if reason.test(evidence)
     ]
+    reasons += evidence.faults
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
 
 
-def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
-    """Return what an issue's option makes of a command line: all issues in one sentence, with the whole command to copy."""
-    options = [issue for issue in issues if issue.option]
-    if not options:
-        return ()
-    found = dict.fromkeys(issue.option for issue in options)
-    # one that turns the beams round, and was given, was wrong if they are now the wrong way round: it is left out
-    wrong = _REVERSING & found.keys() & set(command)
-    added = [word for option in found if option not in wrong for word in shlex.split(option)]
-    what = "; ".join(issue.what for issue in options)
-    proposed = shlex.join([*(word for word in command if word not in wrong), *added])
-    return (f"{what}; try: {proposed}",)
-
-
-def _on_matches(run: OdometryRun) -> list[str]:
-    n_steps = len(run.outcomes) - 1
-    if n_steps < 1:
-        return [f"the log gave {len(run.outcomes)} scan{'s' * (not run.outcomes)}, a motion needs two"]
-    n_failed = int(np.count_nonzero(run.is_failed))
-    if n_failed <= max(MAX_UNMATCHED, MAX_UNMATCHED_SHARE * n_steps):
-        return []
-    return [
-        f"{n_failed:,} of {n_steps:,} scans are not matched ({n_failed / n_steps:.0%}), up to "
-        f"{_longest(run.is_failed):,} in a row"
-    ]
-
-
-def _on_lost_tracks(run: OdometryRun) -> list[str]:
-    n_lost = run.outcomes.count(StepOutcome.LOST)
-    if not n_lost:
-        return []
-    first = run.outcomes.index(StepOutcome.LOST)
-    return [
-        f"the track was lost {f'{n_lost:,} times, first' if n_lost > 1 else 'once,'} at scan {first:,}, and started anew: "
-        "where the parts lie to each other is unknown"
-    ]
-
-
-def _on_uncertainty(run: OdometryRun) -> list[str]:
-    if StepOutcome.LOST in run.outcomes:  # which says more than any figure
-        return []
-    covariances = run.trajectory.covariances
-    if covariances is None or len(covariances) < 2:
-        return []
-    variance = covariances[:, 0, 0] + covariances[:, 1, 1]
-    sigma = math.sqrt(0.5 * float(np.max(variance)))
-    steps = np.diff(run.trajectory.poses[:, :2], axis=0)
-    path = float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
-    if sigma <= max(MAX_SIGMA, MAX_SIGMA_SHARE * path):
-        return []
-    n_open = int(np.count_nonzero(run.is_degenerate))
-    cause = (
-        f"; in {n_open:,} scans, up to {_longest(run.is_degenerate):,} in a row, motion along one direction is "
-        "unobservable" + ("" if run.has_prior else ", which wheel odometry could decide")
+def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None = None) -> Evidence:
+    """Return the figures of a result that a verdict is judged by."""
+    poses = record.trajectory.poses
+    known = poses[np.isfinite(poses[:, 0]), :2]
+    name, n_parts = "odometry", 1 + record.outcomes.count(StepOutcome.LOST)
+    contradictions: tuple[tuple[int, int, float, float], ...] = ()
+    if isinstance(engine, Localizer):
+        name, n_parts = "localization", 1
+    elif isinstance(engine, Slam):
+        name, n_parts = "slam", engine.n_fragments
+        contradictions = tuple((c.count, c.n_keyframes, *c.place.tolist()) for c in engine.contradictions)
+    log, issues = (None, ()) if prepared is None else (prepared.log, prepared.issues)
+    return Evidence(
+        engine=name,
+        n_scans=len(poses),
+        n_recorded=log.n_recorded() if isinstance(log, CountedLog) else 0,
+        is_cut=log is not None and any(error.is_end for error in log.read_errors),
+        is_unmatched=record.is_failed,
+        is_open=record.is_degenerate,
+        is_known=np.isfinite(poses[:, 0]),
+        path=float(np.sum(np.hypot(*np.diff(known, axis=0).T))),
+        sigma=_largest_sigma(record.trajectory.covariances),
+        n_parts=n_parts,
+        contradictions=contradictions,
+        is_aliased=isinstance(engine, Slam) and engine.is_deceived,
+        motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
+        faults=_faults(issues),
     )
-    return [f"the position is uncertain by up to {sigma:.1f} m (standard deviation)" + cause * (n_open > 0)]
 
 
-def _on_prior(run: OdometryRun) -> list[str]:
-    n_steps = len(run.outcomes) - 1
-    if run.n_prior_rejected <= MAX_REJECTED_SHARE * n_steps:
-        return []
-    return [
-        f"the log's odometry contradicts the matches in {run.n_prior_rejected:,} of {n_steps:,} scans, where it was left out"
-    ]
+def _faults(issues: Sequence[Issue]) -> tuple[str, ...]:
+    return tuple(
+        issue.what + (f"; what helps: {issue.argument}" if issue.remedy else "")
+        for issue in issues
+        if issue.kind in _SPOILING
+    )
+
+
+def _by_motion(e: Evidence, else_helps: str) -> str:
+    """Return what helps: the wheels of the log where they were left out, wheels where it has none."""
+    helps = {
+        "left out": "the log's wheels or gyroscope, odometry_prior=True; or ",
+        "none": "a log with wheel odometry; or ",
+    }
+    return helps.get(e.motion, "") + else_helps
+
+
+def _largest_sigma(covariances: Floats | None) -> float:
+    """Return the greatest standard deviation of a position, metres; 0 where none is known."""
+    if covariances is None or not len(covariances):
+        return 0.0
+    variances = covariances[:, 0, 0] + covariances[:, 1, 1]
+    return math.sqrt(0.5 * max(float(np.max(variances, where=np.isfinite(variances), initial=0.0)), 0.0))
 
 
 def _longest(mask: Bools) -> int:

@@ -18,22 +18,13 @@ from curvescan.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Association:
-    """Pairs of poses taken at the same time, each pose in at most one pair.
+    """Pairs of poses taken at the same time, each pose in at most one pair."""
 
-    Attributes
-    ----------
-    first, second : (n,) int64
-        Indices into the two trajectories, in the order of the first.
-    n_exact : int
-        Pairs whose stamps are equal to the last digit.
-    by : {"stamp", "order"}
-        By what they were associated.
-    """
-
+    # (n,): indices into the two trajectories, in the order of the first
     first: Ints
     second: Ints
-    n_exact: int
-    by: Literal["stamp", "order"]
+    n_exact: int  # pairs whose stamps are equal to the last digit
+    by: Literal["stamp", "order"]  # by what they were associated
 
     def __len__(self) -> int:
         return len(self.first)

@@ -1,10 +1,10 @@
 """Published errors on the logs of the Freiburg SLAM benchmark, to stand beside those measured here.
 
-R. Kümmerle, B. Steder, C. Dornhege, M. Ruhnke, G. Grisetti, C. Stachniss, A. Kleiner, "On measuring the accuracy of SLAM
-algorithms", Autonomous Robots 27 (2009) 387-407: the tables of absolute translational and rotational errors, mean and
-standard deviation over all relations of a log. "Scan matching" there is the open-loop trajectory of
-consecutive scans matched, "RBPF" a Rao-Blackwellised particle filter (GMapping), "graph mapping" an optimised pose graph;
-the last two close loops. Of the rotational errors only Intel's are given: the others could not be checked against a source.
+R. Kümmerle, B. Steder, C. Dornhege, M. Ruhnke, G. Grisetti, C. Stachniss, A. Kleiner, "On measuring the accuracy of
+SLAM algorithms", Autonomous Robots 27 (2009) 387-407: the tables of absolute translational and rotational errors, mean
+and standard deviation over all relations of a log. "Scan matching" there is the open-loop trajectory of consecutive
+scans matched, "RBPF" a Rao-Blackwellised particle filter (GMapping), "graph mapping" an optimised pose graph; the last
+two close loops. Of the rotational errors only Intel's are given: the others could not be checked against a source.
 """
 
 from __future__ import annotations
@@ -18,40 +18,21 @@ SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartogr
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedError:
-    """What one method reached on one log, over all of its relations.
+    """What one method reached on one log, over all of its relations."""
 
-    Attributes
-    ----------
-    method : str
-        In words.
-    translation : (float, float)
-        Mean and standard deviation, metres.
-    rotation : (float, float or None) or None
-        Mean and standard deviation, degrees, as far as they were published.
-    """
-
-    method: str
-    translation: tuple[float, float]
+    method: str  # in words
+    translation: tuple[float, float]  # mean and standard deviation, metres
+    # mean and standard deviation, degrees, as far as they were published
     rotation: tuple[float, float | None] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkLog:
-    """A log of the benchmark.
+    """A log of the benchmark."""
 
-    Attributes
-    ----------
-    name : str
-        In words.
-    keys : tuple of str
-        A file whose name holds one of these belongs to it.
-    errors : tuple of PublishedError
-        What was published.
-    """
-
-    name: str
-    keys: tuple[str, ...]
-    errors: tuple[PublishedError, ...]
+    name: str  # in words
+    keys: tuple[str, ...]  # A file whose name holds one of these belongs to it
+    errors: tuple[PublishedError, ...]  # what was published
 
 
 _CARTOGRAPHER: dict[str, tuple[tuple[float, float], float]] = {
@@ -60,8 +41,9 @@ _CARTOGRAPHER: dict[str, tuple[tuple[float, float], float]] = {
     "MIT Killian Court": ((0.0395, 0.0488), 0.352),
     "Freiburg 079": ((0.0452, 0.0354), 0.538),
 }
-"""Hess, Kohler, Rapp and Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016: mean and standard deviation of the translation,
-metres, and mean of the rotation, degrees; with wheel odometry, and parameters tuned for each sensor."""
+"""Hess, Kohler, Rapp and Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016: mean and standard deviation of
+the translation, metres, and mean of the rotation, degrees; with wheel odometry, and parameters tuned for each
+sensor."""
 
 _METHODS = ("scan matching", "RBPF", "graph mapping")
 

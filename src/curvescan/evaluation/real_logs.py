@@ -1,8 +1,8 @@
 """How a matcher does on a recorded log: each scan matched with the one before, no guess, laser alone.
 
 A log has no truth. Wheel odometry is good from one scan to the next, and so are the poses of a log that a SLAM system
-has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations, checked
-by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
+has corrected: a match that differs from them by more than their errors can explain is wrong. Where there are relations,
+checked by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import match, prepare
 from curvescan.matchers.result import Outcome
-from curvescan.odometry import Odometry, OdometryRun, run_odometry
+from curvescan.odometry import Odometry, RunRecord, run_odometry
 from curvescan.types import Bools, Floats
 
 RIGHT = (0.25, np.radians(3.0))
@@ -36,37 +36,20 @@ WRONG = (0.3, np.radians(10.0))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LogEvaluation:
-    """How one method did on the consecutive scans of one log.
+    """How one method did on the consecutive scans of one log."""
 
-    Attributes
-    ----------
-    log, method : str
-        Names.
-    n_steps : int
-        Pairs of consecutive scans.
-    failures : dict of Outcome to int
-        Failed matches by reason, most frequent first.
-    motion : (n_steps, 3) float64
-        What was found: metres, metres, radians; NaN where the match failed.
-    difference : (n_steps, 2) float64 or None
-        Distance and angle between what was found and the log's own poses; None where it has none.
-    seconds : (n_steps,) float64
-        Time to prepare a scan and to match it.
-    run : OdometryRun or None
-        The odometry of the whole log by this method, laser alone; None without relations of this log.
-    relations : RelationErrors or None
-        Errors of that odometry.
-    """
-
+    # names
     log: str
     method: str
-    n_steps: int
-    failures: dict[Outcome, int]
-    motion: Floats
+    n_steps: int  # pairs of consecutive scans
+    failures: dict[Outcome, int]  # failed matches by reason, most frequent first
+    motion: Floats  # (n_steps, 3): what was found: metres, metres, radians; NaN where the match failed
+    # (n_steps, 2): distance and angle between what was found and the log's own poses; None where it has none
     difference: Floats | None
-    seconds: Floats
-    run: OdometryRun | None = None
-    relations: RelationErrors | None = None
+    seconds: Floats  # (n_steps,): time to prepare a scan and to match it
+    # the odometry of the whole log by this method, laser alone; None without relations of this log
+    run: RunRecord | None = None
+    relations: RelationErrors | None = None  # errors of that odometry
 
     @property
     def n_failed(self) -> int:

@@ -11,7 +11,15 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import Association, associate
 from curvescan.evaluation.relations import span_of
-from curvescan.evaluation.trajectory_errors import RelativeErrors, TrajectoryErrors, align, ate, rpe, trajectory_errors
+from curvescan.evaluation.trajectory_errors import (
+    RelativeErrors,
+    Spread,
+    TrajectoryErrors,
+    align,
+    ate,
+    rpe,
+    trajectory_errors,
+)
 from curvescan.io.poses import PoseFile
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
@@ -19,42 +27,29 @@ from curvescan.types import Floats, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReferenceErrors:
-    """Errors of the poses that have a reference, in the order of the trajectory.
+    """Errors of the poses that have a reference, in the order of the trajectory."""
 
-    Attributes
-    ----------
-    n_poses, n_reference : int
-        Known poses of the trajectory and of the reference.
-    association : Association
-        Which belongs to which.
-    stamps : (n,) float64
-        Of the trajectory, seconds.
-    poses : (n, 3) float64
-        The trajectory, moved onto the reference by the best alignment.
-    from_first : (n, 3) float64
-        The trajectory, moved so that the first poses are equal.
-    reference : (n, 3) float64
-        Reference poses of the sensor.
-    ate_best, ate_first : (n,) float64
-        Absolute trajectory error after the two alignments, metres.
-    rpe_frame, rpe_metre : RelativeErrors
-        Relative pose errors from one pair to the next, and over each metre of the reference's path.
-    totals : TrajectoryErrors
-        Error at the end, path, turns, drift.
-    """
-
+    # known poses of the trajectory and of the reference
     n_poses: int
     n_reference: int
-    association: Association
-    stamps: Floats
-    poses: Pose
-    from_first: Pose
-    reference: Pose
+    association: Association  # which belongs to which
+    stamps: Floats  # (n,): of the trajectory, seconds
+    poses: Pose  # (n, 3): the trajectory, moved onto the reference by the best alignment
+    from_first: Pose  # (n, 3): the trajectory, moved so that the first poses are equal
+    reference: Pose  # (n, 3): reference poses of the sensor
+    # (n,): absolute trajectory error after the two alignments, metres
     ate_best: Floats
     ate_first: Floats
+    # relative pose errors from one pair to the next, and over each metre of the reference's path
     rpe_frame: RelativeErrors
     rpe_metre: RelativeErrors
-    totals: TrajectoryErrors
+    totals: TrajectoryErrors  # error at the end, path, turns, drift
+    # whether a pose of the laser on the robot was given, and the reference holds poses of the laser already
+    is_mount_unused: bool = False
+
+    def __repr__(self) -> str:
+        best = Spread.of(self.ate_best)
+        return f"ReferenceErrors({best.n:,} poses over {self.totals.path_length:.1f} m, ATE {best.rmse:.4f} m rms)"
 
 
 def reference_errors(
@@ -87,6 +82,7 @@ def reference_errors(
         rpe_frame=rpe(poses, goal),
         rpe_metre=rpe(poses, goal, delta=1.0, unit="metres"),
         totals=trajectory_errors(poses, goal),
+        is_mount_unused=reference.is_of_sensor and bool(np.any(laser_pose)),
     )
 
 

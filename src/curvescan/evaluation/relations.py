@@ -1,9 +1,9 @@
 """Errors of a trajectory against relations: the measure of the Freiburg SLAM benchmark.
 
 R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009): the error of relation
-(i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are reported separately.
-Near relations, between scans a few seconds apart, measure the matching; far ones, between visits of one place, measure what
-has added up in between, which a trajectory without loop closing cannot avoid.
+(i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are reported
+separately. Near relations, between scans a few seconds apart, measure the matching; far ones, between visits of one
+place, measure what has added up in between, which a trajectory without loop closing cannot avoid.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
+from curvescan.evaluation.published import BenchmarkLog
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -33,39 +34,27 @@ NEAR = 5.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RelationErrors:
-    """Errors of the relations whose scans are in the trajectory, in the order of the relations.
+    """Errors of the relations whose scans are in the trajectory, in the order of the relations."""
 
-    Attributes
-    ----------
-    n_given : int
-        Relations in the file, those included whose scans are not in the trajectory.
-    is_near : (n,) bool
-        Whether the two scans are less than `near` apart.
-    near : float
-        Seconds.
-    translation : (n,) float64
-        Metres.
-    rotation : (n,) float64
-        Absolute error in angle, radians.
-    scan : (n,) int64
-        Index of the later scan in the trajectory.
-    place : (n,) float64
-        Length of the trajectory up to it, metres.
-    between : (n,) float64
-        Length of the trajectory between the two scans, metres.
-    """
-
-    n_given: int
-    is_near: Bools
-    near: float
-    translation: Floats
-    rotation: Floats
-    scan: Ints
-    place: Floats
-    between: Floats
+    n_given: int  # relations in the file, those included whose scans are not in the trajectory
+    is_near: Bools  # (n,): whether the two scans are less than `near` apart
+    near: float  # seconds
+    translation: Floats  # (n,): metres
+    rotation: Floats  # (n,): absolute error in angle, radians
+    scan: Ints  # (n,): index of the later scan in the trajectory
+    place: Floats  # (n,): length of the trajectory up to it, metres
+    between: Floats  # (n,): length of the trajectory between the two scans, metres
+    benchmark: BenchmarkLog | None = None  # published errors of the same log, where there are any
 
     def __len__(self) -> int:
         return len(self.translation)
+
+    def __repr__(self) -> str:
+        translation, rotation = self.spreads("all")
+        return (
+            f"RelationErrors({len(self):,} of {self.n_given:,} relations, mean {translation.mean:.4f} m, "
+            f"{np.degrees(rotation.mean):.2f} deg)"
+        )
 
     @property
     def n_missing(self) -> int:
@@ -79,7 +68,12 @@ class RelationErrors:
 
 
 def relation_errors(
-    trajectory: Trajectory, relations: Relations, laser_pose: ArrayLike = (0.0, 0.0, 0.0), *, near: float = NEAR
+    trajectory: Trajectory,
+    relations: Relations,
+    laser_pose: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    near: float = NEAR,
+    benchmark: BenchmarkLog | None = None,
 ) -> RelationErrors:
     """Return the errors of a sensor's trajectory against relations of its robot.
 
@@ -109,6 +103,7 @@ def relation_errors(
         scan=np.maximum(i, j),
         place=length[np.maximum(i, j)],
         between=np.abs(length[j] - length[i]),
+        benchmark=benchmark,
     )
 
 

@@ -1,9 +1,9 @@
 """Errors of a trajectory against the true one: step by step, absolute (ATE) and relative (RPE), and drift.
 
-J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (IROS 2012), for ATE and RPE, with the definitions
-of the program evo, so that figures can be compared. R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms",
-Autonomous Robots 27 (2009): the error of a *relative* pose does not depend on what came before, as that of an absolute
-one does.
+J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (IROS 2012), for ATE and RPE, with the
+definitions of the program evo, so that figures can be compared. R. Kümmerle et al., "On measuring the accuracy of SLAM
+algorithms", Autonomous Robots 27 (2009): the error of a *relative* pose does not depend on what came before, as that of
+an absolute one does.
 """
 
 from __future__ import annotations
@@ -23,17 +23,10 @@ Alignment: TypeAlias = Literal["best", "first"]
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Figures of a set of errors, in their unit; NaN where there are none.
+    """Figures of a set of errors, in their unit; NaN where there are none."""
 
-    Attributes
-    ----------
-    n : int
-        How many.
-    mean, std, median, rmse, max : float
-        Mean, standard deviation (of the set itself: divided by n), median, root of the mean square, largest.
-    """
-
-    n: int
+    n: int  # how many
+    # mean, standard deviation (of the set itself: divided by n), median, root of the mean square, largest
     mean: float
     std: float
     median: float
@@ -58,52 +51,26 @@ class Spread:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RelativeErrors:
-    """Errors of the motion between pairs of poses.
+    """Errors of the motion between pairs of poses."""
 
-    Attributes
-    ----------
-    start, stop : (n,) int64
-        Indices of the poses of each pair.
-    translation : (n,) float64
-        Distance between where the motion ends and where it should, metres.
-    rotation : (n,) float64
-        Its absolute error in angle, radians.
-    """
-
+    # (n,): indices of the poses of each pair
     start: Ints
     stop: Ints
-    translation: Floats
-    rotation: Floats
+    translation: Floats  # (n,): distance between where the motion ends and where it should, metres
+    rotation: Floats  # (n,): its absolute error in angle, radians
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrajectoryErrors:
-    """Errors of one trajectory.
+    """Errors of one trajectory."""
 
-    Attributes
-    ----------
-    step_translation : (n - 1,) float64
-        Error of each motion from a scan to the next, metres.
-    step_rotation : (n - 1,) float64
-        Its absolute error in angle, radians.
-    end_translation : float
-        Distance of the last pose from the true one, metres, both seen from the first pose.
-    end_rotation : float
-        Absolute error in angle of the last pose, radians.
-    path_length : float
-        Length of the true path, metres.
-    turned : float
-        Sum of all true turns, left or right, radians.
-    turn_error : float
-        Absolute error of the sum of all turns, left minus right, radians; unlike end_rotation it may exceed pi.
-    """
-
-    step_translation: Floats
-    step_rotation: Floats
-    end_translation: float
-    end_rotation: float
-    path_length: float
-    turned: float
+    step_translation: Floats  # (n - 1,): error of each motion from a scan to the next, metres
+    step_rotation: Floats  # (n - 1,): its absolute error in angle, radians
+    end_translation: float  # distance of the last pose from the true one, metres, both seen from the first pose
+    end_rotation: float  # absolute error in angle of the last pose, radians
+    path_length: float  # length of the true path, metres
+    turned: float  # sum of all true turns, left or right, radians
+    # absolute error of the sum of all turns, left minus right, radians; unlike end_rotation it may exceed pi
     turn_error: float
 
     @property

@@ -6,6 +6,7 @@ file, never from its name.
 
 from __future__ import annotations
 
+from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
 from curvescan.io.files.output import output_folder
@@ -14,9 +15,9 @@ from curvescan.io.log import Log, pick_scans
 from curvescan.io.poses import PoseFile, read_poses
 from curvescan.io.reading import read_log
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
 from curvescan.io.writers import WRITERS, write_log
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "SensorSetup",
     "Trajectory",
     "apply_setup",
+    "datasets",
     "log_from_arrays",
     "output_folder",
     "pick_scans",

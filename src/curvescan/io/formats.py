@@ -15,7 +15,7 @@ from typing import Protocol, cast
 
 from curvescan.errors import LogFormatError
 from curvescan.io.arrays.coreslam import N_COLUMNS
-from curvescan.io.arrays.csv_layout import header_names, is_content
+from curvescan.io.arrays.csv_file import header_names, is_content
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind
 
@@ -96,11 +96,12 @@ _NUMBER = re.compile(rb"[-+]?[0-9.]+(e[-+]?[0-9]+)?")
 FORMATS: tuple[LogFormat, ...] = (
     *(LogFormat(name=kind.value, sniff=kind.begins, reader="curvescan.io.ros.reader:RosbagLog") for kind in BagKind),
     LogFormat(name="NPZ of scans", sniff=is_npz, reader="curvescan.io.arrays.npz_reader:open_npz"),
-    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_reader:open_csv"),
+    LogFormat(name="CSV of scans", sniff=is_csv, reader="curvescan.io.arrays.csv_file:open_csv"),
     LogFormat(name="CoreSLAM log", sniff=is_coreslam, reader="curvescan.io.arrays.coreslam:open_coreslam"),
     LogFormat(name="CARMEN log", sniff=is_carmen, reader="curvescan.io.carmen.reader:CarmenLog"),
 )
 
+_OWN_FORMAT = "https://github.com/curvescan/curvescan/blob/main/docs/howto/format.md"
 _UNPACK = "unpack it first"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"BZh", "compressed with bzip2", _UNPACK),
@@ -132,4 +133,7 @@ def find_format(head: bytes, path: Path) -> LogFormat:
         raise LogFormatError(f"{path} holds binary data of an unknown format; read are: {known}")
     first = next(line for line in head.splitlines() if line.strip()).strip()
     shown = first[:40].decode("utf-8", errors="replace")
-    raise LogFormatError(f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}")
+    raise LogFormatError(
+        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}. {_OWN_FORMAT} shows how to read any other "
+        "in eight lines"
+    )

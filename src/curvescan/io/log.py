@@ -89,6 +89,24 @@ class GyroLog(Protocol):
         ...
 
 
+@runtime_checkable
+class EstimatedLog(Protocol):
+    """A log that can tell poses that were estimated from its scans from wheel odometry."""
+
+    def why_estimated(self) -> str:
+        """Return what says that the poses come from SLAM, localization or laser odometry; empty where nothing does."""
+        ...
+
+
+@runtime_checkable
+class CountedLog(Protocol):
+    """A log that knows how many scans were recorded, also where not all can be read."""
+
+    def n_recorded(self) -> int:
+        """Return the scans of the recording by its own count."""
+        ...
+
+
 class ScanAccess:
     """What makes ``log[i]``, ``log[a:b]`` and the ``repr`` of every log; a log inherits it and defines `_scan_at`."""
 
@@ -128,6 +146,11 @@ class LogView(ScanAccess):
         self._log = log
 
     @property
+    def below(self) -> Log:
+        """The log below."""
+        return self._log
+
+    @property
     def name(self) -> str:
         """Name of the log below."""
         return self._log.name
@@ -153,6 +176,14 @@ class LogView(ScanAccess):
     def turned_by_gyro(self) -> Floats | None:
         """Return the angle that the gyroscope has turned by at each scan; None without one."""
         return self._log.turned_by_gyro() if isinstance(self._log, GyroLog) else None
+
+    def n_recorded(self) -> int:
+        """Return the scans of the recording below; those of the log where it has no count."""
+        return self._log.n_recorded() if isinstance(self._log, CountedLog) else len(self._log)
+
+    def why_estimated(self) -> str:
+        """Return what the log below says."""
+        return self._log.why_estimated() if isinstance(self._log, EstimatedLog) else ""
 
     @property
     def read_errors(self) -> tuple[ReadError, ...]:
@@ -209,6 +240,10 @@ class LogSlice(LogView):
         """Return the angle that the log's gyroscope has turned by at these scans; None without one."""
         turned = super().turned_by_gyro()
         return None if turned is None else turned[list(self._numbers)]
+
+    def n_recorded(self) -> int:
+        """Return how many scans the slice has."""
+        return len(self._numbers)
 
     def __len__(self) -> int:
         return len(self._numbers)

@@ -88,33 +88,42 @@ def apply_setup(log: Log, setup: SensorSetup) -> Log:
     return _LogSetUp(log, setup, is_mirrored=is_mirrored)
 
 
+def setup_of(log: Log) -> SensorSetup:
+    """Return the setup that a log, or the log below a view of it, was given by its user."""
+    while isinstance(log, LogView):
+        if isinstance(log, _LogSetUp):
+            return log.setup
+        log = log.below
+    return SensorSetup()
+
+
 class _LogSetUp(LogView):
     """A log as its user has set it up; a Log."""
 
     def __init__(self, log: Log, setup: SensorSetup, *, is_mirrored: bool) -> None:
         super().__init__(log)
-        self._setup = setup
+        self.setup = setup
         self._is_mirrored = is_mirrored
 
     @property
     def odometry(self) -> Trajectory | None:
-        if self._setup.laser_pose is None:
+        if self.setup.laser_pose is None:
             return self._log.odometry
         if (robot := self.robot_odometry()) is None:
             return None
-        poses = se2.compose(robot.poses, np.array(self._setup.laser_pose))
+        poses = se2.compose(robot.poses, np.array(self.setup.laser_pose))
         return Trajectory(stamps=robot.stamps, poses=poses)
 
     def robot_odometry(self) -> Trajectory | None:
         """Return what the log says of the robot; with a pose of the laser given, its odometry is the robot's."""
         if isinstance(self._log, MountedLog):
             return super().robot_odometry()
-        return None if self._setup.laser_pose is None else self._log.odometry
+        return None if self.setup.laser_pose is None else self._log.odometry
 
     def hangs_upside_down(self) -> bool:
         """Return what the user says, else the log; the scans have been mirrored for it."""
-        if self._setup.upside_down is not None:
-            return self._setup.upside_down
+        if self.setup.upside_down is not None:
+            return self.setup.upside_down
         return super().hangs_upside_down()
 
     @property
@@ -123,41 +132,41 @@ class _LogSetUp(LogView):
         if self._is_mirrored:
             notes.append(
                 "the scans are mirrored: the laser "
-                + ("turns against what the log says" if self._setup.clockwise else "hangs upside down")
+                + ("turns against what the log says" if self.setup.clockwise else "hangs upside down")
             )
-        if self._setup.drop_stale:
+        if self.setup.drop_stale:
             notes.append("readings that repeat those of the sweep before are dropped")
-        if self._setup.backwards:
+        if self.setup.backwards:
             notes.append("the beams of each scan are turned round: they were swept in that order")
-        if any(self._setup.ignore_beams):
-            first, last = self._setup.ignore_beams
+        if any(self.setup.ignore_beams):
+            first, last = self.setup.ignore_beams
             notes.append(f"the first {first:,} and the last {last:,} beams of each scan are ignored")
-        if self._setup.laser_pose is not None:
-            x, y, theta = self._setup.laser_pose
+        if self.setup.laser_pose is not None:
+            x, y, theta = self.setup.laser_pose
             notes.append(
                 f"the laser's mount is taken as given: x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(theta):.1f} deg"
             )
         return (*self._log.notes, *notes)
 
     def __iter__(self) -> Iterator[LaserScan]:
-        scans = fresh(self._log) if self._setup.drop_stale else self._log
+        scans = fresh(self._log) if self.setup.drop_stale else self._log
         return map(self._seen, scans)
 
     def _scan_at(self, i: int) -> LaserScan:
         scan = self._log[i]
-        if self._setup.drop_stale and i > 0:
+        if self.setup.drop_stale and i > 0:
             *_, scan = fresh((self._log[i - 1], scan))
         return self._seen(scan)
 
     def _seen(self, scan: LaserScan) -> LaserScan:
-        first, last = self._setup.ignore_beams
+        first, last = self.setup.ignore_beams
         if first or last:
             ranges = scan.ranges.copy()
             ranges[:first] = np.nan
             ranges[max(len(ranges) - last, 0) :] = np.nan
             scan = replace(scan, ranges=ranges)
         scan = mirrored(scan) if self._is_mirrored else scan
-        return swept_backwards(scan) if self._setup.backwards else scan
+        return swept_backwards(scan) if self.setup.backwards else scan
 
 
 def fresh(scans: Iterable[LaserScan]) -> Iterator[LaserScan]:

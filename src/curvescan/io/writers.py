@@ -9,14 +9,16 @@ from __future__ import annotations
 import importlib
 import os
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, cast
 
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
+from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_file, output_folder
 from curvescan.io.log import Log
+from curvescan.scan import LaserScan
 
 
 class LogWriter(Protocol):
@@ -61,7 +63,7 @@ WRITERS: dict[str, OutputFormat] = {
     "carmen": OutputFormat(
         suffixes=(".clf", ".log", ".carmen"), writer="curvescan.io.carmen.writer:write_carmen", is_text=True
     ),
-    "csv": OutputFormat(suffixes=(".csv",), writer="curvescan.io.arrays.csv_writer:write_csv_scans", is_text=True),
+    "csv": OutputFormat(suffixes=(".csv",), writer="curvescan.io.arrays.csv_file:write_csv_scans", is_text=True),
     "npz": OutputFormat(suffixes=(".npz",), writer="curvescan.io.arrays.npz_writer:write_npz"),
     "ros1": OutputFormat(suffixes=(".bag",), writer="curvescan.io.ros.writing.log_writer:write_ros1"),
     "ros2": OutputFormat(suffixes=("",), writer="curvescan.io.ros.writing.log_writer:write_sqlite3", is_folder=True),
@@ -72,7 +74,7 @@ WRITERS: dict[str, OutputFormat] = {
 
 def write_log(
     path: str | os.PathLike[str],
-    log: Log,
+    log: Log | Iterable[LaserScan],
     *,
     format: str | None = None,  # noqa: A002 - what it is
     source: str | os.PathLike[str] | None = None,
@@ -87,8 +89,8 @@ def write_log(
     ----------
     path : str or path-like
         The file; for ``"ros2"`` a folder that does not exist.
-    log : Log
-        Any log.
+    log : Log or iterable of LaserScan
+        Any log, or scans.
     format : str or None
         Name of a row of WRITERS; None to go by the ending of `path`.
     source : str, path-like or None
@@ -108,7 +110,7 @@ def write_log(
     OutputError
         When it cannot be written there, `path` is the source, or a scan cannot be said in the format.
     """
-    target = Path(path)
+    target, log = Path(path), as_log(log)
     row = _choose(target, format)
     if source is not None:
         _check_is_other(target, Path(source))

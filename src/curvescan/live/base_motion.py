@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from curvescan import se2
+from curvescan.odometry import Step
 from curvescan.se2 import uncertain
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Pose
@@ -63,7 +63,7 @@ class BaseMotion:
         """Return a pose, or a motion, of the laser as one of the base."""
         return uncertain.compose(uncertain.compose(self._mount, laser), self._unmount)
 
-    def add(self, step: Any, stamp: float) -> BaseState:
+    def add(self, step: Step, stamp: float) -> BaseState:
         """Return the base's state at the next step of an odometry, a SLAM or a localizer of curvescan."""
         moved = self.on_base(UncertainPose(step.motion, step.motion_covariance))
         self._odom_base = uncertain.compose(self._odom_base, moved)
@@ -73,7 +73,7 @@ class BaseMotion:
             twist, covariance = se2.log(moved.pose) / seconds, moved.cov / seconds**2
         self._stamp = stamp
         # the chain leaves out where odometry leapt back from its drift: that much it is known to be wrong
-        known = self.on_base(_by_odometry(step))
+        known = self.on_base(UncertainPose(step.pose_odom, step.covariance_odom))
         leap = self._odom_base.pose - known.pose
         leap[2] = se2.wrap(leap[2])
         odom_base = UncertainPose(self._odom_base.pose, known.cov + np.outer(leap, leap))
@@ -81,10 +81,3 @@ class BaseMotion:
             base_in_map = self.on_base(UncertainPose(step.pose, _NOWHERE)).pose
             self._map_odom = se2.compose(base_in_map, se2.inverse(odom_base.pose))
         return BaseState(odom_base=odom_base, twist=twist, twist_covariance=covariance, map_odom=self._map_odom)
-
-
-def _by_odometry(step: Any) -> UncertainPose:
-    """Return the pose of the laser by its odometry alone."""
-    if hasattr(step, "pose_odom"):
-        return UncertainPose(step.pose_odom, step.covariance_odom)
-    return UncertainPose(step.pose, step.covariance)

@@ -1,27 +1,30 @@
-"""PageServer: the viewer's page over HTTP, read-only: four files from memory, one picture, one stream of events.
+"""PageServer: a page over HTTP: files from memory, what its site has to show, one stream of events, and actions.
 
-What a visitor sends is a path, and a path is looked up in a table: no file is named by it, nothing is written for it. Only
-GET and HEAD are answered. A server bound to this machine answers only to this machine's names, so that no page of
-another site can read it by a name of its own (DNS rebinding); scripts, styles and connections are limited to itself.
+What a visitor sends is a path, and a path is looked up in a table: no file is named by it, nothing is written for it. A
+server bound to this machine answers only to this machine's names, so that no page of another site can read it by a name
+of its own (DNS rebinding); scripts, styles and connections are limited to itself. An action is a POST that carries the
+token of this server, which only its own page can read; where other machines may look on, there are no actions.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hmac
 import ipaddress
+import json
+import secrets
 import socket
 import socketserver
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, Protocol, Self
 
 from curvescan._version import __version__
-from curvescan.errors import OutputError
-from curvescan.live.viewer import Viewer, encoded
+from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 
 MAX_CONNECTIONS = 64
 """Connections served at once; further ones are closed."""
@@ -29,12 +32,11 @@ MAX_CONNECTIONS = 64
 TIMEOUT = 10.0
 """A visitor who sends, or takes in, nothing for so long is cut off, seconds."""
 
-_FILES: Mapping[str, tuple[str, str]] = {
-    "/": ("page.html", "text/html; charset=utf-8"),
-    "/page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "/page.css": ("page.css", "text/css; charset=utf-8"),
-    "/icon.svg": ("icon.svg", "image/svg+xml"),
-}
+MAX_BODY = 1 << 16
+"""Longest text of an action, bytes."""
+
+_ACTION, _TOKEN, JSON = "/do/", "X-Curvescan-Token", "application/json"
+_KINDS = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -45,20 +47,57 @@ _HEADERS = {
 }
 
 
+Content = tuple[bytes, str]
+"""What is sent, and its media type."""
+
+Event = tuple[str, dict[str, Any]]
+
+
+class Site(Protocol):
+    """What a page shows.
+
+    Attributes
+    ----------
+    page : str
+        Name of its HTML and, with .js, of its script.
+    actions : frozenset of str
+        Names of what the page may ask for.
+    """
+
+    page: str
+    actions: frozenset[str]
+
+    def content(self, path: str) -> Content | None:
+        """Return what there is under a path; None where there is nothing."""
+        ...
+
+    def events(self) -> Iterator[Event | None] | None:
+        """Return what a new browser is told, from the beginning, None as a sign of life; None without a stream."""
+        ...
+
+    def act(self, name: str, arguments: Mapping[str, Any]) -> Content:
+        """Do what the page asks for. Raises CurvescanError."""
+        ...
+
+    def stop(self) -> None:
+        """End the streams of all browsers."""
+        ...
+
+
 class PageServer:
-    """Serves a viewer's page; a context.
+    """Serves the page of a site; a context.
 
     Raises OutputError.
     """
 
-    def __init__(self, viewer: Viewer, *, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0) -> None:
         try:
-            self._server = _Server(viewer, host, port)
+            self._server = _Server(site, host, port)
         except (OSError, OverflowError) as error:
             raise OutputError(
                 f"cannot serve the page at {host}:{port}: {error}; choose another --http-port or --host"
             ) from error
-        self._viewer = viewer
+        self._site = site
         self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     @property
@@ -81,7 +120,7 @@ class PageServer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._viewer.stop()
+        self._site.stop()
         self._server.shutdown()
         self._server.server_close()
 
@@ -91,17 +130,22 @@ class _Server(ThreadingHTTPServer):
     block_on_close = False
     request_queue_size = 64
 
-    def __init__(self, viewer: Viewer, host: str, port: int) -> None:
-        self.viewer = viewer
-        self.contents = {
-            path: (files("curvescan.live").joinpath("page", name).read_bytes(), kind)
-            for path, (name, kind) in _FILES.items()
-        }
+    def __init__(self, site: Site, host: str, port: int) -> None:
+        self.site = site
+        folder = files("curvescan.live").joinpath("page")
+        names = ("stage.js", f"{site.page}.js", "page.css", "icon.svg")
+        html = folder.joinpath(f"{site.page}.html").read_bytes()
+        self.contents: dict[str, Content] = {"/": (html, "text/html; charset=utf-8")}
+        for name in names:
+            self.contents[f"/{name}"] = (folder.joinpath(name).read_bytes(), _KINDS[name[name.rindex(".") :]])
         if ":" in host:
             self.address_family = socket.AF_INET6
         self._free = threading.BoundedSemaphore(MAX_CONNECTIONS)
         super().__init__((host, port), _Handler)
         self.is_local = _is_loopback(str(self.server_address[0]))
+        self.token = secrets.token_urlsafe(24)
+        if self.is_local and site.actions:
+            self.contents["/token"] = (self.token.encode(), "text/plain")
 
     def server_bind(self) -> None:
         """Bind without asking a name server for our name, which may take seconds."""
@@ -133,14 +177,14 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = f"curvescan/{__version__}", ""
     error_content_type = "text/plain; charset=utf-8"
     error_message_format = "%(code)d %(message)s\n"
-    _answers: ClassVar[frozenset[str]] = frozenset({"GET", "HEAD"})
 
     def parse_request(self) -> bool:
-        """Refuse what is no GET or HEAD, and a visitor who calls us by another site's name."""
+        """Refuse what is no GET, HEAD or action, and a visitor who calls us by another site's name."""
         if not super().parse_request():
             return False
-        self.close_connection = True  # one request a connection: nothing of a body is ever read
-        if self.command not in self._answers:
+        self.close_connection = True  # one request a connection: only an action has a body
+        is_action = self.command == "POST" and self._action() in self.server.site.actions and self.server.is_local
+        if self.command not in ("GET", "HEAD") and not is_action:
             self.send_error(HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered")
             return False
         hosts = self.headers.get_all("Host") or []
@@ -156,14 +200,38 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer what stands in the table."""
         path = self.path.partition("?")[0]
-        if path in self.server.contents:
-            self._send(*self.server.contents[path])
-        elif path == "/map.png" and (picture := self.server.viewer.picture) is not None:
-            self._send(picture.png, "image/png")
-        elif path == "/events":
-            self._stream()
+        if path == "/events" and (events := self.server.site.events()) is not None:
+            self._stream(events)
+        elif (content := self.server.contents.get(path) or self.server.site.content(path)) is not None:
+            self._send(*content)
         else:
             self.send_error(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def do_POST(self) -> None:
+        """Do what our own page asks for, and nobody else."""
+        origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
+        given = self.headers.get(_TOKEN, "").encode()
+        is_ours = origin in (None, f"http://{self.headers['Host']}") and self.headers.get("Content-Type") == JSON
+        if not is_ours or not hmac.compare_digest(given, self.server.token.encode()):
+            self.send_error(HTTPStatus.FORBIDDEN, "only the page of this server may ask for that")
+        elif not (length.isascii() and length.isdigit() and int(length) <= MAX_BODY):
+            self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the request has no length, or is too long")
+        else:
+            self._act(self.rfile.read(int(length)))
+
+    def _act(self, body: bytes) -> None:
+        try:
+            arguments = json.loads(body)
+            if not isinstance(arguments, dict):
+                raise InvalidArgumentError("an action takes an object")
+            self._send(*self.server.site.act(self._action(), arguments))
+        except (CurvescanError, ValueError, TypeError, KeyError, RecursionError) as error:
+            text = json.dumps({"error": str(error)}).encode()
+            self._send(text, JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
+
+    def _action(self) -> str:
+        """Return the name of the action that was asked for; empty where none was."""
+        return self.path.removeprefix(_ACTION) if self.path.startswith(_ACTION) else ""
 
     def end_headers(self) -> None:
         """Add what every answer carries."""
@@ -174,8 +242,8 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
         """Keep the terminal for the run."""
 
-    def _send(self, content: bytes, kind: str) -> None:
-        self.send_response(HTTPStatus.OK)
+    def _send(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Connection", "close")
@@ -183,7 +251,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.command != "HEAD":
             self.wfile.write(content)
 
-    def _stream(self) -> None:
+    def _stream(self, events: Iterator[Event | None]) -> None:
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", "text/event-stream; charset=utf-8")
         self.send_header("Connection", "close")
@@ -192,8 +260,17 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with contextlib.suppress(OSError):  # the browser has gone, or takes nothing in
             self.wfile.write(b"retry: 1000\n\n")
-            for event in self.server.viewer.events():
+            for event in events:
                 self.wfile.write(encoded(event))
+
+
+def encoded(event: Event | None) -> bytes:
+    """Return an event as a server-sent event; None as a comment."""
+    if event is None:
+        return b": nothing new\n\n"
+    name, data = event
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return f"event: {name}\ndata: {text}\n\n".encode()
 
 
 def _is_loopback(address: str) -> bool:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from curvescan.diagnostics.mending import StreamMender
 from curvescan.errors import require
 from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
@@ -91,6 +92,35 @@ class _Paced:
             elif self._closed.is_set():
                 return
             yield scan
+
+
+class MendedSource:
+    """A source whose scans are mended by what the first of them show; see :class:`curvescan.diagnostics.mending.StreamMender`.
+
+    Parameters
+    ----------
+    source : ScanSource
+        A running laser.
+    tell : callable
+        Called with a sentence when something is mended, or no longer is.
+    """
+
+    def __init__(self, source: ScanSource, tell: Callable[[str], object]) -> None:
+        self._source, self._mender = source, StreamMender(tell)
+        self.name, self.is_live = source.name, source.is_live
+
+    def __enter__(self) -> Self:
+        self._source.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._source.__exit__(kind, error, traceback)
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans as they come, mended."""
+        return map(self._mender.add, self._source.scans())
 
 
 class LogSource(_Paced):

@@ -5,29 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
-from typing import Any, Protocol
 
 from curvescan.deskew import middle_of_sweep
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.matchers import MatchResult
+from curvescan.odometry import Step, StepOutcome
+from curvescan.odometry.run import pose_at
 from curvescan.scan import LaserScan
+from curvescan.slam import Closure, Slam
+from curvescan.slam.run import Engine, is_deskewed
 from curvescan.types import Cov, Pose
-
-UNMATCHED = frozenset({"STARTED", "PREDICTED", "HELD", "SEARCHING"})
-"""Names of the outcomes, of any engine, that stand on no match."""
-
 
 _REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
 """Revised poses are handed on at most every so many seconds, and in at most this share of the time."""
-
-
-class Engine(Protocol):
-    """What a tracker drives: :class:`curvescan.Odometry`, :class:`curvescan.Slam` or :class:`curvescan.Localizer`."""
-
-    def add(self, scan: LaserScan, odometry_pose: Pose | None = None) -> Any:
-        """Return where the sensor was at this scan."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,21 +30,8 @@ class TrackedScan:
         Number of the scan among those that were tracked, from 0.
     scan : LaserScan
         The scan as the source gave it.
-    step : OdometryStep, SlamStep or another
+    step : Step
         What the engine returned for it.
-    pose : (3,) float64
-        Pose of the sensor, metres and radians: in the map frame with SLAM or in a saved map, else as `pose_odom`; NaN while it
-        is searched for in a saved map.
-    pose_odom : (3,) float64
-        Pose of the sensor by odometry alone, frame of the first scan.
-    covariance : (3, 3) float64
-        Covariance of `pose`, x, y, theta.
-    outcome : Enum
-        How the pose came about; its value is a sentence.
-    is_matched : bool
-        Whether the pose stands on a match.
-    match : MatchResult or None
-        The match behind the pose.
     closures : tuple of (int, int)
         Numbers of the two scans that each loop closure joins which this scan brought.
     revised : Trajectory or None
@@ -71,19 +48,43 @@ class TrackedScan:
 
     index: int
     scan: LaserScan
-    step: Any
-    pose: Pose
-    pose_odom: Pose
-    covariance: Cov
-    outcome: Enum
-    is_matched: bool
-    match: MatchResult | None
+    step: Step
     closures: tuple[tuple[int, int], ...]
     revised: Trajectory | None
     is_deskewed: bool
     seconds: float
     received: float
     n_dropped: int
+
+    @property
+    def pose(self) -> Pose:
+        """(3,) pose of the sensor; see :class:`curvescan.Step`."""
+        return self.step.pose
+
+    @property
+    def pose_odom(self) -> Pose:
+        """(3,) pose of the sensor by odometry alone."""
+        return self.step.pose_odom
+
+    @property
+    def covariance(self) -> Cov:
+        """(3, 3) covariance of the pose."""
+        return self.step.covariance
+
+    @property
+    def outcome(self) -> StepOutcome:
+        """How the pose came about."""
+        return self.step.outcome
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the pose stands on a match."""
+        return self.step.is_matched
+
+    @property
+    def match(self) -> MatchResult | None:
+        """The match behind the pose."""
+        return self.step.match
 
     @property
     def half_sweep(self) -> float:
@@ -98,13 +99,15 @@ class Tracker:
     ----------
     engine : Odometry, Slam or Localizer
         What estimates the poses.
+    odometry_poses : (n, 3) float64 or None
+        Pose of the sensor at each scan by its wheels, of a log that is replayed.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, odometry_poses: Pose | None = None) -> None:
         self.engine = engine
+        self._odometry_poses = odometry_poses
         self._n_scans = 0
-        config = getattr(engine, "config", None)
-        self._is_deskewed: bool = getattr(getattr(config, "odometry", config), "deskew", True)
+        self._is_deskewed = is_deskewed(engine)
         self._scan_of_keyframe: dict[int, int] = {}
         self._is_revised, self._next_revision = False, 0.0
 
@@ -126,22 +129,17 @@ class Tracker:
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
+        if odometry_pose is None:
+            odometry_pose = pose_at(self._odometry_poses, self._n_scans)
         step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
-        if hasattr(step, "keyframe"):
-            self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
-        self._is_revised |= getattr(step, "is_revised", False)
+        self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
+        self._is_revised |= step.is_revised
         tracked = TrackedScan(
             index=self._n_scans,
             scan=scan,
             step=step,
-            pose=step.pose,
-            pose_odom=getattr(step, "pose_odom", step.pose),
-            covariance=step.covariance,
-            outcome=step.outcome,
-            is_matched=step.outcome.name not in UNMATCHED,
-            match=getattr(step, "match", None),
-            closures=self._joined(getattr(step, "closures", ())),
+            closures=self._joined(step.closures),
             revised=self._revision(),
             is_deskewed=self._is_deskewed,
             seconds=seconds,
@@ -154,15 +152,15 @@ class Tracker:
     def _revision(self) -> Trajectory | None:
         """Return all poses so far where they have changed and it is time; else None."""
         started = time.monotonic()
-        if not self._is_revised or started < self._next_revision:
+        if not isinstance(self.engine, Slam) or not self._is_revised or started < self._next_revision:
             return None
-        trajectory: Trajectory = self.engine.trajectory()  # type: ignore[attr-defined]
+        trajectory = self.engine.trajectory()
         now = time.monotonic()
         self._next_revision = now + max(_REVISION_PERIOD, (now - started) / _REVISION_SHARE)
         self._is_revised = False
         return trajectory
 
-    def _joined(self, closures: Sequence[Any]) -> tuple[tuple[int, int], ...]:
+    def _joined(self, closures: Sequence[Closure]) -> tuple[tuple[int, int], ...]:
         """Return the scans that became the keyframes which loop closures join."""
         scan_of, now = self._scan_of_keyframe, self._n_scans
         return tuple((scan_of.get(c.i, now), scan_of.get(c.j, now)) for c in closures)

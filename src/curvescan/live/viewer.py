@@ -7,17 +7,16 @@ for it, so a slow one misses scans, never a piece of the path, and holds up nobo
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from curvescan.errors import MapTooLargeError
+from curvescan.errors import InvalidArgumentError, MapTooLargeError
 from curvescan.live.live_map import MapPicture, picture_of
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
@@ -96,6 +95,8 @@ class Viewer(MapSink):
         if saved_map is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
 
+    page, actions = "page", frozenset[str]()
+
     def set_status(self, kind: str, text: str) -> None:
         """Show a sentence on the page: "loading", "running", "ended" or "error"."""
         with self._changed:
@@ -110,10 +111,14 @@ class Viewer(MapSink):
             builder.add(scan, np.zeros(3))
             self._show(picture_of(builder.grid(), version=0))
 
-    @property
-    def picture(self) -> MapPicture | None:
-        """The newest picture of the map; None before the first."""
-        return self._picture
+    def content(self, path: str) -> tuple[bytes, str] | None:
+        """Return the newest picture of the map, once there is one."""
+        picture = self._picture
+        return (picture.png, "image/png") if path == "/map.png" and picture is not None else None
+
+    def act(self, name: str, arguments: Mapping[str, Any]) -> tuple[bytes, str]:
+        """Do what the page asks for."""
+        raise InvalidArgumentError(f"the page may not ask for {name}")
 
     def stop(self) -> None:
         """End the streams of all browsers."""
@@ -253,15 +258,6 @@ class _Seen:
         self.picture = -1
         self.closures = (0, 0)
         self.scan_event: dict[str, Any] | None = None
-
-
-def encoded(event: Event | None) -> bytes:
-    """Return an event as a server-sent event; None as a comment."""
-    if event is None:
-        return b": nothing new\n\n"
-    name, data = event
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return f"event: {name}\ndata: {text}\n\n".encode()
 
 
 def is_degenerate(match: Any) -> bool:

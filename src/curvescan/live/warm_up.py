@@ -8,10 +8,11 @@ from collections.abc import Callable
 import curvescan
 from curvescan._compilation import watch
 from curvescan.live.live_map import LiveMap, picture_of
-from curvescan.live.tracker import Engine, Tracker
+from curvescan.live.tracker import Tracker
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import Sensor
+from curvescan.slam.run import Engine
 
 _N_SCANS = 20
 

@@ -1,7 +1,7 @@
 """Which readings of a scan belong to something that moves, given where earlier scans were taken from.
 
-A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves
-less than his own width from one scan to the next, so scans of about the last second are compared, not the last one alone;
+A reading that lies where an earlier scan looked through is of something that was not there before. A walker moves less
+than his own width from one scan to the next, so scans of about the last second are compared, not the last one alone;
 and a segment of which a part was not there before is taken to move as a whole.
 
 After Núñez et al. 2009, section 2.2: the segments without a partner are the dynamic ones. A free-space violation
@@ -95,10 +95,10 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
 def _is_passed(
     points: Points, valid: Bools, pose: Pose, reach: Floats, angle_min: float, step: float, margin: float
 ) -> Bools:
-    """Return (n,) whether both beams of an evenly spaced scan on either side of each reading passed it by more than a margin.
+    """Return (n,) whether the beams on both sides of each reading passed it by more than a margin.
 
-    `pose` is that of the readings' scan in the other. Beams are counted from the first, whatever the way the sensor turns
-    and wherever it starts.
+    `pose` is that of the readings' scan in the other. Beams are counted from the first, whatever the way the sensor
+    turns and wherever it starts.
     """
     passed = np.zeros(valid.size, dtype=np.bool_)
     way = 1.0 if step > 0.0 else -1.0

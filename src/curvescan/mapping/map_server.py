@@ -9,12 +9,14 @@ places come back as free. Hence 0.196 here.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from curvescan.errors import InvalidArgumentError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
@@ -31,7 +33,7 @@ free_thresh: 0.196
 
 
 def map_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Return the (n_rows, n_columns) uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
+    """Return the uint8 picture of a map: 0 occupied, 205 unknown, 254 free; the top row has the largest y."""
     pixels = np.full(grid.log_odds.shape, UNKNOWN, dtype=np.uint8)
     pixels[grid.is_occupied] = OCCUPIED
     pixels[grid.is_free] = FREE
@@ -53,10 +55,14 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
     Raises
     ------
     InvalidArgumentError
-        When the map has no cells.
+        When the map is none, or has no cells.
     OutputError
         When the files cannot be written.
     """
+    if not isinstance(grid, OccupancyGrid):
+        raise InvalidArgumentError(
+            f"grid must be an OccupancyGrid, got {type(grid).__name__}: OccupancyBuilder().grid() is one"
+        )
     if not grid.log_odds.size:
         raise InvalidArgumentError("a map must have at least one cell: no scan had a reading")
     pixels = map_pixels(grid)
@@ -69,3 +75,51 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
         )
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot write {Path(folder) / name}: {error}") from error
+
+
+def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
+    """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The YAML file; its picture, a binary PGM, is found beside it.
+
+    Raises
+    ------
+    LogFileError
+        When a file cannot be read.
+    LogFormatError
+        When it is no such map, or turned against its frame.
+    """
+    path = Path(path)
+    try:
+        lines = [line.partition(":") for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+        values = {key.strip(): value.strip() for key, _, value in lines}
+        picture = (path.parent / values["image"].strip("'\"")).read_bytes()
+        x, y, yaw = (float(v) for v in values["origin"].strip("[]").split(","))
+        pixels = _pgm_pixels(picture)
+        is_dark = values.get("negate", "0") not in ("1", "true")
+        share = (255.0 - pixels if is_dark else pixels) / 255.0
+        is_occupied = share > float(values.get("occupied_thresh", "0.65"))
+        is_free = share < float(values.get("free_thresh", "0.196"))
+        config = OccupancyConfig(resolution=float(values["resolution"]))
+    except OSError as error:
+        raise LogFileError(f"cannot read {path} or its picture: {error.strerror or error}") from error
+    except (KeyError, ValueError) as error:
+        raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
+    if yaw != 0.0:
+        raise LogFormatError(f"{path} is turned by {yaw:g} rad against its frame: turn the picture")
+    surest = np.log([config.highest / (1.0 - config.highest), config.lowest / (1.0 - config.lowest)])
+    log_odds = np.where(is_occupied, surest[0], np.where(is_free, surest[1], 0.0)).astype(np.float32)
+    return OccupancyGrid(log_odds=np.ascontiguousarray(log_odds[::-1]), origin=np.array([x, y]), config=config)
+
+
+def _pgm_pixels(data: bytes) -> NDArray[np.uint8]:
+    header = re.match(rb"P5\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+(\d+)\s", data)
+    if header is None or int(header[3]) != 255:
+        raise ValueError("its picture must be a binary PGM of 8 bits (P5)")
+    n_columns, n_rows = int(header[1]), int(header[2])
+    if len(data) - header.end() != n_columns * n_rows or not n_columns * n_rows:
+        raise ValueError("its picture is cut short")
+    return np.frombuffer(data, np.uint8, offset=header.end()).reshape(n_rows, n_columns)

@@ -127,11 +127,14 @@ class OccupancyBuilder:
         MapTooLargeError
             When the map would need more than MAX_BYTES; the map is left as it was.
         InvalidArgumentError
-            When `ignored` has not one value a beam.
+            When `pose` is not three numbers, or `ignored` has not one value a beam.
         """
         if ignored is not None and ignored.shape != scan.ranges.shape:
             raise InvalidArgumentError(f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}")
-        x, y, theta = (float(v) for v in np.asarray(pose, dtype=np.float64))
+        try:
+            x, y, theta = np.asarray(pose, dtype=np.float64).tolist()
+        except (TypeError, ValueError):
+            raise InvalidArgumentError(f"pose must be three numbers [x, y, theta], got {pose!r:.80}") from None
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
             return
         is_fully_observed = self._is_clear(scan)
@@ -175,7 +178,7 @@ class OccupancyBuilder:
         return np.isposinf(scan.ranges)
 
     def _holds(self, low: Floats, high: Floats) -> bool:
-        """Return whether the grid holds all places of a box, and a cell more on each side: they are rounded once more."""
+        """Return whether the grid holds a box and, as places are rounded once more, a cell on each side."""
         n_rows, n_columns = self._log_odds.shape
         (left, bottom), (i, j) = low.tolist(), self._corner.tolist()
         right, top = high.tolist()

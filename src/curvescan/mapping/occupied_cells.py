@@ -32,8 +32,8 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
 class OccupiedCells:
     """Cells of a square grid that points fell into; memory follows the area and not the number of points.
 
-    A cell is one integer, its column in the upper and its row in the lower half: such are sorted ten times as fast as pairs.
-    Places beyond the 2^31st cell, 100,000 km away, fall into that cell.
+    A cell is one integer, its column in the upper and its row in the lower half: such are sorted ten times as fast as
+    pairs. Places beyond the 2^31st cell, 100,000 km away, fall into that cell.
     """
 
     def __init__(self, cell: float) -> None:

@@ -18,23 +18,15 @@ from curvescan.types import Bools, Points, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunMaps:
-    """The maps of a run.
+    """The maps of a run."""
 
-    Attributes
-    ----------
-    standing, moved : (k, 2), (m, 2) float64
-        Centres of the cells in which a reading ended on what stands, and on what moved while the sensor passed; metres,
-        frame of the poses. A cell may be in both.
-    grid : OccupancyGrid or None
-        The occupancy map, without dynamic readings; None where it was not requested or is left out.
-    why_no_grid : str
-        Why a requested occupancy map is left out, a sentence; else empty.
-    """
-
+    # centres of the cells in which a reading ended on what stands, and on what moved while the sensor passed; metres,
+    # frame of the poses. A cell may be in both
     standing: Points
     moved: Points
+    # the occupancy map, without dynamic readings; None where it was not requested or is left out
     grid: OccupancyGrid | None = None
-    why_no_grid: str = ""
+    why_no_grid: str = ""  # why a requested occupancy map is left out, a sentence; else empty
 
 
 def build_maps(

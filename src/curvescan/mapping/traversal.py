@@ -1,7 +1,7 @@
 """The cells that beams pass: exact traversal of a square grid.
 
-Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987. A beam goes from cell to
-cell through the side it meets first. How many columns and rows it has to cross is known beforehand, so that rounding can
+Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987. A beam goes from cell to cell
+through the side it meets first. How many columns and rows it has to cross is known beforehand, so that rounding can
 neither miss its last cell nor run past it.
 """
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from curvescan.odometry.config import KeyframesConfig, MotionConfig, OdometryConfig
     from curvescan.odometry.odometry import Odometry
-    from curvescan.odometry.run import OdometryRun, run_odometry
-    from curvescan.odometry.step import OdometryStep, StepOutcome
+    from curvescan.odometry.run import RunRecord, run_odometry
+    from curvescan.odometry.step import Step, StepOutcome
 
 _HOMES = {
     "KeyframesConfig": "config",
     "MotionConfig": "config",
     "Odometry": "odometry",
     "OdometryConfig": "config",
-    "OdometryRun": "run",
-    "OdometryStep": "step",
+    "RunRecord": "run",
+    "Step": "step",
     "StepOutcome": "step",
     "run_odometry": "run",
 }
@@ -27,8 +27,8 @@ __all__ = [
     "MotionConfig",
     "Odometry",
     "OdometryConfig",
-    "OdometryRun",
-    "OdometryStep",
+    "RunRecord",
+    "Step",
     "StepOutcome",
     "run_odometry",
 ]

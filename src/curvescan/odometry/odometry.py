@@ -1,12 +1,11 @@
 """Odometry: a stream of scans in, a trajectory out.
 
 The only place that holds state. Its one verb is ``add(scan)``. Each scan is matched with a keyframe, so that a sensor
-at rest does not drift; a new keyframe is made when the one in use is left behind, unless the place is known from before.
+at rest does not drift; a new keyframe is made when the one in use is left behind. It closes no loops: SLAM does.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,12 +18,10 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.gaps import LOST_COVARIANCE
-from curvescan.odometry.keyframes import KeyframeGraph
-from curvescan.odometry.motion_model import MotionModel
-from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
-from curvescan.odometry.step import OdometryStep
-from curvescan.odometry.strategies import STRATEGIES, start
+from curvescan.odometry.motion import MotionModel
+from curvescan.odometry.observation import Matching, Observation, Placement, Reference, State, step_motion
+from curvescan.odometry.step import Step, StepOutcome
+from curvescan.odometry.strategies import LOST_COVARIANCE, doubted, start, track
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -33,9 +30,9 @@ class Odometry:
     """Where the sensor is, scan by scan.
 
     A scan is matched with the keyframe in use, near where it is expected. If that fails or leaves doubt, the previous
-    scan is tried, then earlier keyframes without a guess; where nothing matches, the expected motion is taken, and the
-    outcome says so. When the keyframe in use is left behind, earlier ones nearby are tried for a loop closure; without
-    one, the scan becomes the next keyframe.
+    scan is tried, then those in use before the last failure; where nothing matches, the expected motion is taken, and
+    the outcome says so. When the keyframe in use is left behind, the scan becomes the next one. No loop is closed: the
+    trajectory is continuous and drifts. :class:`curvescan.Slam` closes loops.
 
     Parameters
     ----------
@@ -46,11 +43,6 @@ class Odometry:
         :meth:`OdometryConfig.of_method`. In every call ``config=`` configures what is called.
     matcher : dataclass, mapping or None
         Configuration of the matcher within: what ``config=`` is for :func:`curvescan.match`.
-
-    Attributes
-    ----------
-    keyframes : KeyframeGraph
-        The keyframes in memory, each with its number in the stream and its pose.
 
     Raises
     ------
@@ -74,8 +66,6 @@ class Odometry:
             config=as_config(config, OdometryConfig.of_method(method), hint=hint),
         )
         self._state = State(motion=MotionModel.at_start(self.config.motion))
-        keyframes = self.config.keyframes
-        self.keyframes = KeyframeGraph(keyframes.max_keyframes, keyframes.variance_retained)
 
     @property
     def method(self) -> str:
@@ -93,9 +83,9 @@ class Odometry:
         return self._matching.matcher
 
     def __repr__(self) -> str:
-        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans, {len(self.keyframes):,} keyframes)"
+        return f"Odometry({self.method!r}, {self._state.n_scans:,} scans)"
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> OdometryStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -108,7 +98,7 @@ class Odometry:
 
         Returns
         -------
-        OdometryStep
+        Step
             Pose and covariance in the frame of the first scan, and how they came about.
 
         Raises
@@ -119,71 +109,67 @@ class Odometry:
         if not isinstance(scan, LaserScan):
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         state = self._state
-        pose = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
+        wheels = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
+        clock, seconds = state.clock.ticked(scan.stamp)
+        measured = state.motion.measured(wheels, state.last_motion) if self.config.is_filtered else None
         observation = Observation(
             scan=scan,
-            prediction=state.motion.predict(scan.stamp, pose),
-            deskewer=state.deskewer.ticked(scan),
             state=state,
-            keyframes=self.keyframes,
             matching=self._matching,
+            seconds=seconds,
+            wheels=measured,
+            is_missed=wheels is not None and measured is None and state.motion.wheels is not None,
+            deskewer=state.deskewer.ticked(scan),
         )
         placement = _place(observation)
-        self._commit(observation, placement)
-        watch.report()
-        return _as_step(observation, placement)
-
-    def _commit(self, observation: Observation, placement: Placement) -> None:
-        """Take up what was found: the one place where anything changes."""
-        index, keyframes = observation.index, self.keyframes
-        if placement.obsolete is not None:
-            keyframes.forget(placement.obsolete)
-        for keyframe in placement.used:
-            keyframe.used = index
-        if placement.first_keyframe_scan is not None:
-            placement.used[0].scan = placement.first_keyframe_scan
-        for keyframe in placement.new_keyframes:
-            keyframes.insert(keyframe)
-        if placement.anew_since is not None:
-            keyframes.disconnect(placement.anew_since, LOST_COVARIANCE)
-        reference = self._matching.as_reference(placement.current)
+        moved = step_motion(observation, placement.track)
+        motion = placement.motion.advanced(wheels, observation.wheels is not None, moved)
         self._state = State(
-            motion=placement.motion,
-            n_scans=index + 1,
-            localization=placement.localization,
-            previous=reference if placement.is_reference else None,
+            motion=motion,
+            n_scans=observation.index + 1,
+            track=placement.track,
+            as_keyframe=placement.as_keyframe,
+            keyframe=placement.keyframe,
+            previous=_as_reference(observation, placement),
+            clock=clock,
             deskewer=observation.deskewer,
-            first=observation.scan if index == 0 else None,
-            n_searches=placement.n_searches,
-            gap=placement.gap,
-            disputes=placement.disputes,
-            score=math.nan if placement.match is None else placement.match.score,
+            first=scan if observation.index == 0 else None,
+            last_motion=moved,
+            n_failed=placement.n_failed,
+            outage=placement.outage,
         )
+        watch.report()
+        return _as_step(observation, placement, moved)
 
 
-def _place(observation: Observation) -> Placement:
-    """Return where a scan is: what the first strategy says that can place it."""
-    last = observation.state.localization
-    if last is None:
-        return start(observation)
-    attempt = try_references(observation, last)
-    placements = (strategy(observation, attempt) for strategy in STRATEGIES)
-    return next(placement for placement in placements if placement is not None)
+def _place(o: Observation) -> Placement:
+    """Return where a scan is, and what it says on whether the sensor is still where it was tracked."""
+    last = o.state.track
+    return start(o) if last is None else doubted(o, last, track(o, last))
 
 
-def _as_step(observation: Observation, placement: Placement) -> OdometryStep:
-    pose_map_scan = placement.localization.pose_map_scan
-    return OdometryStep(
-        index=observation.index,
-        stamp=observation.scan.stamp,
-        pose=pose_map_scan.pose,
-        covariance=pose_map_scan.cov,
-        motion=placement.step_motion.pose,
-        motion_covariance=placement.step_motion.cov,
+def _as_reference(o: Observation, placement: Placement) -> Reference | None:
+    is_reference = placement.is_reference and o.matching.is_reference(placement.current)
+    return Reference(placement.current, o.index) if is_reference else None
+
+
+def _as_step(o: Observation, placement: Placement, moved: Pose) -> Step:
+    here, fit = placement.track.pose_map_scan, placement.fit
+    lost = LOST_COVARIANCE if placement.outcome is StepOutcome.LOST else np.zeros((3, 3))
+    is_first = o.state.track is None
+    return Step(
+        index=o.index,
+        stamp=o.scan.stamp,
+        pose=here.pose,
+        covariance=here.cov,
+        pose_odom=here.pose,
+        covariance_odom=here.cov,
+        motion=moved,
+        motion_covariance=np.zeros((3, 3)) if is_first else placement.track.motion(o.seconds).cov + lost,
         outcome=placement.outcome,
-        match=placement.match,
+        match=None if fit is None else fit.result,
         reference=placement.reference,
-        is_prior_rejected=placement.is_prior_rejected,
+        is_prior_rejected=fit is not None and fit.is_prior_rejected,
     )
 
 

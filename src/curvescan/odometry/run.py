@@ -1,4 +1,4 @@
-"""The odometry of a whole log."""
+"""The record of a run over a whole log, and the odometry of one."""
 
 from __future__ import annotations
 
@@ -7,30 +7,36 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from curvescan._interrupts import stoppable
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.matchers import MatchResult, Outcome
+from curvescan.matchers import Outcome
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import MATCHES, OdometryStep, StepOutcome
+from curvescan.odometry.step import MATCHES, Step, StepOutcome
 from curvescan.scan import LaserScan
-from curvescan.types import Bools, Cov, Floats, Ints, Pose
+from curvescan.types import Bools, Floats, Ints, Pose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OdometryRun:
-    """The odometry of a whole log.
+class RunRecord:
+    """The steps of a run over a log, by odometry, SLAM or localization.
 
     Attributes
     ----------
     method : str
         Name of the matcher.
     trajectory : Trajectory
-        Stamp, pose and covariance at each scan, in the frame of the first.
+        Stamp, pose and covariance at each scan; of SLAM as they are at the end, every pose revised.
+    online : Trajectory
+        The same as they were reported with each scan.
+    odometry : Trajectory
+        The poses by the odometry alone, never revised.
+    steps : tuple of Step
+        What the engine returned for each scan, their matches without `trace`; empty where steps were not to be kept.
     outcomes : tuple of StepOutcome
         How each pose came about.
     failures : dict of Outcome to int
@@ -45,15 +51,19 @@ class OdometryRun:
     is_degenerate : (n,) bool
         Whether the match of each scan leaves a direction unobservable, as along a corridor.
     seconds : (n,) float64
-        Time that ``Odometry.add`` took for each scan.
+        Time that ``add`` took for each scan.
     is_partial : bool
         Whether the run was interrupted before the end of the log.
     has_prior : bool
         Whether wheels or a gyroscope gave a motion prior.
+    seconds_to_finish : float
+        Time that SLAM took at the end, to optimize once more.
     """
 
     method: str
     trajectory: Trajectory
+    online: Trajectory
+    odometry: Trajectory
     outcomes: tuple[StepOutcome, ...]
     failures: dict[Outcome, int]
     n_rejected: int
@@ -63,12 +73,14 @@ class OdometryRun:
     is_partial: bool
     has_prior: bool = False
     n_prior_rejected: int = 0
+    steps: tuple[Step, ...] = ()
+    seconds_to_finish: float = 0.0
 
     def __repr__(self) -> str:
         n = len(self.outcomes)
         n_failed = int(np.count_nonzero(self.is_failed))
         partial = ", interrupted" if self.is_partial else ""
-        return f"OdometryRun({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
+        return f"RunRecord({self.method!r}: {n:,} scans, {n_failed:,} not matched{partial})"
 
     @property
     def is_matched(self) -> Bools:
@@ -99,58 +111,52 @@ class OdometryRun:
         return failed
 
 
-class _Step(Protocol):
-    """What a recorder takes of a step, of the odometry or of SLAM."""
+class Recorder:
+    """Gathers the steps of a run in columns, about 200 bytes a scan; with the steps themselves some 2 kB."""
 
-    @property
-    def stamp(self) -> float: ...
-    @property
-    def pose(self) -> Pose: ...
-    @property
-    def covariance(self) -> Cov: ...
-    @property
-    def outcome(self) -> StepOutcome: ...
-    @property
-    def match(self) -> MatchResult | None: ...
-
-
-class RunRecorder:
-    """Gathers the steps of a run in columns."""
-
-    def __init__(self) -> None:
-        self._stamps, self._poses, self._covariances, self._seconds = (array("d") for _ in range(4))
+    def __init__(self, *, keeps_steps: bool = False) -> None:
+        self._keeps_steps = keeps_steps
+        self._stamps, self._poses, self._odom, self._covariances, self._seconds = (array("d") for _ in range(5))
         self._outcomes: list[StepOutcome] = []
+        self._steps: list[Step] = []
         self._n_matched, self._is_degenerate = array("q"), array("b")
         self._n_rejected = self._n_prior_rejected = 0
         self._failures: Counter[Outcome] = Counter()
 
-    def add(self, step: _Step, seconds: float, *, is_prior_rejected: bool = False) -> None:
+    def add(self, step: Step, seconds: float) -> None:
         """Take up a step, and how long it took."""
         match = step.match
         self._seconds.append(seconds)
         self._stamps.append(step.stamp)
         self._poses.extend(step.pose)
+        self._odom.extend(step.pose_odom)
         self._covariances.extend(step.covariance.ravel())
         self._n_matched.append(match.n_matched if match else 0)
         self._is_degenerate.append(match is not None and match.degenerate_direction is not None)
-        if match and step.outcome not in MATCHES:
+        if match and not step.is_matched:
             if match.ok:
                 self._n_rejected += 1
             else:
                 self._failures[match.outcome] += 1
-        self._n_prior_rejected += is_prior_rejected
+        self._n_prior_rejected += step.is_prior_rejected
+        if self._keeps_steps:
+            self._steps.append(without_trace(step))
         self._outcomes.append(step.outcome)
 
-    def run(self, method: str, *, is_partial: bool, has_prior: bool) -> OdometryRun:
+    def record(self, method: str, *, is_partial: bool, has_prior: bool = False) -> RunRecord:
         """Return the record of the run, with the poses as they were reported with each step."""
         n = len(self._outcomes)  # a row that an interrupt left half-made is dropped
-        return OdometryRun(
+        stamps = np.array(self._stamps[:n])
+        online = Trajectory(
+            stamps=stamps,
+            poses=np.array(self._poses[: 3 * n]).reshape(n, 3),
+            covariances=np.array(self._covariances[: 9 * n]).reshape(n, 3, 3),
+        )
+        return RunRecord(
             method=method,
-            trajectory=Trajectory(
-                stamps=np.array(self._stamps[:n]),
-                poses=np.array(self._poses[: 3 * n]).reshape(n, 3),
-                covariances=np.array(self._covariances[: 9 * n]).reshape(n, 3, 3),
-            ),
+            trajectory=online,
+            online=online,
+            odometry=Trajectory(stamps=stamps, poses=np.array(self._odom[: 3 * n]).reshape(n, 3)),
             outcomes=tuple(self._outcomes),
             failures=dict(self._failures.most_common()),
             n_rejected=self._n_rejected,
@@ -160,37 +166,57 @@ class RunRecorder:
             is_partial=is_partial,
             has_prior=has_prior,
             n_prior_rejected=self._n_prior_rejected,
+            steps=tuple(self._steps[:n]),
         )
 
 
+class Engine(Protocol):
+    """What places scans: odometry, SLAM or a localizer."""
+
+    def add(self, scan: LaserScan, odometry_pose: Pose | None = None) -> Step:
+        """Return where the sensor was at this scan."""
+        ...
+
+
 class PlacedScan(NamedTuple):
-    """A scan, where the odometry has it, and the seconds that took."""
+    """A scan, its step, and the seconds that took."""
 
     scan: LaserScan
-    step: OdometryStep
+    step: Step
     seconds: float
 
 
-class OdometryInTurn:
-    """The odometry of scans, each when it is wanted; iterate over it once.
-
-    odometry_poses (n, 3).
-    """
-
-    def __init__(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:
-        self.odometry = odometry
-        self._scans, self._odometry_poses = scans, odometry_poses
-
-    def __iter__(self) -> Iterator[PlacedScan]:
-        for k, scan in enumerate(self._scans):
-            yield placed(self.odometry, scan, pose_at(self._odometry_poses, k))
-
-
-def placed(odometry: Odometry, scan: LaserScan, odometry_pose: Pose | None) -> PlacedScan:
-    """Add a scan to an odometry, and return it with its step."""
+def placed(engine: Engine, scan: LaserScan, odometry_pose: Pose | None) -> PlacedScan:
+    """Add a scan to an engine, and return it with its step."""
     started = time.perf_counter()
-    step = odometry.add(scan, odometry_pose)
+    step = engine.add(scan, odometry_pose)
     return PlacedScan(scan, step, time.perf_counter() - started)
+
+
+def in_turn(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterator[PlacedScan]:
+    """Yield the scans with their steps, each placed when it is wanted; odometry_poses (n, 3)."""
+    for k, scan in enumerate(scans):
+        yield placed(engine, scan, pose_at(odometry_poses, k))
+
+
+def record_steps(
+    source: Iterable[PlacedScan],
+    method: str,
+    *,
+    has_prior: bool,
+    on_step: Callable[[Step], None] | None = None,
+    keeps_steps: bool = False,
+) -> RunRecord:
+    """Return the record of scans as they are placed; Ctrl-C ends it and keeps the results so far, marked as partial."""
+    recorder = Recorder(keeps_steps=keeps_steps)
+    with stoppable() as stop:
+        for _, step, seconds in source:
+            recorder.add(step, seconds)
+            if on_step:
+                on_step(step)
+            if stop.is_asked:
+                break
+    return recorder.record(method, is_partial=stop.is_asked, has_prior=has_prior)
 
 
 def run_odometry(
@@ -198,38 +224,17 @@ def run_odometry(
     odometry: Odometry | None = None,
     *,
     odometry_poses: Pose | None = None,
-    on_step: Callable[[OdometryStep], None] | None = None,
-) -> OdometryRun:
-    """Return the odometry of a sequence of scans.
-
-    Ctrl-C ends the run and gives what there is so far, marked as partial.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        A log, or any iterable; one scan is held at a time.
-    odometry : Odometry or None
-        A fresh one; None for the defaults.
-    odometry_poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Odometry.add`.
-    on_step : callable or None
-        Called after each scan, for a progress bar say.
-
-    Returns
-    -------
-    OdometryRun
-        Of length 0 when there are no scans.
-    """
+    on_step: Callable[[Step], None] | None = None,
+) -> RunRecord:
+    """Return the record of an odometry, a fresh one or the default, over a sequence of scans; odometry_poses (n, 3)."""
     odometry = odometry or Odometry()
-    recorder = RunRecorder()
-    with stoppable() as stop:
-        for _, step, seconds in OdometryInTurn(odometry, scans, odometry_poses):
-            recorder.add(step, seconds, is_prior_rejected=step.is_prior_rejected)
-            if on_step:
-                on_step(step)
-            if stop.is_asked:
-                break
-    return recorder.run(odometry.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None)
+    source = in_turn(odometry, scans, odometry_poses)
+    return record_steps(source, odometry.method, has_prior=odometry_poses is not None, on_step=on_step)
+
+
+def without_trace(step: Step) -> Step:
+    """Return a step without what the matcher did on the way, which is larger than all the rest."""
+    return step if step.match is None else replace(step, match=replace(step.match, trace=None))
 
 
 def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:

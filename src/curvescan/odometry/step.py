@@ -1,12 +1,16 @@
-"""What the odometry returns for each scan."""
+"""Step: what odometry, SLAM and localization return for each scan."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from curvescan.matchers import MatchResult
 from curvescan.types import Cov, Pose
+
+if TYPE_CHECKING:
+    from curvescan.slam.loops.closures import Closure
 
 
 class StepOutcome(Enum):
@@ -15,20 +19,25 @@ class StepOutcome(Enum):
     STARTED = "First scan: its sensor frame is the frame of the trajectory."
     MATCHED = "Matched with the keyframe in use."
     CHAINED = "Matched with the scan before it, which became the keyframe."
-    LOOP_CLOSED = "Matched with an earlier keyframe as well: the place is known."
     RELOCALIZED = "Not matched to the current keyframe or the previous scan; relocalized on an earlier keyframe."
     PREDICTED = "No match: the expected motion was taken."
     HELD = "Matches keep failing: the sensor is taken to stand still."
     LOST = "Lost: nothing known before matches; the track starts anew, its place in the old one is unknown."
+    SEARCHING = "Not found in the map yet."
+    FOUND = "Found in the map without a guess: no other place explains the scans as well."
+    TRACKED = "Followed in the map: matched with its keyframes, now or a short way before."
 
 
-MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.LOOP_CLOSED, StepOutcome.RELOCALIZED)
+MATCHES = (StepOutcome.MATCHED, StepOutcome.CHAINED, StepOutcome.RELOCALIZED, StepOutcome.FOUND, StepOutcome.TRACKED)
 """Outcomes that stand on a match."""
 
+IN_MAP = (StepOutcome.SEARCHING, StepOutcome.FOUND, StepOutcome.TRACKED, StepOutcome.PREDICTED)
+"""Outcomes of localization."""
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class OdometryStep:
-    """Where the sensor was at one scan.
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Step:
+    """Where the sensor was at one scan, by odometry, SLAM or localization.
 
     Attributes
     ----------
@@ -37,39 +46,69 @@ class OdometryStep:
     stamp : float
         Its stamp, seconds.
     pose : (3,) float64
-        [x, y, theta] of the sensor in the frame of the first scan: metres, metres, radians; at the middle of the sweep
-        where the scan gives the times of its beams.
+        [x, y, theta] of the sensor: metres, metres, radians; at the middle of the sweep where the scan gives the times
+        of its beams. Odometry: in the frame of the first scan. SLAM: in the frame ``map`` as it is now, so that it may
+        jump when a loop closes. Localization: in the frame of the saved map; NaN while the sensor is searched for.
     covariance : (3, 3) float64
-        Covariance of the pose, x, y, theta; zero at the first scan.
+        Covariance of the pose, x, y, theta. In a saved map: against the map as it is around the sensor.
+    pose_odom : (3,) float64
+        Pose by the odometry alone, frame of the first scan: it drifts (``odom`` of REP-105).
+    covariance_odom : (3, 3) float64
+        Covariance of `pose_odom`; zero at the first scan.
     motion : (3,) float64
-        Pose of the sensor seen from where it was at the previous scan, without the leaps of loop closures and
-        relocalizations: chained, it is a continuous track (`odom` of REP-105). Zero at the first scan.
+        Pose of the sensor seen from where it was at the previous scan. Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.
     outcome : StepOutcome
         How the pose came about.
     match : MatchResult or None
-        The match behind it, also where it failed; None at the first scan.
+        The odometry's match, also where it failed; None at the first scan.
     reference : int or None
         Number of the scan that `match` was tried with; None at the first scan.
     is_prior_rejected : bool
-        Whether `odometry_pose` was left out of this step because a match, which the last motion supports, contradicts it.
+        Whether `odometry_pose` was left out: a match contradicts it, and the last motion supports the match.
+    closures : tuple of Closure
+        SLAM: the loop closures that were accepted with this scan.
+    is_revised : bool
+        SLAM: whether the poses of earlier scans were revised with this scan.
+    keyframe : int
+        SLAM: number of the keyframe that the pose hangs on. Localization: keyframe of the map that the scan was matched
+        with. -1 where there is none.
+    fragment : int
+        SLAM: part of the map that the scan is in; more than one where a sensor that was lost has not been found again.
+    covariance_global : (3, 3) float64 or None
+        Localization: covariance of the pose seen from the first keyframe of the map, with the errors of the map between.
     """
 
     index: int
     stamp: float
     pose: Pose
     covariance: Cov
+    pose_odom: Pose
+    covariance_odom: Cov
     motion: Pose
     motion_covariance: Cov
     outcome: StepOutcome
     match: MatchResult | None
     reference: int | None
     is_prior_rejected: bool = False
+    closures: tuple[Closure, ...] = ()
+    is_revised: bool = False
+    keyframe: int = -1
+    fragment: int = 0
+    covariance_global: Cov | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the pose is known: not while the sensor is searched for in a saved map."""
+        return self.outcome is not StepOutcome.SEARCHING
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the pose stands on a match."""
+        return self.outcome in MATCHES
 
     def __repr__(self) -> str:
         x, y, theta = self.pose
-        return (
-            f"OdometryStep({self.index}: {self.outcome.name}, x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad, "
-            f"stamp={self.stamp!r})"
-        )
+        closed = f", {len(self.closures)} loop closures" if self.closures else ""
+        return f"Step({self.index}: {self.outcome.name}, x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad{closed})"

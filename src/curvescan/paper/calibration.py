@@ -1,8 +1,9 @@
 """The paper's way of finding its parameters, from scans of plane surfaces and of corners (the paper's section 3.1).
 
-sigma_rho: the least margin at which a wall that is seen at a grazing angle stays one segment. U_k: the least tolerance at which no false peak shows on a
-plane. U_c: just above what the functions of planes, which are noise, correlate. U_p: the least at which
-planes show none, as it finds most corners. n and S_min: see :mod:`curvescan.paper.calibration_pairs`.
+sigma_rho: the least margin at which a wall that is seen at a grazing angle stays one segment. U_k: the least tolerance
+at which no false peak shows on a plane. U_c: just above what the functions of planes, which are noise, correlate. U_p:
+the least at which planes show none, as it finds most corners. n and S_min: see
+:mod:`curvescan.paper.calibration_pairs`.
 """
 
 from __future__ import annotations
@@ -61,54 +62,25 @@ _NEAR_CORNER = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlaneGroup:
-    """Planes that belong together: at one distance, or of one log.
+    """Planes that belong together: at one distance, or of one log."""
 
-    Attributes
-    ----------
-    name : str
-        "2 m", say.
-    planes : tuple of (m, 2) float64
-        Readings of each plane in sweep order, metres, sensor frame.
-    """
-
-    name: str
-    planes: tuple[Points, ...]
+    name: str  # "2 m", say
+    planes: tuple[Points, ...]  # readings of each plane in sweep order, metres, sensor frame
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration:
-    """What was measured, and the parameters that follow.
+    """What was measured, and the parameters that follow."""
 
-    Attributes
-    ----------
-    config : CfSmaConfig
-        The parameters found; the others keep their defaults.
-    noise : float
-        Range noise that the planes show, metres.
-    whole : (len(SIGMAS),) float64
-        Share of the scans in which a wall beside the sensor is one segment, for each sigma_rho.
-    pairs : PairCalibration
-        How n and S_min were found.
-    groups : tuple of PlaneGroup
-        The planes.
-    false_peaks : (g, len(TOLERANCES)) float64
-        Mean number of characteristic points a plane shows, for each group and U_k.
-    is_free : (g,) bool
-        Whether some U_k leaves a group without peaks; the others were left out of the choice.
-    residual_correlations : (k,) float64
-        Correlations of pairs of plane functions at the chosen U_k, sorted.
-    detection, false_alarms : (len(CURVATURES),) float64
-        Share of corners found, and of planes that show a peak, for each U_p.
-    """
-
-    config: CfSmaConfig
-    noise: float
-    whole: Floats
-    pairs: PairCalibration
-    groups: tuple[PlaneGroup, ...]
-    false_peaks: Floats
-    is_free: Bools
-    residual_correlations: Floats
+    config: CfSmaConfig  # the parameters found; the others keep their defaults
+    noise: float  # range noise that the planes show, metres
+    whole: Floats  # share of the scans in which a wall beside the sensor is one segment, for each sigma_rho
+    pairs: PairCalibration  # how n and S_min were found
+    groups: tuple[PlaneGroup, ...]  # the planes
+    false_peaks: Floats  # mean number of characteristic points a plane shows, for each group and U_k
+    is_free: Bools  # (g,): whether some U_k leaves a group without peaks; the others were left out of the choice
+    residual_correlations: Floats  # (k,): correlations of pairs of plane functions at the chosen U_k, sorted
+    # share of corners found, and of planes that show a peak, for each U_p
     detection: Floats
     false_alarms: Floats
 

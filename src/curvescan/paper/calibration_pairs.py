@@ -1,6 +1,7 @@
 """How the paper found n and S_min (its section 3.1): from pairs of scans whose relative pose is known.
 
-n: accuracy against time. S_min: pairs of characteristic points of consecutive scans, of which the wrong ones shall be rejected.
+n: accuracy against time. S_min: pairs of characteristic points of consecutive scans, of which the wrong ones shall be
+rejected.
 """
 
 from __future__ import annotations
@@ -35,24 +36,14 @@ way that changes with the noise."""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PairCalibration:
-    """What pairs of scans showed, and the two parameters that follow.
+    """What pairs of scans showed, and the two parameters that follow."""
 
-    Attributes
-    ----------
-    n_neighbours : int
-        The smallest n whose share of right matches lies within a standard error of the best.
-    min_similarity : float
-        The largest S_min that costs hardly any right pair.
-    right_shares, seconds : (len(NEIGHBOURS),) float64
-        Share of right matches, and median time of one.
-    wrong_rejected, right_kept : (len(SIMILARITIES),) float64
-        Shares of the pairs of characteristic points, by S_min.
-    """
-
-    n_neighbours: int
-    min_similarity: float
+    n_neighbours: int  # the smallest n whose share of right matches lies within a standard error of the best
+    min_similarity: float  # the largest S_min that costs hardly any right pair
+    # share of right matches, and median time of one
     right_shares: Floats
     seconds: Floats
+    # shares of the pairs of characteristic points, by S_min
     wrong_rejected: Floats
     right_kept: Floats
 

@@ -49,24 +49,13 @@ def in_silence(what: str, total: int) -> Callable[..., None]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScenarioComparison:
-    """One experiment and what each method made of it.
+    """One experiment and what each method made of it."""
 
-    Attributes
-    ----------
-    experiment : DriveExperiment
-        What was done.
-    log : Simulation
-        The scans of the first seed, for the figures.
-    results : dict of str to tuple of ScenarioResult
-        For each method one result a seed.
-    people_shares : tuple of float
-        Share of the beams that hit people, for each seed.
-    """
-
-    experiment: DriveExperiment
-    log: Simulation
+    experiment: DriveExperiment  # what was done
+    log: Simulation  # the scans of the first seed, for the figures
+    # for each method one result a seed
     results: dict[str, tuple[ScenarioResult, ...]]
-    people_shares: tuple[float, ...]
+    people_shares: tuple[float, ...]  # share of the beams that hit people, for each seed
 
     @property
     def first(self) -> dict[str, ScenarioResult]:
@@ -76,30 +65,17 @@ class ScenarioComparison:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiments:
-    """Results of all experiments.
+    """Results of all experiments."""
 
-    Attributes
-    ----------
-    seed : int
-        Seed of everything.
-    is_quick : bool
-        Whether they were cut short: ten runs, one seed, a quarter of the scans.
-    random_transforms : dict of RandomTransformCondition to (RandomTransformRuns, RandomTransformRuns)
-        Experiment 1 by cfsma, as printed and with its consistency test; empty where only logs are evaluated.
-    drives : tuple of ScenarioComparison
-        Experiments 2, 3 and 4, each under both conditions; empty likewise.
-    n_parameters : dict of str to int
-        Table VI: parameters of each method, counted from its configuration.
-    logs : tuple of LogEvaluation
-        Every method on the real logs that were given.
-    """
-
-    seed: int
-    is_quick: bool
+    seed: int  # seed of everything
+    is_quick: bool  # whether they were cut short: ten runs, one seed, a quarter of the scans
+    # experiment 1 by cfsma, as printed
+    # and with its consistency test; empty where only logs are evaluated
     random_transforms: dict[RandomTransformCondition, TransformResult]
-    drives: tuple[ScenarioComparison, ...]
+    drives: tuple[ScenarioComparison, ...]  # experiments 2, 3 and 4, each under both conditions; empty likewise
+    # table VI: parameters of each method, counted from its configuration
     n_parameters: dict[str, int]
-    logs: tuple[LogEvaluation, ...]
+    logs: tuple[LogEvaluation, ...]  # every method on the real logs that were given
 
 
 def run_experiments(

@@ -8,11 +8,11 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
-from curvescan.mapping.run_maps import build_maps
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
 from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, segment_colour
-from curvescan.plots.map import draw_map, from_first
+from curvescan.plots.map import from_first
+from curvescan.plots.side_by_side import draw_side_by_side
 
 
 def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformResult]) -> None:
@@ -78,17 +78,12 @@ def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
         figure.legend(loc="outside lower center", ncols=5)
 
 
-def draw_overlay(path: Path, drive: ScenarioComparison, method: str) -> None:
-    """Save the map of one method over the map from wheel odometry (figure 7b)."""
-    run = drive.first[method].run
-    draw_map(
-        path,
-        run,
-        build_maps(drive.log, run.trajectory.poses, run.is_joined),
-        title=f"experiment {drive.experiment.number}, {method}",
-        wheels=drive.log,
-        truth=drive.log.truth.poses,
-    )
+def draw_both_maps(path: Path, drive: ScenarioComparison, method: str) -> None:
+    """Save the map of one method beside the map from wheel odometry (figure 7)."""
+    tracks = {f"map by {method}": drive.first[method].run.trajectory.poses}
+    if drive.log.odometry is not None:
+        tracks["map from wheel odometry"] = drive.log.odometry.poses
+    draw_side_by_side(path, drive.log, tracks, drive.log.truth.poses)
 
 
 def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:

@@ -41,30 +41,17 @@ Moves: TypeAlias = Literal["scan", "sensor"]
 
 @dataclass(frozen=True, kw_only=True)
 class RandomTransformCondition:
-    """Circumstances of experiment 1.
+    """Circumstances of experiment 1."""
 
-    Attributes
-    ----------
-    title : str
-        What they are.
-    sensor : str
-        Name of the simulated sensor.
-    moves : {"scan", "sensor"}
-        The paper's variant, both scans from one place and the points of the second moved; or the robot's, the
-        second scan taken from the other place.
-    n_walkers : int
-        People who walk on between the two scans, a sweep's period apart.
-    people_share : float
-        Share of the beams, 0 to 1, that hit people who stand at other places in each of the two scans.
-    is_one_place : bool
-        Whether all runs of a seed are at one place of one world; else each has a world of its own.
-    """
-
-    title: str
-    sensor: str = "sick-lms200-5mm"
+    title: str  # what they are
+    sensor: str = "sick-lms200-5mm"  # name of the simulated sensor
+    # the paper's variant, both scans from one place and the points of the second moved; or the
+    # robot's, the second scan taken from the other place
     moves: Moves = "scan"
-    n_walkers: int = 0
+    n_walkers: int = 0  # people who walk on between the two scans, a sweep's period apart
+    # share of the beams, 0 to 1, that hit people who stand at other places in each of the two scans
     people_share: float = 0.0
+    # whether all runs of a seed are at one place of one world; else each has a world of its own
     is_one_place: bool = False
 
 
@@ -87,24 +74,13 @@ N_PAPER_CONDITIONS = 4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RandomTransformRuns:
-    """Results of experiment 1, one row a run.
+    """Results of experiment 1, one row a run."""
 
-    Attributes
-    ----------
-    errors : (n, 3) float64
-        Absolute error of x, y, theta in the true frame: metres, metres, radians; NaN where the match failed.
-    n_matched : (n,) int64
-        Matched pairs of readings N_t; 0 where the match failed.
-    failures : dict of Outcome to int
-        Failed runs by reason, most frequent first.
-    batch : (n,) int64
-        Which seed each run belongs to, from 0.
-    """
-
+    # (n, 3): absolute error of x, y, theta in the true frame: metres, metres, radians; NaN where the match failed
     errors: Floats
-    n_matched: Ints
-    failures: dict[Outcome, int]
-    batch: Ints
+    n_matched: Ints  # (n,): matched pairs of readings N_t; 0 where the match failed
+    failures: dict[Outcome, int]  # failed runs by reason, most frequent first
+    batch: Ints  # (n,): which seed each run belongs to, from 0
 
     @property
     def translation_error(self) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
-from curvescan.paper.figures import draw_discarded, draw_end, draw_errors, draw_maps, draw_overlay, draw_trajectories
+from curvescan.paper.figures import draw_both_maps, draw_discarded, draw_end, draw_errors, draw_maps, draw_trajectories
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
@@ -133,13 +133,16 @@ def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
 def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
     yield "# The paper's experiments"
     yield (
-        "P. Núñez, R. Vázquez-Martín, A. Bandera, F. Sandoval, Robotica 27 (2009) 469-479, sections 3.2 and 3.3, rerun on simulated "
+        "P. Núñez, R. Vázquez-Martín, A. Bandera, F. Sandoval, Robotica 27 (2009) 469-479, sections 3.2 and 3.3, "
+        "rerun on simulated "
         f"scans by curvescan {__version__}, seed {results.seed}"
         + (", quick: ten runs, one seed and a quarter of the scans." if results.is_quick else ".")
     )
     yield (
-        "Each is done under the paper's conditions (a real LMS200's noise of 5 mm, turns of at most 4 degrees from a scan to "
-        "the next, 3 people) and under hard ones (10 mm, turns of up to 17 degrees, 20 people). The scans are simulated; the "
+        "Each is done under the paper's conditions (a real LMS200's noise of 5 mm, turns of at most 4 degrees from a "
+        "scan to "
+        "the next, 3 people) and under hard ones (10 mm, turns of up to 17 degrees, 20 people). The scans are "
+        "simulated; the "
         "building is ours."
     )
     yield "## Experiment 1: random transform"
@@ -185,8 +188,8 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     if "cfsma" not in drive.results:
         return
     if experiment.number == 2:
-        draw_overlay(folder / f"figure_7b_{name}.png", drive, "cfsma")
-        yield (f"figure_7b_{name}.png", "As figure 7b: map by cfsma (dark) over the map from wheel odometry (light).")
+        draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
+        yield (f"figure_7b_{name}.png", "As figure 7: the map by cfsma, and the one from wheel odometry.")
         draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
         yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
     if experiment.n_people:
@@ -198,14 +201,17 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
 
 
 _PAPER_TEXT = {
-    2: "The paper's robot ended at about (46, 52) mm by measurement and at about (29, 26) mm, 3.9 deg by its matching (signs lost).",
-    3: "The paper: 325 scans over about 60 m; CF-SMA, IDC and Cox are alike, Cox a little off in angle, Histogram's pose "
+    2: "The paper's robot ended at about (46, 52) mm by measurement and at about (29, 26) mm, 3.9 deg by its "
+    "matching (signs lost).",
+    3: "The paper: 325 scans over about 60 m; CF-SMA, IDC and Cox are alike, Cox a little off in angle, Histogram's "
+    "pose "
     "suffers from abrupt errors (Tables II and III, entries lost in our copy).",
     4: "The paper: 525 scans over about 80 m with some people; the same tables (IV and V, entries lost in our copy).",
 }
 
 _FIGURE_8 = (
-    "The text of figure 8 in the paper: CF-SMA, IDC and Cox give alike maps, Cox's a little turned; Histogram's breaks where its "
+    "The text of figure 8 in the paper: CF-SMA, IDC and Cox give alike maps, Cox's a little turned; Histogram's "
+    "breaks where its "
     "pose jumps."
 )
 
@@ -217,10 +223,14 @@ def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:
         if result.errors.drift <= 0.01 or lost.n_failed + lost.n_wrong == 0:
             continue
         yield (
-            f"{method} ends more than 1 % of the path away (first seed): {lost.n_failed} of the matches failed and {lost.n_wrong} were off by more than "
-            f"0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m and turned {np.degrees(lost.turn):.1f} deg in the mean, in "
-            f"all others {lost.usual_motion:.2f} m and {np.degrees(lost.usual_turn):.1f} deg. With the true motion in their place the end "
-            f"would be off by {lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % of the path."
+            f"{method} ends more than 1 % of the path away (first seed): {lost.n_failed} of the matches failed and "
+            f"{lost.n_wrong} were off by more than "
+            f"0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m and turned "
+            f"{np.degrees(lost.turn):.1f} deg in the mean, in "
+            f"all others {lost.usual_motion:.2f} m and {np.degrees(lost.usual_turn):.1f} deg. With the true motion "
+            f"in their place the end "
+            f"would be off by {lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % "
+            f"of the path."
         )
 
 
@@ -234,7 +244,8 @@ def _verdicts(results: Experiments) -> Iterator[str]:
         experiment = drive.experiment
         where = (
             f"Experiment {experiment.number}, {experiment.condition} conditions ({len(drive.log):,} scans, "
-            f"{1e3 * drive.log.sensor.sigma_range:.0f} mm, {experiment.n_people} people, {len(drive.results['cfsma'])} seeds)"
+            f"{1e3 * drive.log.sensor.sigma_range:.0f} mm, {experiment.n_people} people, "
+            f"{len(drive.results['cfsma'])} seeds)"
         )
         times = {m: _median(drive, m, lambda r: float(np.median(r.run.seconds))) for m in methods}
         fastest = min(times, key=times.__getitem__)
@@ -246,7 +257,8 @@ def _verdicts(results: Experiments) -> Iterator[str]:
         ends = {m: _median(drive, m, lambda r: r.errors.end_translation) for m in methods}
         nearer = [m for m in methods if ends[m] < ends["cfsma"]]
         yield (
-            f"{where}. The paper: CF-SMA is more accurate than IDC, Cox and Histogram. Here the median end pose error of "
+            f"{where}. The paper: CF-SMA is more accurate than IDC, Cox and Histogram. Here the median end pose "
+            f"error of "
             + ", ".join(f"{m} is {end:.2f} m" for m, end in ends.items())
             + (
                 f": more accurate than cfsma are {', '.join(nearer)}, so that the claim is not reproduced."
@@ -262,8 +274,10 @@ def _accuracy_verdicts(results: Experiments) -> Iterator[str]:
         all_x, all_y, _ = runs.mean_of_all
         holds = "reproduced" if min(x, y) <= 0.012 and max(x, y) <= 0.022 else "not reproduced"
         yield (
-            f"Experiment 1, {condition.title} ({len(runs.errors):,} runs). The paper: mean errors of 12 mm in x and 22 mm in y. Here "
-            f"{1e3 * x:.1f} and {1e3 * y:.1f} mm for the {100 * runs.right_share:.1f} % of the runs that are right, which is {holds}; "
+            f"Experiment 1, {condition.title} ({len(runs.errors):,} runs). The paper: mean errors of 12 mm in x and "
+            f"22 mm in y. Here "
+            f"{1e3 * x:.1f} and {1e3 * y:.1f} mm for the {100 * runs.right_share:.1f} % of the runs that are right, "
+            f"which is {holds}; "
             f"{1e3 * all_x:.1f} and {1e3 * all_y:.1f} mm with the wrong ones among them."
         )
 

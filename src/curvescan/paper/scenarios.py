@@ -1,8 +1,8 @@
 """The paper's experiments 2, 3 and 4: runs of a robot, every method on the same scans (its sections 3.2 and 3.3).
 
-Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to the
-next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to 17
-degrees, a crowd.
+Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to
+the next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to
+17 degrees, a crowd.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from curvescan.matchers import MatchResult
 from curvescan.matchers.baselines.iteration import IterationTrace
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.matchers.result import Label
-from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
+from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
 from curvescan.paper.lu_milios import lu_milios_covariance
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import Drive, Simulation, simulate
@@ -34,35 +34,16 @@ Condition: TypeAlias = Literal["paper", "hard"]
 
 @dataclass(frozen=True, kw_only=True)
 class DriveExperiment:
-    """One drive of the paper.
+    """One drive of the paper."""
 
-    Attributes
-    ----------
-    number : int
-        The paper's number of the experiment.
-    title : str
-        What it is.
-    n_scans : int
-        Scans, as in the paper.
-    n_people : int
-        People walking around the robot.
-    drive : Drive
-        How the robot drives.
-    condition : {"paper", "hard"}
-        Under which conditions.
-    sensor : str
-        Name of the simulated sensor.
-    path : {"route", "home"}
-        "route", once along a building's corridors, or "home", small moves about the start and back.
-    """
-
-    number: int
-    title: str
-    n_scans: int
-    n_people: int
-    drive: Drive
-    condition: Condition
-    sensor: str
+    number: int  # the paper's number of the experiment
+    title: str  # what it is
+    n_scans: int  # scans, as in the paper
+    n_people: int  # people walking around the robot
+    drive: Drive  # how the robot drives
+    condition: Condition  # under which conditions
+    sensor: str  # name of the simulated sensor
+    # "route", once along a building's corridors, or "home", small moves about the start and back
     path: Literal["route", "home"]
 
     @property
@@ -129,46 +110,27 @@ DRIVES: tuple[DriveExperiment, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class LostSteps:
-    """Steps that failed or were wrong (beyond 0.1 m or 2 degrees), and what would be left without them.
+    """Steps that failed or were wrong (beyond 0.1 m or 2 degrees), and what would be left without them."""
 
-    Attributes
-    ----------
-    n_failed, n_wrong : int
-        Steps without a match, and steps matched wrongly.
-    motion, turn : float
-        Mean true motion of these steps, metres, and mean turn, radians; NaN without any.
-    usual_motion, usual_turn : float
-        The same of all other steps.
-    end_without : float
-        Distance of the end pose from the true one if these steps were the true ones, metres.
-    """
-
+    # steps without a match, and steps matched wrongly
     n_failed: int
     n_wrong: int
+    # mean true motion of these steps, metres, and mean turn, radians; NaN without any
     motion: float
     turn: float
+    # the same of all other steps
     usual_motion: float
     usual_turn: float
-    end_without: float
+    end_without: float  # distance of the end pose from the true one if these steps were the true ones, metres
 
 
 @dataclass(frozen=True, kw_only=True)
 class MovedScore:
-    """Readings said to have moved, against those that hit people.
+    """Readings said to have moved, against those that hit people."""
 
-    Attributes
-    ----------
-    n_right : int
-        Readings of people said to have moved.
-    n_said : int
-        Readings said to have moved.
-    n_true : int
-        Readings of people.
-    """
-
-    n_right: int
-    n_said: int
-    n_true: int
+    n_right: int  # readings of people said to have moved
+    n_said: int  # readings said to have moved
+    n_true: int  # readings of people
 
     @property
     def precision(self) -> float:
@@ -183,18 +145,12 @@ class MovedScore:
 
 @dataclass(frozen=True, kw_only=True)
 class DiscardScore:
-    """What a matcher's own discarding made of readings of people, and of all others; steps that failed left out.
+    """What a matcher's own discarding made of readings of people, and of all others; steps that failed left out."""
 
-    Attributes
-    ----------
-    n_people, n_people_matched : int
-        Readings of people in the current scans, and those of them that the pose stands on.
-    n_static, n_static_matched : int
-        The same of all other readings.
-    """
-
+    # readings of people in the current scans, and those of them that the pose stands on
     n_people: int
     n_people_matched: int
+    # the same of all other readings
     n_static: int
     n_static_matched: int
 
@@ -211,40 +167,19 @@ class DiscardScore:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScenarioResult:
-    """How one method did on one run of the robot.
+    """How one method did on one run of the robot."""
 
-    Attributes
-    ----------
-    run : OdometryRun
-        The odometry.
-    errors : TrajectoryErrors
-        Against the true poses.
-    variances : (m, 3) float64
-        Diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2.
-    lu_milios : (m, 3) float64
-        The same by eq. 16 for every method, as the paper's tables have it.
-    moved : MovedScore
-        Dynamic readings found by free-space violation under its poses.
-    discarded : DiscardScore
-        Dynamic readings by what the matcher itself leaves unmatched.
-    lost : LostSteps
-        The steps at which it lost its way.
-    end_unrefused : float
-        Error of the end pose, metres, were the poses taken that a method had but refused (not converged, not
-        constrained), as programs without such checks do.
-    is_discarded : (n_scans, n_beams) bool
-        Readings that the matcher left unmatched; False where the match failed.
-    """
-
-    run: OdometryRun
-    errors: TrajectoryErrors
-    variances: Floats
-    lu_milios: Floats
-    moved: MovedScore
-    discarded: DiscardScore
-    lost: LostSteps
+    run: RunRecord  # the odometry
+    errors: TrajectoryErrors  # against the true poses
+    variances: Floats  # (m, 3): diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2
+    lu_milios: Floats  # (m, 3): the same by eq. 16 for every method, as the paper's tables have it
+    moved: MovedScore  # dynamic readings found by free-space violation under its poses
+    discarded: DiscardScore  # dynamic readings by what the matcher itself leaves unmatched
+    lost: LostSteps  # the steps at which it lost its way
+    # error of the end pose, metres, were the poses taken that a method had but refused (not converged, not
+    # constrained), as programs without such checks do
     end_unrefused: float
-    is_discarded: Bools
+    is_discarded: Bools  # (n_scans, n_beams): readings that the matcher left unmatched; False where the match failed
 
     @property
     def n_failed(self) -> int:
@@ -263,21 +198,21 @@ def run_scenario(
     methods: Sequence[str],
     *,
     configs: Mapping[str, MatcherConfig] = MappingProxyType({}),
-    on_step: Callable[[OdometryStep], None] | None = None,
+    on_step: Callable[[Step], None] | None = None,
 ) -> dict[str, ScenarioResult]:
     """Return what each method makes of the same scans, scan to scan."""
     return {method: _run_one(log, method, configs.get(method), on_step) for method in methods}
 
 
 def _run_one(
-    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[OdometryStep], None] | None
+    log: Simulation, method: str, config: MatcherConfig | None, on_step: Callable[[Step], None] | None
 ) -> ScenarioResult:
     variances: list[Floats] = []
     lu_milios: list[Floats] = []
     motions = np.zeros((len(log), 3))
     is_matched, is_discarded = np.zeros((2, *log.ranges.shape), dtype=np.bool_)
 
-    def collect(step: OdometryStep) -> None:
+    def collect(step: Step) -> None:
         result, k = step.match, step.index
         if result is not None:
             motions[k] = _unrefused(result, motions[k - 1])
@@ -332,7 +267,7 @@ def _score_discarded(log: Simulation, is_matched: Bools, is_discarded: Bools) ->
     )
 
 
-def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
+def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
     """Return where a run lost its way, and how it would have ended with those steps put right."""
     poses = run.trajectory.poses
     motions, true_motions = (se2.between(p[:-1], p[1:]) for p in (poses, true_poses))
@@ -357,7 +292,7 @@ def find_lost_steps(true_poses: Pose, run: OdometryRun) -> LostSteps:
     )
 
 
-def score_moved(log: Simulation, run: OdometryRun) -> MovedScore:
+def score_moved(log: Simulation, run: RunRecord) -> MovedScore:
     """Return how well the dynamic readings of a run are found under the poses of a run; nothing without people."""
     if not log.is_person.any():
         return MovedScore(n_right=0, n_said=0, n_true=0)

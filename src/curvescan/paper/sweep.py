@@ -1,7 +1,7 @@
 """The parameters whose values our copy of the paper lost or does not name, swept on seeds of their own.
 
-sigma_rho (lost), U_k (1.0 in a unit it does not name) and the limit of distinctiveness (open). All values that the paper
-prints are kept. The worlds and the noise are others than those of the experiments.
+sigma_rho (lost), U_k (1.0 in a unit it does not name) and the limit of distinctiveness (open). All values that the
+paper prints are kept. The worlds and the noise are others than those of the experiments.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def sweep_table(settings: list[Setting]) -> ResultTable:
             )
         )
     return ResultTable(
-        title=f"cfsma, experiment 1: {len(settings[0].runs[0].errors):,} runs for each condition, right within 0.1 m and 2 deg",
+        title=f"cfsma, experiment 1: {len(settings[0].runs[0].errors):,} runs for each condition, right within 0.1 m "
+        f"and 2 deg",
         columns=(
             "sigma_rho [m]",
             "U_k [m]",

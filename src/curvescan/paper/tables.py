@@ -118,7 +118,8 @@ def covariance_table(drive: ScenarioComparison) -> ResultTable:
             )
     rows.append(("paper", *["entries lost in our copy"] * 2, "-", "-"))
     return ResultTable(
-        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: diagonal of the covariance "
+        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: diagonal of the "
+        f"covariance "
         "[m², m², rad²]",
         columns=("method", "by Lu and Milios for all, mean", "largest", "the method's own, mean", "largest"),
         rows=rows,
@@ -234,7 +235,8 @@ def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
             )
         )
     return ResultTable(
-        title="Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for the others",
+        title="Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for "
+        "the others",
         columns=(
             "log",
             "method",

@@ -1,4 +1,4 @@
-"""The pose graph as a picture: keyframes, the matches of those that follow each other or nearly so, and the loop closures."""
+"""The pose graph as a picture: keyframes, matches of neighbours along the way, and loop closures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of a run, as in the paper's figure 7: from matching (dark) over from wheel odometry (light)."""
+"""The map of a run, and beside it in a picture of its own the one of wheel odometry alone (the paper's figure 7)."""
 
 from __future__ import annotations
 
@@ -11,45 +11,49 @@ from curvescan import se2
 from curvescan.io.log import Log
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
-from curvescan.odometry import OdometryRun
-from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, WHEELS, as_place, drawing_places
+from curvescan.odometry import RunRecord
+from curvescan.plots.canvas import DARK, FAILED, GREY, PATH, TRUTH, WHEELS, as_place, drawing_places
 from curvescan.types import Points, Pose
 
 
-def draw_map(
-    path: Path, run: OdometryRun, place: RunMaps, *, title: str, wheels: Log | None = None, truth: Pose | None = None
-) -> None:
+def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
     """Save the map of a run as a picture.
 
     truth (>= n, 3).
     """
     poses, failed = run.trajectory.poses, run.is_failed
+    known = poses[np.isfinite(poses[:, 0])]
     cells, moved_cells = place.standing, place.moved
     true_poses = None if truth is None else from_first(truth[: len(poses)])
     everything = [cells, moved_cells, poses[:, :2], np.zeros((1, 2))]
-    wheel_poses = wheel_cells = None
-    if wheels is not None and wheels.odometry is not None:
-        wheel_poses = from_first(wheels.odometry.poses[: len(poses)])
-        wheel_cells = occupied_cells(wheels, wheel_poses)
-        everything.append(wheel_cells)
     with drawing_places(path, np.concatenate(everything)) as (figure, [axes]):
         as_place(axes, title)
-        if wheel_cells is not None:
-            draw_cells(axes, wheel_cells, LIGHT, "map from wheel odometry")
         if len(moved_cells):
             draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
         draw_cells(axes, cells, DARK, "map from scan matching")
-        if wheel_poses is not None:
-            axes.plot(*wheel_poses[:, :2].T, color=WHEELS, lw=0.9, ls=":", label="wheel odometry")
         if true_poses is not None:
             axes.plot(*true_poses[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
         if failed.any():
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
             axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
-        axes.plot(*poses[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
-        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
+        for mark, end, label in (("o", known[:1], "start"), ("s", known[-1:], "end")):
+            axes.plot(*end[:, :2].T, mark, color="white", mec=PATH, mew=1.4, ms=6.0, label=label)
         figure.legend(loc="outside lower center", ncols=3)
+
+
+def draw_wheels(path: Path, log: Log, poses: Pose, *, title: str) -> None:
+    """Save the map that a log's wheel odometry alone makes of its scans.
+
+    poses (n, 3).
+    """
+    poses = from_first(poses)
+    cells = occupied_cells(log, poses)
+    with drawing_places(path, np.concatenate([cells, poses[:, :2]])) as (figure, [axes]):
+        as_place(axes, title)
+        draw_cells(axes, cells, DARK, "map from wheel odometry")
+        axes.plot(*poses[:, :2].T, color=WHEELS, lw=0.9, label="wheel odometry")
+        figure.legend(loc="outside lower center", ncols=2)
 
 
 def from_first(poses: Pose) -> Pose:

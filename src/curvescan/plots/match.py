@@ -17,7 +17,18 @@ from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.plots.canvas import DARK, GREY, PAIRED, PATH, as_place, drawing, drawing_places, segment_colour
+from curvescan.plots.canvas import (
+    DARK,
+    FIRST,
+    GREY,
+    PAIRED,
+    PATH,
+    SECOND,
+    as_place,
+    drawing,
+    drawing_places,
+    segment_colour,
+)
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points
 
@@ -110,8 +121,9 @@ def draw_matched(path: Path, result: MatchResult, scans: tuple[LaserScan, LaserS
         else:
             draw_overlay(right, result, reference, after)
             as_place(right, f"after the match: {result.n_matched} readings matched")
-        left.plot([], [], ".", color=DARK, label=f"{names[0]}, matched")
-        left.plot([], [], ".", color=PAIRED, label=f"{names[1]}, matched")
+        matched = ", matched" * result.ok
+        left.plot([], [], ".", color=FIRST, label=f"{names[0]}{matched}")
+        left.plot([], [], ".", color=SECOND, label=f"{names[1]}{matched}")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
@@ -139,10 +151,16 @@ def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
 
 
 def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
-    """Draw the points of both scans in one frame on axes: matched ones dark and green, others grey."""
+    """Draw the points of both scans in one frame on axes: matched ones blue and orange, others grey.
+
+    Where the scans do not match, all points of each scan have its colour.
+    """
     took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
-    axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="not matched")
-    axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)
+    if result.ok:
+        axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="not matched")
+        axes.plot(*points_cur.T, ".", color=GREY, ms=2.5)
+    else:  # which scan is which says all that there is
+        took_part = (np.full(len(points_ref), True), np.full(len(points_cur), True))
     if isinstance(result.trace, CfSmaTrace):
         # the one method that pairs reading with reading, once
         cur_idx, ref_idx = result.trace.reading_pairs
@@ -150,6 +168,6 @@ def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur
         beams_cur = result.trace.current.beam_idx[cur_idx]
         ends = np.stack([points_ref[beams_ref], points_cur[beams_cur]])
         axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
-    axes.plot(*points_ref[took_part[0]].T, ".", color=DARK, ms=4.0)
-    axes.plot(*points_cur[took_part[1]].T, ".", color=PAIRED, ms=4.0)
+    axes.plot(*points_ref[took_part[0]].T, ".", color=FIRST, ms=4.0)
+    axes.plot(*points_cur[took_part[1]].T, ".", color=SECOND, ms=4.0)
     axes.plot(0, 0, **_SENSOR, label="sensor, reference")

@@ -16,8 +16,8 @@ from curvescan.types import Pose
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
 """From what gives way to what shows, where many cells are drawn as one."""
 
-_MAX_PIXELS = 2000
-"""Largest number of cells drawn along a side; of more, blocks are merged."""
+_SHARE = 0.8
+"""Of the pixels along a side of the axes that blocks of cells may take: the axes are smaller than the place given them."""
 
 
 def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
@@ -36,7 +36,7 @@ def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) 
 
 def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     """Draw the cells of an occupancy map of at least one cell on axes, whose limits become the map's."""
-    ranks, side = _merged_ranks(grid)
+    ranks, side = _merged_ranks(grid, int(_SHARE * max(axes.get_window_extent().size)))
     left, bottom = grid.origin
     right, top = grid.origin + side * np.array(ranks.shape[::-1])
     axes.grid(visible=False)
@@ -47,18 +47,18 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
         cmap=ListedColormap(list(_COLOURS.values())),
         vmin=0,
         vmax=2,
-        interpolation_stage="rgba",  # a mean of ranks would be another rank
+        interpolation="nearest",  # a block is a pixel or more: none is left out
     )
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for label, colour in _COLOURS.items():
         axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6.0, label=label)
 
 
-def _merged_ranks(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float]:
-    """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the highest of each block, and a block's side in metres."""
+def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:
+    """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the darkest cell of each, and a block's side in metres."""
     ranks = grid.is_free.astype(np.uint8)
     ranks[grid.is_occupied] = 2
-    n = -(-max(ranks.shape) // _MAX_PIXELS)
+    n = -(-max(ranks.shape) // max(n_pixels, 1))
     if n > 1:
         n_rows, n_columns = (-(-size // n) for size in ranks.shape)
         missing = [(0, n * n_rows - ranks.shape[0]), (0, n * n_columns - ranks.shape[1])]

@@ -14,11 +14,12 @@ from curvescan.io.log import Log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
-from curvescan.odometry import OdometryRun
-from curvescan.plots.canvas import DARK, PAIRED, PATH, as_place
+from curvescan.odometry import RunRecord
+from curvescan.plots.canvas import FIRST, PATH, SECOND, as_place
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
+from curvescan.slam import Slam, SlamMap
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
@@ -32,17 +33,17 @@ _ELLIPSE = 64  # corners of its polygon
 
 
 @runtime_checkable
-class LogRun(Protocol):
-    """What a run over a log gives: :class:`curvescan.RunResult`, say."""
+class MappedRun(Protocol):
+    """What :func:`curvescan.run` returns."""
 
     @property
-    def log(self) -> Log:
-        """The log."""
+    def record(self) -> RunRecord:
+        """The steps in columns."""
         ...
 
     @property
-    def trajectory(self) -> Trajectory:
-        """A pose a scan."""
+    def map(self) -> SlamMap | OccupancyGrid | None:
+        """The map; None where it would be too large."""
         ...
 
 
@@ -76,9 +77,10 @@ def match(
     points = se2.transform(result.pose, current.points) if result.ok else current.points
     draw_overlay(axes, result, reference.points, points)
     if result.ok:
-        axes.plot(*result.pose[:2], "o", color=PAIRED, ms=4.0, label="sensor, current")
-    axes.plot([], [], ".", color=DARK, label="first scan, matched")
-    axes.plot([], [], ".", color=PAIRED, label="second scan, matched")
+        axes.plot(*result.pose[:2], "o", color=SECOND, ms=4.0, label="sensor, current")
+    matched = ", matched" * result.ok
+    axes.plot([], [], ".", color=FIRST, label=f"first scan{matched}")
+    axes.plot([], [], ".", color=SECOND, label=f"second scan{matched}")
     title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
     as_place(axes, f"{result.method}: {title}")
     axes.legend(loc="best", fontsize="small")
@@ -86,7 +88,7 @@ def match(
 
 
 def trajectory(
-    source: Trajectory | OdometryRun | LogRun | ArrayLike,
+    source: Trajectory | RunRecord | MappedRun | Slam | ArrayLike,
     *,
     ax: Axes | None = None,
     label: str | None = None,
@@ -96,7 +98,7 @@ def trajectory(
 
     Parameters
     ----------
-    source : Trajectory, OdometryRun, RunResult or (n, 3) array_like
+    source : Run, Slam, Trajectory or (n, 3) array_like
         Poses [x, y, theta]: metres, metres, radians; rows of NaN are left out.
     ax : Axes or None
         Where to draw; None for the axes of a new figure.
@@ -129,7 +131,7 @@ def trajectory(
 
 
 def map(  # noqa: A001 - its name in the public contract
-    source: OccupancyGrid | OccupancyBuilder | LogRun | Log,
+    source: MappedRun | Slam | SlamMap | OccupancyGrid | OccupancyBuilder | Log,
     trajectory: Trajectory | ArrayLike | None = None,
     *,
     ax: Axes | None = None,
@@ -138,10 +140,11 @@ def map(  # noqa: A001 - its name in the public contract
 
     Parameters
     ----------
-    source : OccupancyGrid, OccupancyBuilder, RunResult or Log
-        A map, or what one is made from: a run, or a log with the `trajectory` of its sensor.
+    source : Run, Slam, SlamMap, OccupancyGrid, OccupancyBuilder or Log
+        A map, or what one is made from: a run, SLAM as it is now, or a log with the `trajectory` of its sensor.
     trajectory : Trajectory, (n, 3) array_like or None
-        Pose of the sensor at each scan of a Log; for a map it is drawn on it where it is given.
+        Pose of the sensor at each scan of a Log; for a map it is drawn on it where it is given. A run and a Slam bring
+        their own.
     ax : Axes or None
         Where to draw; None for the axes of a new figure.
 
@@ -150,21 +153,11 @@ def map(  # noqa: A001 - its name in the public contract
     InvalidArgumentError
         When `source` is none of the above, or a Log without a trajectory, or the map has no cell.
     """
-    if isinstance(source, LogRun):
-        trajectory = source.trajectory if trajectory is None else trajectory
-        grid = _grid_of(source.log, source.trajectory.poses)
-    elif isinstance(source, OccupancyBuilder):
-        grid = source.grid()
-    elif isinstance(source, OccupancyGrid):
-        grid = source
-    elif isinstance(source, Log):
-        if trajectory is None:
-            raise InvalidArgumentError("the map of a log needs the poses of its scans: give trajectory=")
-        grid = _grid_of(source, _poses(trajectory, keeps_nan=True)[0])
-    else:
-        raise InvalidArgumentError(
-            f"source must be an OccupancyGrid, an OccupancyBuilder, a RunResult or a Log, got {type(source).__name__}"
-        )
+    if trajectory is None and isinstance(source, MappedRun):
+        trajectory = source.record.trajectory
+    elif trajectory is None and isinstance(source, Slam):
+        trajectory = source.trajectory()
+    grid = _grid_of(source, trajectory)
     if not grid.log_odds.size:
         raise InvalidArgumentError("the map has no cell: no scan with a valid reading was entered")
     axes = _axes(ax)
@@ -173,8 +166,32 @@ def map(  # noqa: A001 - its name in the public contract
     if trajectory is not None:
         poses = _poses(trajectory)[0]
         axes.plot(*poses[:, :2].T, color=PATH, lw=0.8, label="path of the sensor")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize="small")
+    axes.legend(loc="best", fontsize="small")
     return axes
+
+
+def _grid_of(source: Any, trajectory: Trajectory | ArrayLike | None) -> OccupancyGrid:
+    """Return the occupancy map of what `map` takes."""
+    found = source.map if isinstance(source, MappedRun | Slam) else source
+    if isinstance(found, OccupancyGrid):
+        return found
+    if isinstance(found, OccupancyBuilder):
+        return found.grid()
+    if isinstance(found, SlamMap):
+        return found.occupancy()
+    if isinstance(source, MappedRun):
+        raise InvalidArgumentError("the run has no occupancy map: it would be too large, or no scan has a reading")
+    if not isinstance(found, Log):
+        raise InvalidArgumentError(
+            "source must be a Run, a Slam, a SlamMap, an OccupancyGrid, an OccupancyBuilder or a Log, "
+            f"got {type(source).__name__}"
+        )
+    if trajectory is None:
+        raise InvalidArgumentError("the map of a log needs the poses of its scans: give trajectory=")
+    builder = OccupancyBuilder()
+    for scan, pose in zip(found, _poses(trajectory, keeps_nan=True)[0], strict=False):
+        builder.add(scan, pose)
+    return builder.grid()
 
 
 def _axes(ax: Axes | None) -> Axes:
@@ -187,8 +204,12 @@ def _axes(ax: Axes | None) -> Axes:
 
 def _poses(source: Any, *, keeps_nan: bool = False) -> tuple[Pose, Cov | None]:
     covariances = None
-    if isinstance(source, OdometryRun | LogRun):
+    if isinstance(source, MappedRun):
+        source = source.record
+    if isinstance(source, RunRecord):
         source = source.trajectory
+    elif isinstance(source, Slam):
+        source = source.trajectory()
     if isinstance(source, Trajectory):
         poses, covariances = source.poses, source.covariances
     else:
@@ -214,10 +235,3 @@ def _ellipse(pose: Pose, covariance: Cov) -> Pose:
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     corners: Pose = pose[:2] + _SIGMAS * (circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
     return corners
-
-
-def _grid_of(log: Log, poses: Pose) -> OccupancyGrid:
-    builder = OccupancyBuilder()
-    for scan, pose in zip(log, poses, strict=False):
-        builder.add(scan, pose)
-    return builder.grid()

@@ -18,7 +18,14 @@ _WHICH: dict[Which, str] = {
 }
 
 
-def relation_tables(errors: RelationErrors, benchmark: BenchmarkLog | None) -> list[ResultTable]:
+def tables_of(errors: RelationErrors | ReferenceErrors) -> tuple[list[str], list[ResultTable]]:
+    """Return what is to be known of how an evaluation was made, a sentence each, and its tables."""
+    if isinstance(errors, RelationErrors):
+        return relation_notes(errors), relation_tables(errors)
+    return reference_notes(errors), reference_tables(errors)
+
+
+def relation_tables(errors: RelationErrors) -> list[ResultTable]:
     """Return the errors of relations, and the published ones of the same log where there are any."""
     rows = []
     for which, words in _WHICH.items():
@@ -32,8 +39,8 @@ def relation_tables(errors: RelationErrors, benchmark: BenchmarkLog | None) -> l
             title="Errors of relations", columns=("relations", "count", "mean", "std", "median", "max"), rows=rows
         )
     ]
-    if benchmark is not None:
-        tables.append(_published_table(errors, benchmark))
+    if errors.benchmark is not None:
+        tables.append(_published_table(errors, errors.benchmark))
     return tables
 
 
@@ -83,9 +90,10 @@ def reference_notes(errors: ReferenceErrors) -> list[str]:
     """Return how poses and reference were brought together, a sentence each."""
     pairs = errors.association
     found = f"{len(pairs):,} of {errors.n_poses:,} poses have one of the {errors.n_reference:,} reference poses"
+    mount = ["The reference holds poses of the laser: laser_pose= is left aside."] * errors.is_mount_unused
     if pairs.by == "order":
-        return [f"{found}, paired in their order: most time stamps repeat and tell nothing."]
-    notes = [f"{found}, {pairs.n_exact:,} of them at exactly the same stamp."]
+        return [*mount, f"{found}, paired in their order: most time stamps repeat and tell nothing."]
+    notes = [*mount, f"{found}, {pairs.n_exact:,} of them at exactly the same stamp."]
     if len(errors.stamps) > 1 and (back := np.count_nonzero(np.diff(errors.stamps) < 0.0)):
         notes.append(f"Time goes back {back:,} times: the poses are taken in the order of the file.")
     return notes

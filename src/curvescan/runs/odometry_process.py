@@ -16,7 +16,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from itertools import islice
 from queue import Full, Queue
 from types import TracebackType
@@ -24,15 +23,14 @@ from typing import Any, ParamSpec, TypeVar
 
 from curvescan._processes import has_own_python, n_usable_cores, python_command
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.run import OdometryInTurn, PlacedScan, placed, pose_at
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.run import PlacedScan, in_turn, placed, pose_at, without_trace
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-_ENVIRONMENT = {"CURVESCAN_COMPILE_HELPERS": "0", "OMP_NUM_THREADS": "1"}
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 
 _BATCH = 32
 """Scans sent at once."""
@@ -113,7 +111,7 @@ class OdometryProcess:
                 yield PlacedScan(scan, step, seconds)
             n_done += len(scans)
         self.odometry = pickle.loads(self._begun)
-        yield from islice(OdometryInTurn(self.odometry, self._scans, self._odometry_poses), n_done, None)
+        yield from islice(in_turn(self.odometry, self._scans, self._odometry_poses), n_done, None)
 
     def call_after(self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs) -> Callable[[], _R]:
         """Have the process call a function of a module when the odometry is done, and return what gives its result, after the iteration.
@@ -184,7 +182,7 @@ def serve() -> None:
         odometry: Odometry = pickle.load(requests)
         while (batch := pickle.load(requests)) is not None:
             done = [placed(odometry, scan, pose) for scan, pose in batch]
-            found = [(_without_trace(one.step), one.seconds) for one in done]
+            found = [(without_trace(one.step), one.seconds) for one in done]
             pickle.dump(found, replies, pickle.HIGHEST_PROTOCOL)
             replies.flush()
         pickle.dump(odometry, replies, pickle.HIGHEST_PROTOCOL)
@@ -212,8 +210,3 @@ def _batches(scans: Iterable[LaserScan], odometry_poses: Pose | None) -> Iterato
     left = ((scan, pose_at(odometry_poses, k)) for k, scan in enumerate(scans))
     while batch := list(islice(left, _BATCH)):
         yield batch
-
-
-def _without_trace(step: OdometryStep) -> OdometryStep:
-    """Return a step without what the matcher did on the way, which is larger than all the rest."""
-    return step if step.match is None else replace(step, match=replace(step.match, trace=None))

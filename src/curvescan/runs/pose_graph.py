@@ -1,46 +1,37 @@
-"""PoseGraph: the matches of an odometry as edges between scans, gathered while it runs."""
+"""The matches of an odometry as edges between scans."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.odometry import OdometryStep, StepOutcome
+from curvescan.odometry import Step, StepOutcome
 from curvescan.types import Cov, Pose, PoseEdge
 
 GUESS_SIGMAS = (0.1, 0.1, 0.1)
 """Standard deviations of a motion that no match measured: metres, metres, radians a step."""
 
 
-class PoseGraph:
-    """Edges from the steps of an odometry; ``on_step`` of run_odometry may be its ``add``.
+def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
+    """Return the edges of an odometry: one a step but the first, by its match.
 
-    A step whose match failed joins its scan with the one before by the motion that was taken for it, wide in its
-    covariance, so that the graph does not fall apart.
-
-    Attributes
-    ----------
-    edges : list of PoseEdge
-        One a step but the first; two where a step returns to an earlier keyframe: that match, and the motion since the
-        scan before.
+    A step whose match failed joins its scan with the one before by the expected motion, so that the graph does not fall
+    apart.
     """
+    edges: list[PoseEdge] = []
 
-    def __init__(self) -> None:
-        self.edges: list[PoseEdge] = []
-        self._last: Pose | None = None
+    def join(i: int, step: Step, pose: Pose, covariance: Cov) -> None:
+        edges.append(PoseEdge(i=i, j=step.index, pose=pose, covariance=covariance))
 
-    def add(self, step: OdometryStep) -> None:
-        """Take up a step."""
+    last: Pose | None = None
+    for step in steps:
         if step.match is not None and step.match.ok and step.reference is not None:
-            self._join(step.reference, step, step.match.pose, step.match.covariance)
-            if step.outcome is StepOutcome.LOOP_CLOSED:  # the match that led here is a measurement too
-                self._join(step.index - 1, step, step.motion, step.motion_covariance)
+            join(step.reference, step, step.match.pose, step.match.covariance)
         elif step.outcome is StepOutcome.LOST:
-            self._join(step.index - 1, step, step.motion, step.motion_covariance)
-        elif self._last is not None:
-            moved = se2.between(self._last, step.pose)
-            self._join(step.index - 1, step, moved, np.diag(np.square(GUESS_SIGMAS)))
-        self._last = step.pose
-
-    def _join(self, i: int, step: OdometryStep, pose: Pose, covariance: Cov) -> None:
-        self.edges.append(PoseEdge(i=i, j=step.index, pose=pose, covariance=covariance))
+            join(step.index - 1, step, step.motion, step.motion_covariance)
+        elif last is not None:
+            join(step.index - 1, step, se2.between(last, step.pose_odom), np.diag(np.square(GUESS_SIGMAS)))
+        last = step.pose_odom
+    return edges

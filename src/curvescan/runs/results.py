@@ -1,84 +1,94 @@
-"""What the results of every run have in common: the trajectory, the maps along it, and the record run.json."""
+"""The results folder of a run: trajectory, maps along it, graph, and the record run.json with all that repeats it."""
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import json
+import math
+import platform
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from curvescan._version import __version__
 from curvescan.io.log import Log
-from curvescan.io.trajectories.tum_csv import write_csv, write_tum
+from curvescan.io.ros.bags.bag_files import storage_files
+from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import write_map
 from curvescan.mapping.run_maps import RunMaps, build_maps
-from curvescan.odometry import OdometryRun
+from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
-from curvescan.plots.map import draw_map
+from curvescan.odometry.step import IN_MAP
+from curvescan.plots.graph import draw_graph
+from curvescan.plots.map import draw_map, draw_wheels
 from curvescan.plots.occupancy import draw_occupancy
+from curvescan.runs.graph_files import describe_graph, save_graph, write_closures
+from curvescan.runs.odometry_process import OdometryProcess
+from curvescan.runs.plain import as_plain
+from curvescan.runs.view_file import write_view_file
+from curvescan.slam import Localizer, Slam
+from curvescan.slam.map import SlamMap
+from curvescan.slam.run import is_deskewed, odometry_of
 from curvescan.types import Pose
+
+if TYPE_CHECKING:
+    from curvescan.runs.result import Run
 
 RUN_RECORD = "run.json"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SavedMaps:
-    """The maps of a run that was written.
+def save_run(folder: Path, run: Run, *, helper: OdometryProcess | None = None) -> RunMaps:
+    """Write all results of a run into an existing folder, and return its maps.
 
-    Attributes
-    ----------
-    title : str
-        Of their pictures.
-    maps : RunMaps
-        The maps.
-    left_out : tuple of str
-        What was not written and why, a sentence each.
+    trajectory.tum, trajectory.csv, map.png, wheels.png where the log has wheel odometry, and run.json. Of odometry and
+    SLAM also the occupancy map: map.pgm with map.yaml, and occupancy.png. Of SLAM also trajectory_online.tum, graph.png,
+    graph.g2o, closures.csv and map.csmap. helper: A process that draws what needs no occupancy map meanwhile.
     """
-
-    title: str
-    maps: RunMaps
-    left_out: tuple[str, ...]
-
-
-def save_trajectory_and_maps(
-    folder: Path,
-    run: OdometryRun,
-    log: Log,
-    *,
-    is_deskewed: bool,
-    what: str = "",
-    occupancy: OccupancyConfig,
-    truth: Pose | None = None,
-    maps: RunMaps | None = None,
-    is_map_drawn: bool = True,
-) -> SavedMaps:
-    """Write trajectory.tum, trajectory.csv, map.png, and the occupancy map: map.pgm with map.yaml, and occupancy.png.
-
-    truth (n, 3); maps: The maps, where they have been made already; None to read the log once more.
-    """
-    title = title_of(run, log, what)
-    write_tum(folder / "trajectory.tum", run.trajectory)
-    write_csv(folder / "trajectory.csv", run.trajectory, [o.name.lower() for o in run.outcomes])
-    maps = maps or maps_of(run, log, is_deskewed=is_deskewed, occupancy=occupancy)
-    if is_map_drawn:
-        draw_map(folder / "map.png", run, maps, title=title, wheels=log, truth=truth)
-    if maps.grid is None:
-        return SavedMaps(title=title, maps=maps, left_out=(f"no occupancy map: {maps.why_no_grid}",))
-    write_map(folder, maps.grid)
-    draw_occupancy(folder / "occupancy.png", maps.grid, run.trajectory.poses, title=f"{title}: occupancy")
-    return SavedMaps(title=title, maps=maps, left_out=())
-
-
-def title_of(run: OdometryRun, log: Log, what: str) -> str:
-    """Return the title of the pictures of a run: the log, the method, and what ran."""
-    title = ", ".join(filter(None, (f"{log.name}: {len(run.outcomes):,} scans", run.method, what)))
-    if run.is_partial:
-        title += f" (partial: interrupted, {len(log):,} scans in all)"
-    return title
+    record, engine = run.record, run.engine
+    write_tum(folder / "trajectory.tum", record.trajectory)
+    write_csv(folder / "trajectory.csv", record.trajectory, [o.name.lower() for o in record.outcomes])
+    title = title_of(run)
+    graph = engine.map if isinstance(engine, Slam) else None
+    drawn = None
+    if helper is not None and run.maps is None:
+        light = dataclasses.replace(record, steps=())
+        drawn = helper.call_after(_draw_places, folder, light, run.scans, is_deskewed(engine), title, run.truth, graph)
+    maps = run.maps or _maps_of_run(run, is_drawn=drawn is None)
+    if maps.grid is not None:
+        write_map(folder, maps.grid)
+        draw_occupancy(folder / "occupancy.png", maps.grid, known_poses(record), title=f"{title}: occupancy")
+    if drawn is None:
+        _draw(folder, record, run.scans, maps, title, run.truth, graph)
+    if isinstance(engine, Slam):
+        write_tum(folder / "trajectory_online.tum", record.online)
+        slam_map = with_grid(engine.map, maps, run.occupancy)
+        slam_map.save(folder / "map.csmap")
+        save_graph(folder, slam_map)
+        write_closures(folder / "closures.csv", engine.closures)
+        write_view_file(
+            folder,
+            run.scans,
+            len(record.outcomes),
+            odometry=record.odometry.poses,
+            keyframe_numbers=engine.backend.keyframes.numbers,
+            keyframe_scans=engine.keyframe_scans(),
+        )
+    elif isinstance(engine, Odometry):
+        write_view_file(folder, run.scans, len(record.outcomes))
+    if drawn is not None:
+        drawn()
+    write_record(folder, describe_run(run, maps))
+    return maps
 
 
 def maps_of(
-    run: OdometryRun,
+    record: RunRecord,
     log: Log,
     *,
     is_deskewed: bool,
@@ -86,8 +96,109 @@ def maps_of(
     occupancy: OccupancyConfig | None = None,
 ) -> RunMaps:
     """Return the maps of a run, as :func:`build_maps` does, from its scans as they were matched."""
-    seen = deskewed_along(log, run.trajectory) if is_deskewed else log
-    return build_maps(seen, run.trajectory.poses, run.is_joined, cell=cell, occupancy=occupancy)
+    seen = deskewed_along(log, record.trajectory) if is_deskewed else log
+    return build_maps(seen, record.trajectory.poses, record.is_joined, cell=cell, occupancy=occupancy)
+
+
+def _maps_of_run(run: Run, *, is_drawn: bool) -> RunMaps:
+    if isinstance(run.engine, Localizer):
+        return RunMaps(standing=run.engine.map.occupancy().occupied_centres, moved=np.empty((0, 2)))
+    cell = 0.05 if is_drawn else None
+    return maps_of(run.record, run.scans, is_deskewed=is_deskewed(run.engine), cell=cell, occupancy=run.occupancy)
+
+
+def with_grid(slam_map: SlamMap, maps: RunMaps, occupancy: OccupancyConfig) -> SlamMap:
+    """Return a map with the occupancy that all scans of the run show."""
+    # of the sessions before there are only the keyframes
+    grid = slam_map.occupancy(occupancy) if slam_map.n_sessions > 1 else maps.grid
+    return dataclasses.replace(slam_map, grid=grid)
+
+
+def _draw_places(
+    folder: Path, record: RunRecord, log: Log, is_deskewed: bool, title: str, truth: Pose | None, graph: SlamMap | None
+) -> None:
+    """Write the pictures that need no occupancy map, in another process."""
+    _draw(folder, record, log, maps_of(record, log, is_deskewed=is_deskewed), title, truth, graph)
+
+
+def _draw(
+    folder: Path, record: RunRecord, log: Log, maps: RunMaps, title: str, truth: Pose | None, graph: SlamMap | None
+) -> None:
+    draw_map(folder / "map.png", record, maps, title=title, truth=truth)
+    n = len(record.outcomes)
+    if log.odometry is not None and np.isfinite(log.odometry.poses[:n, 0]).any():
+        draw_wheels(folder / "wheels.png", log, log.odometry.poses[:n], title=f"{log.name}: by wheel odometry alone")
+    if graph is not None:
+        draw_graph(folder / "graph.png", graph, maps.standing, title=f"{title}: pose graph")
+
+
+def title_of(run: Run) -> str:
+    """Return the title of the pictures of a run: the log, the method, and what ran."""
+    n, n_whole = len(run.record.outcomes), len(run.log)
+    what = {Slam: "SLAM", Localizer: "localization"}.get(type(run.engine), "")
+    title = ", ".join(filter(None, (f"{run.log.name}: {n:,} scans", run.record.method, what)))
+    return title + f" (partial: interrupted, {n_whole:,} scans in all)" * run.record.is_partial
+
+
+def known_poses(record: RunRecord) -> Pose:
+    """Return the poses that are known."""
+    poses = record.trajectory.poses
+    return poses[np.isfinite(poses[:, 0])]
+
+
+def describe_run(run: Run, maps: RunMaps) -> dict[str, object]:
+    """Return what run.json holds: version, command, input, configuration, verdict, outcomes, times."""
+    record, log, engine = run.record, run.log, run.engine
+    odometry, outcomes = odometry_of(engine), Counter(record.outcomes)
+    config = {record.method: as_plain(odometry.matcher.config), "odometry": as_plain(odometry.config)}
+    kinds = IN_MAP if isinstance(engine, Localizer) else [o for o in StepOutcome if o not in IN_MAP[:-1]]
+    about: dict[str, object] = {}
+    if not isinstance(engine, Odometry):
+        config["slam"] = as_plain(engine.config)
+    if isinstance(engine, Slam):
+        about["slam"] = describe_graph(engine, record.seconds_to_finish)
+    if isinstance(engine, Localizer):
+        about["first_fix"] = run.first_fix
+    return {
+        "curvescan": __version__,
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in ("numpy", "numba")},
+        "machine": platform.machine(),
+        "command": list(run.command),
+        "input": {"name": log.name, "format": log.format, "scans": len(log)} | _digest(run.source),
+        "method": record.method,
+        "config": config,
+        "odometry_prior": record.has_prior,
+        "is_partial": record.is_partial,
+        "verdict": {"is_trusted": run.verdict.is_trusted, "reasons": list(run.verdict.reasons)},
+        "scans": len(record.outcomes),
+        "outcomes": {kind.name.lower(): outcomes[kind] for kind in kinds},
+        "failures": {
+            outcome.name.lower(): {"count": count, "meaning": outcome.value}
+            for outcome, count in record.failures.items()
+        },
+        "rejected_matches": record.n_rejected,
+        "rejected_odometry": record.n_prior_rejected,
+        "milliseconds_per_scan": percentiles(record.seconds),
+        "milliseconds_between_scans": round(1e3 * record.scan_period, 4) if math.isfinite(record.scan_period) else None,
+        "input_faults": [dataclasses.asdict(read_error) for read_error in log.read_errors],
+        "occupancy": as_plain(run.occupancy),
+        "left_out": list(left_out(maps)),
+        **about,
+        **({} if run.prepared is None else run.prepared.as_plain()),
+        **run.details,
+    }
+
+
+def left_out(maps: RunMaps) -> tuple[str, ...]:
+    """Return what is not written and why, a sentence each."""
+    return (f"no occupancy map: {maps.why_no_grid}",) if maps.why_no_grid else ()
+
+
+def percentiles(seconds: np.ndarray) -> dict[str, float]:
+    """Return median, 99th percentile and maximum in milliseconds; seconds (n,)."""
+    values = np.percentile(1e3 * seconds, [50.0, 99.0, 100.0]).tolist()
+    return {name: round(value, 4) for name, value in zip(("median", "p99", "max"), values, strict=True)}
 
 
 def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_RECORD) -> None:
@@ -106,3 +217,13 @@ def list_further_files(folder: Path, results: Path) -> None:
     further = [file.name for file in folder.iterdir()]
     record["files"] = sorted({*record["files"], *further})
     (folder / RUN_RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8", newline="\n")
+
+
+def _digest(source: Path | None) -> dict[str, object]:
+    if source is None:
+        return {}
+    if source.is_dir():  # of a ROS 2 bag
+        return {"files": {file.name: _digest(file) for file in storage_files(source)}}
+    with source.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"bytes": source.stat().st_size, "sha256": digest}

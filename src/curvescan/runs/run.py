@@ -1,34 +1,43 @@
-"""run: the odometry of a whole log, and its results folder; what ``curvescan odometry`` calls."""
+"""run and localize: a log in; trajectory, map and verdict out, and a results folder. What the commands call."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, TypeAlias, get_args
 
-from curvescan.configs import as_config
-from curvescan.diagnostics.inspect import inspect_log
-from curvescan.diagnostics.issues import Issue, find_issues
-from curvescan.diagnostics.motion_prior import motion_prior
-from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
-from curvescan.diagnostics.verdict import Verdict, judge_run
+from curvescan.configs import as_config, nearest
+from curvescan.diagnostics.preparation import prepare_log
+from curvescan.diagnostics.verdict import judge
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.arrays.memory import as_log
 from curvescan.io.exports import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.io.files.output import output_folder
 from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.io.reading import read_log
-from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
-from curvescan.odometry import Odometry, OdometryConfig, OdometryRun, OdometryStep, run_odometry
-from curvescan.runs.odometry import save_run
-from curvescan.runs.pose_graph import PoseGraph
-from curvescan.runs.results import list_further_files
+from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
+from curvescan.runs.pose_graph import edges_of
+from curvescan.runs.result import Run
+from curvescan.runs.results import left_out, list_further_files, save_run
+from curvescan.scan import LaserScan
+from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
+from curvescan.slam.map import as_map
+from curvescan.slam.run import Engine
 from curvescan.types import Pose
+
+EngineName: TypeAlias = Literal["odometry", "slam"]
+PathLike: TypeAlias = str | os.PathLike[str]
+LogLike: TypeAlias = Log | Iterable[LaserScan] | PathLike
+
+_STAGES: dict[EngineName, str] = {"odometry": "odometry", "slam": "SLAM"}
+_HINT = "the configuration of the matcher is given as matcher="
 
 
 class RunDisplay(Protocol):
@@ -43,83 +52,61 @@ class RunDisplay(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RunResult:
-    """What came of a log.
+class Silent:
+    """Shows nothing."""
 
-    Attributes
-    ----------
-    log : Log
-        The log.
-    run : OdometryRun
-        Trajectory, outcomes, times.
-    odometry : Odometry
-        What ran, in its last state.
-    sensor : SensorJudgement
-        What the log's scans say of the sensor.
-    issues : tuple of Issue
-        What is wrong or odd with the log, as :func:`curvescan.find_issues` has it.
-    verdict : Verdict
-        Whether the trajectory can be trusted, and if not, why.
-    files : tuple of str
-        Names of the files written; empty without a folder.
-    left_out : tuple of str
-        What was not written and why, a sentence each.
-    """
+    def begin(self, stage: str, n_steps: int) -> None:
+        """Show nothing."""
 
-    log: Log
-    run: OdometryRun
-    odometry: Odometry
-    sensor: SensorJudgement
-    issues: tuple[Issue, ...]
-    verdict: Verdict
-    files: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """Stamp, pose and covariance at each scan."""
-        return self.run.trajectory
-
-    def __repr__(self) -> str:
-        written = f", {len(self.files)} files written" if self.files else ""
-        return f"RunResult({self.log.name!r}: {self.run!r}{written})"
+    def advance(self) -> None:
+        """Show nothing."""
 
 
 def run(
-    log: Log | str | os.PathLike[str],
+    log: LogLike,
+    engine: EngineName = "odometry",
     *,
-    out: str | os.PathLike[str] | None = None,
+    out: PathLike | None = None,
     method: Method | str = DEFAULT_METHOD,
-    config: OdometryConfig | Mapping[str, Any] | None = None,
+    config: OdometryConfig | SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
-    odometry_prior: bool = False,
+    map: SlamMap | PathLike | None = None,  # noqa: A002 - the name that Slam gives it
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
     exports: Sequence[ExportName] = (),
     occupancy: OccupancyConfig | Mapping[str, Any] | None = None,
     truth: Pose | None = None,
     command: Sequence[str] = (),
-    source: str | os.PathLike[str] | None = None,
+    source: PathLike | None = None,
     display: RunDisplay | None = None,
-) -> RunResult:
-    """Return the trajectory of a log, and write it with its maps into a folder.
+    keeps_steps: bool = True,
+    n_processes: int = 2,
+) -> Run:
+    """Return the trajectory and the map of a log, by odometry or SLAM, and write them into a folder.
 
-    The folder holds trajectory.tum, trajectory.csv (with covariances), map.png, run.json, and the occupancy map:
-    map.pgm with map.yaml, and occupancy.png. Ctrl-C ends the run and keeps what there is so far, marked as partial.
+    Ctrl-C ends the run and keeps the results so far, marked as partial.
 
     Parameters
     ----------
-    log : Log, str or path-like
-        A log, or the path of one.
+    log : Log, iterable of LaserScan, str or path-like
+        A log, its scans, or the path of its file.
+    engine : str
+        ``"odometry"``, or ``"slam"``, which closes loops and revises every pose.
     out : str, path-like or None
-        Folder for the results, made if it is missing; None to write nothing.
+        Folder for the results, made if it is missing; None to write nothing. See :meth:`Run.save`.
     method : str
         Name of the matcher.
-    config : OdometryConfig, mapping or None
-        Configuration of the odometry; None for what suits the method.
+    config : OdometryConfig, SlamConfig, mapping or None
+        Configuration of the engine; None for its defaults, of odometry for what suits the method.
     matcher : dataclass, mapping or None
         Configuration of the matcher.
-    odometry_prior : bool
-        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion.
+    map : SlamMap, path or None
+        SLAM: a map to continue; the log may begin anywhere in it.
+    odometry_prior : bool or None
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion; None
+        where it agrees with the scans.
+    as_is : bool
+        Whether to take the log as it is, and mend nothing.
     exports : sequence of str
         Further files: ``"kitti"``, ``"g2o"``, ``"mcap"``.
     occupancy : OccupancyConfig, mapping or None
@@ -132,110 +119,216 @@ def run(
         The file or folder that a `log` given as a Log was read from, for its size and digest in run.json.
     display : RunDisplay or None
         Shows how far the run has come.
+    keeps_steps : bool
+        Whether ``run.steps`` is kept, some 2 kB a scan.
+    n_processes : int
+        2 to run the odometry of a long log ahead of SLAM in a process of its own: the same bits, sooner.
 
     Raises
     ------
     InvalidArgumentError
         When an argument is not of the kinds above, or `odometry_prior` is wanted and the log has none that fits its scans.
     LogFileError, LogFormatError
-        When the log cannot be read.
+        When the log or the map cannot be read.
     OutputError
         When the results cannot be written.
     """
-    opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (log, source)
-    scans = HeldLog(opened)
-    hint = "the configuration of the matcher is given as matcher="
-    config = as_config(config, OdometryConfig.of_method(method), hint=hint)
-    map_config = as_config(occupancy, OccupancyConfig(), name="occupancy")
+    if engine not in get_args(EngineName):
+        known = ", ".join(get_args(EngineName))
+        raise InvalidArgumentError(
+            f"engine must be of {known}, got {engine!r}. {nearest(str(engine), known.split(', '))}"
+        )
+    if engine == "odometry" and map is not None:
+        raise InvalidArgumentError("odometry continues no map: give engine='slam' with map=")
     check_exports(exports)
     if exports and out is None:
         raise InvalidArgumentError(f"exports {list(exports)} are files of a folder: give out=")
-    shown = display or Silent()
-    graph = PoseGraph() if takes_edges(exports) else None
-    # first of all: a place that cannot be written costs no work
-    with _folder(out, source) as folder:
-        result = _judged_run(scans, method, config, matcher, has_prior=odometry_prior, shown=shown, graph=graph)
-        result = replace(result, log=opened)
-        if folder is not None:
-            shown.begin("drawing the maps", 0)
-            left_out = save_run(
-                folder,
-                result.run,
-                scans,
-                odometry=result.odometry,
-                command=command,
-                source=None if source is None else Path(source),
-                occupancy=map_config,
-                truth=truth,
-                verdict=result.verdict,
-            )
-            files = tuple(sorted(file.name for file in folder.iterdir()))
-            result = replace(result, files=files, left_out=left_out)
+    given: Any = config  # of the engine's class, or its fields
+    if engine == "odometry":
+        new, deskew = _new_odometry(method, as_config(given, OdometryConfig.of_method(method), hint=_HINT), matcher)
+    else:
+        begun = None if map is None else as_map(map)
+        new, deskew = _new_slam(method, as_config(given, SlamConfig(), hint=_HINT), matcher, begun)
+        exports = [name for name in exports if name != "g2o"]  # the graph is written as it is
+    job = _Job(
+        out=out,
+        odometry_prior=odometry_prior,
+        as_is=as_is,
+        occupancy=as_config(occupancy, OccupancyConfig(), name="occupancy"),
+        display=display or Silent(),
+        keeps_steps=keeps_steps or takes_edges(exports),
+        about={"truth": truth, "command": tuple(command)},
+        inputs=_files(map),
+        n_processes=n_processes if engine == "slam" else 1,
+    )
+    result = job.run(log, source, _STAGES[engine], deskew, new)
     if exports and out is not None:
-        # on their own: what goes wrong here must not cost the results of the run
-        shown.begin("exporting", 0)
-        edges = graph.edges if graph else ()
-        data = RunData(trajectory=result.trajectory, edges=edges, scans=scans)
-        exported = _write_exports(out, source, exports, data)
-        result = replace(result, files=(*result.files, *exported))
+        job.display.begin("exporting", 0)
+        result = _export(result, out, exports)
     return result
 
 
-def _judged_run(
-    log: Log,
-    method: str,
-    config: OdometryConfig,
-    matcher: MatcherConfig | None,
+def localize(
+    log: LogLike,
+    map: SlamMap | PathLike,  # noqa: A002 - the name that Slam gives it
     *,
-    has_prior: bool,
-    shown: RunDisplay,
-    graph: PoseGraph | None,
-) -> RunResult:
-    """Return the odometry of a log, and what is to be thought of it; its steps go to the graph, and nothing is written."""
+    out: PathLike | None = None,
+    method: Method | str = DEFAULT_METHOD,
+    config: SlamConfig | Mapping[str, Any] | None = None,
+    matcher: MatcherConfig | None = None,
+    odometry_prior: bool | None = None,
+    as_is: bool = False,
+    command: Sequence[str] = (),
+    source: PathLike | None = None,
+    display: RunDisplay | None = None,
+    keeps_steps: bool = True,
+) -> Run:
+    """Return where the sensor of a log is in a saved map, with no guess, and write it into a folder.
 
-    def on_step(step: OdometryStep) -> None:
-        if graph is not None:
-            graph.add(step)
-        shown.advance()
+    Parameters
+    ----------
+    log : Log, iterable of LaserScan, str or path-like
+        A log, its scans, or the path of its file.
+    map : SlamMap, str or path-like
+        The map, or the path of its file, ``map.csmap`` of a SLAM run.
+    out, method, matcher, odometry_prior, as_is, command, source, display, keeps_steps
+        As of :func:`curvescan.run`.
+    config : SlamConfig, mapping or None
+        Configuration that localization shares with SLAM.
 
-    shown.begin("looking for what is wrong with the log", 0)
-    sensor = judge_sensor(log, is_order_needed=config.deskew)
-    issues = find_issues(inspect_log(log, sensor))
-    odometry_poses = motion_prior(log, sensor.rotation) if has_prior else None
-    config = replace(config, deskew=config.deskew and sensor.can_deskew)
-    odometry = Odometry(method, config=config, matcher=matcher)
-    shown.begin("odometry", len(log))
-    done = run_odometry(log, odometry, odometry_poses=odometry_poses, on_step=on_step)
-    return RunResult(
-        log=log, run=done, odometry=odometry, sensor=sensor, issues=issues, verdict=judge_run(done, issues)
+    Raises
+    ------
+    InvalidArgumentError, LogFileError, LogFormatError, OutputError
+        As :func:`curvescan.run` does.
+    """
+    rules, known = as_config(config, SlamConfig(), hint=_HINT), as_map(map)
+
+    def new(deskew: bool) -> Localizer:
+        return Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
+
+    job = _Job(
+        out=out,
+        odometry_prior=odometry_prior,
+        as_is=as_is,
+        occupancy=OccupancyConfig(),
+        display=display or Silent(),
+        keeps_steps=keeps_steps,
+        about={"command": tuple(command)},
+        inputs=_files(map),
     )
+    return job.run(log, source, "localization", rules.odometry.deskew, new)
 
 
-def _write_exports(
-    out: str | os.PathLike[str], source: str | os.PathLike[str] | None, exports: Sequence[ExportName], data: RunData
-) -> tuple[str, ...]:
-    """Write exports into the folder of a run's results, and return the names of the files."""
-    with _folder(out, source) as folder:
-        assert folder is not None
+_NewEngine: TypeAlias = Callable[[bool], Engine]
+"""Makes an engine that deskews, or not."""
+
+
+def _new_odometry(method: str, rules: OdometryConfig, matcher: MatcherConfig | None) -> tuple[_NewEngine, bool]:
+    """Return what makes the engine, and whether it is to deskew."""
+
+    def new(deskew: bool) -> Odometry:
+        return Odometry(method, config=replace(rules, deskew=deskew), matcher=matcher)
+
+    return new, rules.deskew
+
+
+def _new_slam(
+    method: str, rules: SlamConfig, matcher: MatcherConfig | None, begun: SlamMap | None
+) -> tuple[_NewEngine, bool]:
+    def new(deskew: bool) -> Slam:
+        return Slam(method, matcher=matcher, config=_deskewing(rules, deskew), map=begun)
+
+    return new, rules.odometry.deskew
+
+
+def _files(map: SlamMap | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
+    return () if map is None or isinstance(map, SlamMap) else (Path(map),)
+
+
+def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:
+    return replace(rules, odometry=replace(rules.odometry, deskew=deskew))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """What runs have in common, whatever the engine."""
+
+    out: PathLike | None
+    odometry_prior: bool | None
+    as_is: bool
+    occupancy: OccupancyConfig
+    display: RunDisplay
+    keeps_steps: bool
+    about: Mapping[str, Any]
+    inputs: tuple[Path, ...] = ()
+    n_processes: int = 1
+
+    def run(self, log: LogLike, source: PathLike | None, stage: str, deskew: bool, new: _NewEngine) -> Run:
+        """Return what an engine makes of a log, and write it."""
+        opened, source = (read_log(log), log) if isinstance(log, str | os.PathLike) else (as_log(log), source)
+        shown = self.display
+        inputs = (*self.inputs, *(() if source is None else (Path(source),)))
+        # first of all: a place that cannot be written costs no work
+        with _folder(self.out, inputs) as folder, _other_process(len(opened), self.n_processes) as other:
+            shown.begin("looking for what is wrong with the log", 0)
+            prepared = prepare_log(
+                HeldLog(opened), odometry_prior=self.odometry_prior, as_is=self.as_is, is_order_needed=deskew
+            )
+            scans, odometry_poses = prepared.log, prepared.odometry_poses
+            engine = new(deskew and prepared.sensor.can_deskew)
+            shown.begin(stage, len(scans))
+            ahead = None
+            if other is not None and isinstance(engine, Slam):
+                ahead = other.place(engine.odometry, scans, odometry_poses)
+            record = run_engine(
+                scans,
+                engine,
+                odometry_poses=odometry_poses,
+                on_step=lambda _: shown.advance(),
+                ahead=ahead,
+                keeps_steps=self.keeps_steps,
+            )
+            result = Run(
+                log=opened,
+                engine=engine,
+                record=record,
+                prepared=prepared,
+                verdict=judge(record, engine, prepared),
+                scans=scans,
+                occupancy=self.occupancy,
+                source=None if source is None else Path(source),
+                inputs=inputs,
+                **self.about,
+            )
+            if folder is not None:
+                shown.begin("drawing the maps", 0)
+                maps = save_run(folder, result, helper=other)
+                files = tuple(sorted(file.name for file in folder.iterdir()))
+                result = replace(result, maps=maps, files=files, left_out=left_out(maps))
+        return result
+
+
+def _export(result: Run, out: PathLike, exports: Sequence[ExportName]) -> Run:
+    """Write exports into the folder of a run; on their own, so that an error here does not cost the results."""
+    data = RunData(
+        trajectory=result.trajectory, edges=edges_of(result.steps) if takes_edges(exports) else (), scans=result.scans
+    )
+    with output_folder(out, inputs=result.inputs) as folder:
         files = write_exports(folder, exports, data)
         list_further_files(folder, Path(out))
-    return files
+    return replace(result, files=(*result.files, *files))
 
 
 @contextmanager
-def _folder(out: str | os.PathLike[str] | None, source: str | os.PathLike[str] | None) -> Iterator[Path | None]:
+def _folder(out: PathLike | None, inputs: Sequence[Path]) -> Iterator[Path | None]:
     if out is None:
         yield None
     else:
-        with output_folder(out, inputs=() if source is None else (source,)) as folder:
+        with output_folder(out, inputs=inputs) as folder:
             yield folder
 
 
-class Silent:
-    """Shows nothing."""
-
-    def begin(self, stage: str, n_steps: int) -> None:
-        """Show nothing."""
-
-    def advance(self) -> None:
-        """Show nothing."""
+def _other_process(n_scans: int, n_processes: int) -> AbstractContextManager[OdometryProcess | None]:
+    if n_processes == 1 or not can_run_ahead(n_scans):
+        return nullcontext()
+    return OdometryProcess()

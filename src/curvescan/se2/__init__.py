@@ -1,9 +1,9 @@
 """Poses in the plane: the group SE(2).
 
-A pose is ``[x, y, theta]``; ``pose_a_b`` is the pose of frame b in frame a, so that a point moves by
-``p_a = R(theta) p_b + t`` and ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``: inner letters cancel.
-All functions broadcast over leading dimensions and return new float64 arrays. A single pose, of which an odometry composes a
-dozen a scan, goes by plain numbers: the same operations in the same order, a tenth of the time.
+A pose is ``[x, y, theta]``; ``pose_a_b`` is the pose of frame b in frame a, so that a point moves by ``p_a = R(theta)
+p_b + t`` and ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``: inner letters cancel. All functions broadcast over
+leading dimensions and return new float64 arrays. A single pose, of which an odometry composes a dozen a scan, goes by
+plain numbers: the same operations in the same order, a tenth of the time.
 
 First-order propagation of covariances follows Smith, Self and Cheeseman, "Estimating uncertain spatial
 relationships in robotics", 1990.

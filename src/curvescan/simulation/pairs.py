@@ -25,29 +25,17 @@ _ATTEMPTS = 400  # places tried for one pair
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPair:
-    """Two scans of one world and the truth about them.
+    """Two scans of one world and the truth about them."""
 
-    Attributes
-    ----------
-    reference, current : LaserScan
-        The earlier and the later scan.
-    pose : (3,) float64
-        True pose of `current` in `reference`: [x, y, theta], metres, metres, radians in (-pi, pi].
-    is_person_ref, is_person_cur : (n_beams,) bool
-        Which valid readings are of people.
-    reference_pose : (3,) float64
-        True pose of `reference` in the world.
-    world : World
-        Where it was.
-    """
-
+    # the earlier and the later scan
     reference: LaserScan
     current: LaserScan
-    pose: Pose
+    pose: Pose  # (3,): true pose of `current` in `reference`: [x, y, theta], metres, metres, radians in (-pi, pi]
+    # (n_beams,): which valid readings are of people
     is_person_ref: Bools
     is_person_cur: Bools
-    reference_pose: Pose
-    world: World
+    reference_pose: Pose  # (3,): true pose of `reference` in the world
+    world: World  # where it was
 
     def __repr__(self) -> str:
         x, y, theta = self.pose
@@ -56,22 +44,12 @@ class ScanPair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPairs(Sequence[ScanPair]):
-    """A sequence of scan pairs, each made on access, from its own seed.
+    """A sequence of scan pairs, each made on access, from its own seed."""
 
-    Attributes
-    ----------
-    world : World or str
-        Where all pairs are; a name: built anew for each pair.
-    sensor : Sensor
-        What measures.
-    motions : (n, 3) float64
-        The pose of each current scan in its reference scan.
-    people_share, clearance, sight_share, people, seed
-        As :func:`simulate_pairs` takes them.
-    """
-
-    world: World | str
-    sensor: Sensor
+    world: World | str  # where all pairs are; a name: built anew for each pair
+    sensor: Sensor  # what measures
+    # (n, 3): the pose of each current scan in its reference scan. people_share, clearance, sight_share, people, seed As
+    # :func:`simulate_pairs` takes them
     motions: Pose
     people_share: float
     clearance: float

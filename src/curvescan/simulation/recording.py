@@ -21,7 +21,7 @@ from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
 from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, child
 from curvescan.simulation.sensing.people import People, walk
-from curvescan.simulation.sensing.sensors import Sensor, choose_sensor, measure, sight
+from curvescan.simulation.sensing.sensors import Sensor, cast_beams, choose_sensor, measure, sight
 from curvescan.types import Bools, Floats, Pose
 
 if TYPE_CHECKING:
@@ -32,41 +32,22 @@ _DEFAULT_SCANS = 200
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Simulation(ScanAccess):
-    """A simulated log (:class:`curvescan.io.log.Log`) with its truth.
+    """A simulated log (:class:`curvescan.io.log.Log`) with its truth."""
 
-    Attributes
-    ----------
-    name : str
-        The world's name and the seed.
-    world : World
-        What stands still.
-    sensor : Sensor
-        What measured.
-    truth : Trajectory
-        True pose of the sensor at each scan, at the time of its first beam, world frame. Between two scans it moves
-        at a constant velocity, along an arc.
-    odometry : Trajectory or None
-        Noisy wheel odometry, frame of the first scan.
-    ranges : (n_scans, n_beams) float64
-        What the sensor reports: metres, +inf, -inf or NaN as of :func:`curvescan.simulation.measure`.
-    exact_ranges : (n_scans, n_beams) float64
-        Metres without noise; +inf where nothing stands within reach, which is range_max and a little more
-        (:func:`curvescan.simulation.sensing.sensors.sight`).
-    is_person : (n_scans, n_beams) bool
-        Which valid readings are of people.
-    people : (n_scans, c, 3) float64
-        Circles [x, y, r] that the walkers showed at each scan, metres, world frame.
-    """
-
-    name: str
-    world: World
-    sensor: Sensor
+    name: str  # the world's name and the seed
+    world: World  # what stands still
+    sensor: Sensor  # what measured
+    # true pose of the sensor at each scan, at the time of its first beam, world frame. Between two scans it moves at a
+    # constant velocity, along an arc
     truth: Trajectory
-    odometry: Trajectory | None
+    odometry: Trajectory | None  # noisy wheel odometry, frame of the first scan
+    # (n_scans, n_beams): what the sensor reports: metres, +inf, -inf or NaN as of :func:`curvescan.simulation.measure`
     ranges: Floats
+    # (n_scans, n_beams): metres without noise; +inf where nothing stands within reach, which is range_max and a little
+    # more (:func:`curvescan.simulation.sensing.sensors.sight`)
     exact_ranges: Floats
-    is_person: Bools
-    people: Floats
+    is_person: Bools  # (n_scans, n_beams): which valid readings are of people
+    people: Floats  # (n_scans, c, 3): circles [x, y, r] that the walkers showed at each scan, metres, world frame
     format: str = "simulated log"
     read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
@@ -183,22 +164,14 @@ def observe(
     the sensor during each sweep; None: it stands still.
     """
     # Numba loads when something is cast
-    from curvescan.simulation.sensing.raycast import cast_rays, cast_sweep
+    from curvescan.simulation.sensing.raycast import cast_sweep
 
     shape = (len(poses), sensor.n_beams)
     ranges, exact, is_person = np.empty(shape), np.empty(shape), np.empty(shape, dtype=bool)
     beams: Floats = np.arange(sensor.n_beams, dtype=np.float64)
     for i, pose in enumerate(poses):
         if velocities is None:
-            exact[i], hit_idx = cast_rays(
-                world,
-                pose,
-                angle_min=sensor.angle_min,
-                angle_increment=sensor.angle_increment,
-                n_beams=sensor.n_beams,
-                range_max=sight(sensor),
-                people=people[i],
-            )
+            exact[i], hit_idx = cast_beams(world, pose, sensor, range_max=sight(sensor), people=people[i])
         else:
             times = sensor.time_increment * beams[:, np.newaxis]
             exact[i], hit_idx = cast_sweep(

@@ -7,29 +7,23 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from curvescan.slam.config import SlamConfig
-    from curvescan.slam.localization.step import LocalizerOutcome, LocalizerStep
     from curvescan.slam.localizer import Localizer
     from curvescan.slam.loops.audit import Contradiction
     from curvescan.slam.loops.closures import Closure, ClosureOutcome
     from curvescan.slam.map import SlamMap, load_map
-    from curvescan.slam.run import SlamRun, run_slam
+    from curvescan.slam.run import run_engine
     from curvescan.slam.slam import Slam
-    from curvescan.slam.step import SlamStep
 
 _HOMES = {
     "Closure": "loops.closures",
     "Contradiction": "loops.audit",
     "Localizer": "localizer",
-    "LocalizerOutcome": "localization.step",
-    "LocalizerStep": "localization.step",
     "Slam": "slam",
     "SlamConfig": "config",
     "SlamMap": "map",
-    "SlamRun": "run",
-    "SlamStep": "step",
     "ClosureOutcome": "loops.closures",
     "load_map": "map",
-    "run_slam": "run",
+    "run_engine": "run",
 }
 
 __all__ = [
@@ -37,15 +31,11 @@ __all__ = [
     "ClosureOutcome",
     "Contradiction",
     "Localizer",
-    "LocalizerOutcome",
-    "LocalizerStep",
     "Slam",
     "SlamConfig",
     "SlamMap",
-    "SlamRun",
-    "SlamStep",
     "load_map",
-    "run_slam",
+    "run_engine",
 ]
 
 

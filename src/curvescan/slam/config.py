@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from curvescan.errors import require
-from curvescan.odometry import config as odometry_config
 from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov
 
@@ -216,11 +215,6 @@ class OptimizerConfig:
         require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
 
 
-def _front_end() -> OdometryConfig:
-    # loops are the graph's business: the odometry stays continuous and holds few keyframes
-    return OdometryConfig(keyframes=odometry_config.KeyframesConfig(closes_loops=False, max_keyframes=4))
-
-
 @dataclass(frozen=True, kw_only=True)
 class SlamConfig:
     """The whole of it."""
@@ -235,5 +229,5 @@ class SlamConfig:
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
     """Optimization: when and how robustly."""
-    odometry: OdometryConfig = field(default_factory=_front_end)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""

@@ -7,6 +7,7 @@ the scan, the whole map is looked at again: a sensor that was carried away is fo
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,7 +20,7 @@ from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
@@ -27,9 +28,9 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.search import MapSearch, Place, is_same
-from curvescan.slam.localization.step import NOWHERE, LocalizerOutcome, LocalizerStep, as_step
+from curvescan.slam.localization.step import NOWHERE, as_step
 from curvescan.slam.loops.closures import is_confident, vaguely
-from curvescan.slam.map import SlamMap
+from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Ints, Points
 
@@ -47,8 +48,8 @@ class Localizer:
 
     Parameters
     ----------
-    slam_map : SlamMap
-        The map; it is not changed.
+    slam_map : SlamMap or path
+        The map, or its file; it is not changed.
     method : str
         Name of the matcher.
     matcher : dataclass, mapping or None
@@ -61,17 +62,17 @@ class Localizer:
 
     def __init__(
         self,
-        slam_map: SlamMap,
+        slam_map: SlamMap | str | os.PathLike[str],
         *,
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
         n_tried: int = 12,
     ) -> None:
-        self.map = slam_map
+        self.map = slam_map = as_map(slam_map)
         hint = "the configuration of the matcher is given as matcher="
         self.config = as_config(config, SlamConfig(), hint=hint)
-        self._method, self._matcher, self._n_tried = method, matcher, n_tried
+        self.method, self._matcher, self._n_tried = method, matcher, n_tried
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
@@ -83,19 +84,19 @@ class Localizer:
 
     def reset(self) -> None:
         """Forget where the sensor is: the next scan is the first of another log."""
-        self.odometry = Odometry(self._method, matcher=self._matcher, config=self.config.odometry)
+        self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
         self._deskewer = Deskewer()
-        self._last: OdometryStep | None = None  # of the scan before
+        self._last: Step | None = None  # of the scan before
         self._search.clear()
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with
-        self._anchor: OdometryStep | None = None  # the odometry's step of that scan
-        self._view: OdometryStep | None = None  # the step of the last view of the search
+        self._anchor: Step | None = None  # the odometry's step of that scan
+        self._view: Step | None = None  # the step of the last view of the search
         self._n_missed = 0  # scans in a row that should have matched the map
         self._n_lost = 0
         self._is_torn = False  # whether a motion since then was not measured, or is in doubt
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> LocalizerStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -120,7 +121,7 @@ class Localizer:
         self._last = step
         return localized
 
-    def _deskewed(self, scan: LaserScan, step: OdometryStep) -> LaserScan:
+    def _deskewed(self, scan: LaserScan, step: Step) -> LaserScan:
         """Return the scan as the map's keyframes are: deskewed by the motion since the one before."""
         if self._last is None or not self.config.odometry.deskew:
             return scan
@@ -136,13 +137,13 @@ class Localizer:
         """
         return tuple(self._confirmed(scan, self._search_alone(scan).winner))
 
-    def _look(self, scan: LaserScan, step: OdometryStep) -> LocalizerStep:
+    def _look(self, scan: LaserScan, step: Step) -> Step:
         """Look for the sensor in the whole map."""
         moved = None
         if self._view is not None and not self._is_torn:
             moved = between_steps(self._view, step)
             if self._is_near(moved, 0.7):
-                return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
+                return as_step(step, NOWHERE, NOWHERE.cov, StepOutcome.SEARCHING)
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
@@ -150,8 +151,8 @@ class Localizer:
         self._view = step
         hits = self._confirmed(scan, self._search.winner, similar)
         if not hits:
-            return as_step(step, NOWHERE, NOWHERE.cov, LocalizerOutcome.SEARCHING)
-        return self._take(step, fused(hits), LocalizerOutcome.FOUND, hits[0].keyframe)
+            return as_step(step, NOWHERE, NOWHERE.cov, StepOutcome.SEARCHING)
+        return self._take(step, fused(hits), StepOutcome.FOUND, hits[0].keyframe)
 
     def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
         """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
@@ -174,12 +175,12 @@ class Localizer:
             return []
         return hits
 
-    def _track(self, scan: LaserScan, step: OdometryStep, here: UncertainPose, anchor: OdometryStep) -> LocalizerStep:
+    def _track(self, scan: LaserScan, step: Step, here: UncertainPose, anchor: Step) -> Step:
         """Follow the sensor from where it was."""
         moved = between_steps(anchor, step)
         expected = compose(here, moved)
         if self._is_near(moved, 0.5) and not self._is_torn and self._n_missed == 0:
-            return self._at(step, expected, LocalizerOutcome.TRACKED)
+            return self._at(step, expected, StepOutcome.TRACKED)
         deskewed = self._deskewed(scan, step)
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
@@ -192,7 +193,7 @@ class Localizer:
             now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
             if view.score > 0.0 and (alone is None or alone.is_best(now.pose, view.score)):
-                return self._take(step, now, LocalizerOutcome.TRACKED, hits[0].keyframe)
+                return self._take(step, now, StepOutcome.TRACKED, hits[0].keyframe)
         else:
             view = self._search.field.agreement(points, expected.pose)
         self._n_missed += is_due or view.score < 0.0 or self._is_torn
@@ -200,12 +201,12 @@ class Localizer:
         if self._n_missed:
             elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed)).winner)
         if elsewhere:
-            return self._take(step, fused(elsewhere), LocalizerOutcome.FOUND, elsewhere[0].keyframe)
+            return self._take(step, fused(elsewhere), StepOutcome.FOUND, elsewhere[0].keyframe)
         if self._n_missed >= self.config.keyframes.n_lost:
             self._here, self._view = None, None
             self._search.clear()
             return self._look(scan, step)
-        return self._at(step, expected, LocalizerOutcome.PREDICTED)
+        return self._at(step, expected, StepOutcome.PREDICTED)
 
     def _is_near(self, moved: UncertainPose, share: float) -> bool:
         """Return whether a motion is less than a share of what makes a new keyframe due."""
@@ -226,7 +227,7 @@ class Localizer:
         seen = keyframes.signature(keyframes.prepare(scan))
         return keyframes.index.most_similar(seen, len(keyframes))
 
-    def _take(self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int) -> LocalizerStep:
+    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int) -> Step:
         self._here, self._anchor, self._keyframe = here, step, keyframe
         self._view = None
         self._search.clear()
@@ -234,9 +235,7 @@ class Localizer:
         self._is_torn = False
         return self._at(step, here, outcome, keyframe)
 
-    def _at(
-        self, step: OdometryStep, here: UncertainPose, outcome: LocalizerOutcome, keyframe: int = -1
-    ) -> LocalizerStep:
+    def _at(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int = -1) -> Step:
         around, covariance_global = self._matching.in_map(here, self._keyframe)
         return as_step(step, around, covariance_global, outcome, keyframe)
 

@@ -82,6 +82,11 @@ class SlamMap:
             builder.add(scan, pose)
         return builder.grid()
 
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> SlamMap:
+        """Return a map that was saved; see :func:`curvescan.load_map`."""
+        return load_map(path)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file, conventionally NAME.csmap, in one step; see docs/slam.md for the format.
 
@@ -104,6 +109,11 @@ class SlamMap:
             grid=self.grid,
         )
         write_map_file(path, content)
+
+
+def as_map(given: SlamMap | str | os.PathLike[str]) -> SlamMap:
+    """Return a map that is given as one, or as the path of its file."""
+    return given if isinstance(given, SlamMap) else load_map(given)
 
 
 def load_map(path: str | os.PathLike[str]) -> SlamMap:

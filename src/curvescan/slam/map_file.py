@@ -90,6 +90,12 @@ def read_map_file(path: str | os.PathLike[str]) -> MapContent:
     path = Path(path)
     if not path.is_file():
         raise LogFileError(f"map {path} does not exist: check the path")
+    with path.open("rb") as opened:
+        if opened.read(2) != b"PK":  # of the zip archive that it is
+            raise LogFormatError(
+                f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`, which keeps the scans of the "
+                "map's keyframes; a picture or a map.pgm of cells has none to match with"
+            )
     file = NpzFile(path)
     if "csmap_version" not in file.headers:
         raise LogFormatError(f"{path} is not a map that curvescan saved: it has no csmap_version")

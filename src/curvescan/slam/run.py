@@ -1,48 +1,32 @@
-"""SLAM over a whole log."""
+"""Odometry, SLAM or localization over a whole log."""
 
 from __future__ import annotations
 
 import time
-from array import array
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import replace
+from typing import Protocol, TypeAlias
 
-import numpy as np
-
-from curvescan._interrupts import stoppable
-from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.odometry import Odometry, OdometryRun
-from curvescan.odometry.run import OdometryInTurn, PlacedScan, RunRecorder, pose_at
+from curvescan.odometry import Odometry
+from curvescan.odometry.run import PlacedScan, RunRecord, in_turn, pose_at, record_steps
+from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
+from curvescan.slam.localizer import Localizer
 from curvescan.slam.slam import Slam
-from curvescan.slam.step import SlamStep
 from curvescan.types import Pose
 
+Engine: TypeAlias = Odometry | Slam | Localizer
+"""What has ``add(scan, odometry_pose) -> Step``."""
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SlamRun:
-    """SLAM over a whole log.
 
-    Attributes
-    ----------
-    slam : Slam
-        As it was at the end, its graph and its closures.
-    revised : OdometryRun
-        The record of the odometry in front, with every pose revised at the end.
-    online : Trajectory
-        The poses as they were reported with each scan.
-    odometry : Trajectory
-        The poses in ``odom``, never revised.
-    seconds_to_finish : float
-        Time that :meth:`Slam.finish` took.
-    """
+def odometry_of(engine: Engine) -> Odometry:
+    """Return the odometry of an engine, which may be it itself."""
+    return engine if isinstance(engine, Odometry) else engine.odometry
 
-    slam: Slam
-    revised: OdometryRun
-    online: Trajectory
-    odometry: Trajectory
-    seconds_to_finish: float
+
+def is_deskewed(engine: Engine) -> bool:
+    """Return whether an engine deskews sweeps by the times of their beams, as a map of them must then do too."""
+    return odometry_of(engine).config.deskew
 
 
 class OdometryAhead(Protocol):
@@ -61,55 +45,41 @@ class OdometryAhead(Protocol):
         ...
 
 
-def run_slam(
+def run_engine(
     scans: Iterable[LaserScan],
-    slam: Slam | None = None,
+    engine: Engine,
     *,
     odometry_poses: Pose | None = None,
-    on_step: Callable[[SlamStep], None] | None = None,
+    on_step: Callable[[Step], None] | None = None,
     ahead: OdometryAhead | None = None,
-) -> SlamRun:
-    """Return SLAM over a sequence of scans.
+    keeps_steps: bool = True,
+) -> RunRecord:
+    """Return the record of an engine over a sequence of scans; Ctrl-C ends it and keeps the results so far.
 
-    Ctrl-C ends the run and gives what there is so far, marked as partial.
-
-    Parameters
-    ----------
-    scans : iterable of LaserScan
-        A log, or any iterable; one scan is held at a time.
-    slam : Slam or None
-        A fresh one, or one that continues a map; None for the defaults.
-    odometry_poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by its wheels, as ``log.odometry.poses``; see :meth:`Slam.add`.
-    on_step : callable or None
-        Called after each scan, for a progress bar say.
-    ahead : OdometryAhead or None
-        The odometry of these scans, begun with ``slam.odometry`` and made elsewhere; None to make it here.
+    odometry_poses (n, 3); ahead: The odometry of these scans, begun with ``engine.odometry``, for SLAM alone.
     """
-    slam = slam or Slam()
-    source = ahead or OdometryInTurn(slam.odometry, scans, odometry_poses)
-    recorder, odom = RunRecorder(), array("d")
-    with stoppable() as stop:
-        for k, placed in enumerate(source):
-            started = time.perf_counter()
-            step = slam.add_placed(placed.scan, placed.step, pose_at(odometry_poses, k))
-            seconds = placed.seconds + time.perf_counter() - started
-            odom.extend(step.pose_odom)
-            recorder.add(step, seconds)
-            if on_step:
-                on_step(step)
-            if stop.is_asked:
-                break
-    slam.odometry = source.odometry
-    record = recorder.run(slam.method, is_partial=stop.is_asked, has_prior=odometry_poses is not None)
-    n, online = len(record.outcomes), record.trajectory
-    started = time.perf_counter()
-    revised = (slam.finish() if n else slam.trajectory())[:n]
-    seconds_to_finish = time.perf_counter() - started
-    return SlamRun(
-        slam=slam,
-        revised=replace(record, trajectory=replace(revised, stamps=online.stamps)),
-        online=online,
-        odometry=Trajectory(stamps=online.stamps, poses=np.array(odom[: 3 * n]).reshape(n, 3)),
-        seconds_to_finish=seconds_to_finish,
+    if isinstance(engine, Slam):
+        placed = in_turn(engine.odometry, scans, odometry_poses) if ahead is None else ahead
+        source = _closing_loops(engine, placed, odometry_poses)
+    else:
+        source = in_turn(engine, scans, odometry_poses)
+    record = record_steps(
+        source, engine.method, has_prior=odometry_poses is not None, on_step=on_step, keeps_steps=keeps_steps
     )
+    if not isinstance(engine, Slam):
+        return record
+    if ahead is not None:
+        engine.odometry = ahead.odometry
+    started = time.perf_counter()
+    n = len(record.outcomes)
+    revised = (engine.finish() if n else engine.trajectory())[:n]
+    seconds = time.perf_counter() - started
+    revised = replace(revised, stamps=record.online.stamps)
+    return replace(record, trajectory=revised, seconds_to_finish=seconds)
+
+
+def _closing_loops(slam: Slam, placed: Iterable[PlacedScan], odometry_poses: Pose | None) -> Iterator[PlacedScan]:
+    for k, one in enumerate(placed):
+        started = time.perf_counter()
+        step = slam.add_placed(one.scan, one.step, pose_at(odometry_poses, k))
+        yield PlacedScan(one.scan, step, one.seconds + time.perf_counter() - started)

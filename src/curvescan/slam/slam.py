@@ -6,7 +6,9 @@ The odometry follows the sensor; every half metre its scan becomes a keyframe of
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.odometry.odometry import Odometry
-from curvescan.odometry.step import OdometryStep, StepOutcome
+from curvescan.odometry.step import Step, StepOutcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.slam.backend import Backend
@@ -27,10 +29,9 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
-from curvescan.slam.map import SlamMap
+from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
 from curvescan.slam.records import Records
-from curvescan.slam.step import SlamStep
 from curvescan.types import Ints, Pose
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
@@ -47,7 +48,7 @@ class Slam:
         The matcher's configuration; None for its defaults.
     config : SlamConfig, mapping or None
         None for the defaults.
-    map : SlamMap or None
+    map : SlamMap, path or None
         A map to continue, from anywhere in it; None to begin one.
     """
 
@@ -57,7 +58,7 @@ class Slam:
         *,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
-        map: SlamMap | None = None,  # noqa: A002 - what it is
+        map: SlamMap | str | os.PathLike[str] | None = None,  # noqa: A002 - what it is
     ) -> None:
         hint = "the configuration of the matcher is given as matcher="
         self.config = as_config(config, SlamConfig(), hint=hint)
@@ -67,18 +68,19 @@ class Slam:
         self.backend = Backend(keyframes, self.config)
         self._session = 0
         if map is not None:
-            self.backend.load(map)
-            self._session = map.n_sessions
+            begun = as_map(map)
+            self.backend.load(begun)
+            self._session = begun.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
-        self._last: OdometryStep | None = None
-        self._origin: OdometryStep | None = None  # the step of the current keyframe
+        self._last: Step | None = None
+        self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
         self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
-    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> SlamStep:
+    def add(self, scan: LaserScan, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at this scan.
 
         Parameters
@@ -90,7 +92,7 @@ class Slam:
 
         Returns
         -------
-        SlamStep
+        Step
             Pose and covariance in the map as it is now, the pose in ``odom``, and the loop closures that were accepted.
 
         Raises
@@ -100,14 +102,14 @@ class Slam:
         """
         return self.add_placed(scan, self.odometry.add(scan, odometry_pose), odometry_pose)
 
-    def add_placed(self, scan: LaserScan, step: OdometryStep, odometry_pose: ArrayLike | None = None) -> SlamStep:
+    def add_placed(self, scan: LaserScan, step: Step, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.
 
         Parameters
         ----------
         scan : LaserScan
             The next scan.
-        step : OdometryStep
+        step : Step
             What the odometry says of it.
         odometry_pose : (3,) array_like or None
             As of :meth:`add`.
@@ -133,23 +135,13 @@ class Slam:
         closures, is_revised = self.backend.work(step.index)
         return self._step(step, seen, closures, is_revised)
 
-    def _step(
-        self, step: OdometryStep, seen: UncertainPose, closures: tuple[Closure, ...], is_revised: bool
-    ) -> SlamStep:
+    def _step(self, step: Step, seen: UncertainPose, closures: tuple[Closure, ...], is_revised: bool) -> Step:
         backend = self.backend
         here = compose(backend.current_in_map(), seen)
-        return SlamStep(
-            index=step.index,
-            stamp=step.stamp,
+        return replace(
+            step,
             pose=here.pose,
             covariance=here.cov,
-            pose_odom=step.pose,
-            covariance_odom=step.covariance,
-            motion=step.motion,
-            motion_covariance=step.motion_covariance,
-            outcome=step.outcome,
-            match=step.match,
-            reference=step.reference,
             closures=tuple(c for c in closures if c.is_loop),
             is_revised=is_revised,
             keyframe=backend.keyframes[backend.current].number,
@@ -163,7 +155,7 @@ class Slam:
         return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
 
     def _make_keyframe(
-        self, scan: LaserScan, step: OdometryStep, seen: UncertainPose, odometry_pose: ArrayLike | None
+        self, scan: LaserScan, step: Step, seen: UncertainPose, odometry_pose: ArrayLike | None
     ) -> UncertainPose:
         assert self._last is not None
         deskewed = scan
@@ -184,7 +176,7 @@ class Slam:
         if np.isfinite(moved).all():
             self.backend.add_prior(k, wheel_motion(moved, self.config.odometry.motion))
 
-    def _begin_fragment(self, scan: LaserScan, step: OdometryStep, seen: UncertainPose) -> UncertainPose:
+    def _begin_fragment(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
         pose = se2.compose(self.backend.current_in_map().pose, seen.pose)
         k = self.backend.start(scan, step.index, pose, self._session)

@@ -91,8 +91,8 @@ def test_a_reference_is_measured(folder, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ([], "give either --relations FILE or --reference FILE"),
-        (["--relations", "R", "--reference", "T"], "give either --relations FILE"),
+        ([], "give either --relations or --reference"),
+        (["--relations", "R", "--reference", "T"], "give either --relations"),
         (["--relations", "none"], "relations file none does not exist"),
         (["--reference", "none"], "trajectory none does not exist"),
         (["--relations", "empty"], "holds no relation"),

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import os
-import sys
-import tempfile
-from collections.abc import Iterator
+import re
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from curvescan.errors import OutputError
 from curvescan.io import output_folder
-from curvescan.io.files import replacing
+from curvescan.io.files import output
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
+from tests.conftest import ROOT
 
 
 def tree(folder: Path) -> dict[str, str | None]:
@@ -58,7 +59,8 @@ def test_existing_files_are_replaced_and_others_stay(tmp_path: Path) -> None:
     (target / "other").write_text("kept")
     with output_folder(target) as folder:
         (folder / "a").write_text("new")
-        assert tree(target) == {"a": "old", "other": "kept"}
+        seen = {name: text for name, text in tree(target).items() if not name.startswith(HIDDEN_PREFIX)}
+        assert seen == {"a": "old", "other": "kept"}
     assert tree(tmp_path) == {"out": None, "out/a": "new", "out/other": "kept"}
 
 
@@ -125,18 +127,22 @@ def test_place_that_no_user_can_write() -> None:
     refused("/proc/self", "cannot write results to '/proc/self'")
 
 
+def refuse_to_make_in(parent: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have no folder made in another: the tests may run as root, whom no access right stops."""
+    mkdir = Path.mkdir
+
+    def refuse(path: Path, **options: bool) -> None:
+        if path.parent == parent and not path.exists():
+            raise PermissionError(13, "Permission denied")
+        mkdir(path, **options)
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+
+
 def test_existing_target_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "out"
     target.mkdir()
-    make = tempfile.mkdtemp
-
-    def refuse_target(prefix: str, dir: Path) -> str:  # noqa: A002
-        if dir == target:
-            raise PermissionError(13, "Permission denied")
-        return make(prefix=prefix, dir=dir)
-
-    # the tests may run as root, whom no access right stops
-    monkeypatch.setattr(tempfile, "mkdtemp", refuse_target)
+    refuse_to_make_in(target, monkeypatch)
     refused(target, "Permission denied; choose another folder")
     assert tree(tmp_path) == {"out": None}
 
@@ -144,14 +150,7 @@ def test_existing_target_without_permission(tmp_path: Path, monkeypatch: pytest.
 def test_target_whose_parent_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "out"
     target.mkdir()
-    make = tempfile.mkdtemp
-
-    def refuse_parent(prefix: str, dir: Path) -> str:  # noqa: A002
-        if dir == tmp_path:
-            raise PermissionError(13, "Permission denied")
-        return make(prefix=prefix, dir=dir)
-
-    monkeypatch.setattr(tempfile, "mkdtemp", refuse_parent)
+    refuse_to_make_in(tmp_path, monkeypatch)
     with output_folder(target) as folder:
         assert folder.parent == target
         (folder / "a").write_text("1")
@@ -230,25 +229,10 @@ def runs_in(target: Path) -> set[int]:
     return numbers
 
 
-def test_a_folder_of_results_changes_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if sys.platform not in ("linux", "darwin"):
-        pytest.skip("no system call that exchanges two folders")
-    monkeypatch.setattr(replacing, "_swap_files", None)
-    target = tmp_path / "out"
-    write_run(target, 1, "a", "b", "sub/c", "old/d")
-    target.chmod(0o750)
-    write_run(target, 2, "a", "new/e")
-    assert [*tree(tmp_path)] == ["out", "out/a", "out/new", "out/new/e", "out/run.json"]
-    assert runs_in(target) == {2}
-    assert target.stat().st_mode & 0o777 == 0o750
-
-
 @pytest.mark.parametrize("has_notes", [False, True])
 def test_a_folder_never_holds_files_of_two_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_notes: bool
 ) -> None:
-    # as on a system that cannot exchange folders, or with files of others, which stay
-    monkeypatch.setattr(replacing, "_exchange", lambda *_: False)
     target, seen = tmp_path / "out", []
     write_run(target, 1, "a", "b", "sub/c", "old/d")
     if has_notes:
@@ -312,6 +296,35 @@ def test_a_record_names_no_file_outside_its_folder(tmp_path: Path) -> None:
     (target / "run.json").write_text(json.dumps({"files": files}))
     write_run(target, 2, "b")
     assert {*tree(tmp_path)} == {"mine", "out", "out-mine", "out/a", "out/b", "out/run.json"}
+
+
+def test_a_process_killed_in_the_middle_of_the_move_loses_nothing(tmp_path: Path) -> None:
+    fork = getattr(os, "fork", None)
+    if fork is None:
+        pytest.skip("no fork on this system")
+    for n_moves in range(1, 9):
+        target = tmp_path / f"out-{n_moves}"
+        write_run(target, 1, "a", "b", "sub/c")
+        child = fork()
+        if child == 0:
+            done = []
+
+            def kill(path: Path, goal: Path, replace: Callable[[Path, Path], object] = Path.replace) -> None:
+                replace(path, goal)
+                done.append(goal)  # noqa: B023
+                if len(done) == n_moves:  # noqa: B023
+                    os.kill(os.getpid(), signal.SIGKILL)
+
+            Path.replace = kill  # type: ignore[assignment, method-assign]
+            write_run(target, 2, "a", "b", "sub/d")
+            os._exit(0)
+        assert os.waitpid(child, 0)[1] == signal.SIGKILL
+        assert len(runs_in(target)) <= 1
+        before = [path for path in target.rglob("*") if path.is_file()]
+        assert len(before) == 8  # four of each run
+        with output_folder(target) as folder:
+            (folder / "next").write_text("3")
+        assert {*before} < {*target.rglob("*")}
 
 
 def test_the_folder_that_the_shell_is_in_stays_that_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -394,3 +407,50 @@ def test_result_in_the_way_of_what_is_there(tmp_path: Path, path: str) -> None:
     with pytest.raises(OutputError, match=r"is a (file|folder) .*remove"):
         work()
     assert tree(tmp_path) == before
+
+
+@pytest.fixture
+def on_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What Windows does otherwise, simulated: a file that somebody reads cannot be replaced."""
+    monkeypatch.setattr(output, "IS_WINDOWS", True)
+
+
+def held_open(monkeypatch, n_times):
+    """Have a file refused to be replaced so many times."""
+    usual, tries = Path.replace, []
+
+    def replace(self, target):
+        tries.append(target)
+        if len(tries) <= n_times:
+            raise PermissionError("in use by another process")
+        return usual(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    return tries
+
+
+def test_a_file_that_is_held_open_for_a_moment_is_replaced(tmp_path, monkeypatch, on_windows):
+    (tmp_path / "new").write_text("new")
+    (tmp_path / "old").write_text("old")
+    tries = held_open(monkeypatch, 3)
+    output.replace(tmp_path / "new", tmp_path / "old")
+    assert (tmp_path / "old").read_text() == "new"
+    assert len(tries) == 4
+
+
+@pytest.mark.parametrize("is_windows", [True, False])
+def test_a_file_that_stays_open_is_an_error(is_windows, tmp_path, monkeypatch):
+    monkeypatch.setattr(output, "IS_WINDOWS", is_windows)
+    monkeypatch.setattr(output, "_WAITS_S", (0.001,) * 5)
+    (tmp_path / "new").write_text("new")
+    tries = held_open(monkeypatch, 100)
+    with pytest.raises(PermissionError):
+        output.replace(tmp_path / "new", tmp_path / "old")
+    assert len(tries) == (6 if is_windows else 1)
+
+
+def test_no_text_is_written_with_the_systems_line_ends():
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        text = path.read_text("utf-8")
+        for call in re.findall(r"\.write_text\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)", text):
+            assert 'newline="\\n"' in call, f"{path}: {call}"

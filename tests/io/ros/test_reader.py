@@ -23,11 +23,11 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-import curvescan.io.files.decompression as unpacking
 from curvescan.cli.main import run
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
+from curvescan.io.files import decompression as unpacking
 from curvescan.io.ros.laser_scan import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
 from tests.bags import (

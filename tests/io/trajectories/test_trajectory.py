@@ -107,3 +107,13 @@ def test_an_empty_file_is_no_trajectory(tmp_path, text):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(cs.LogFormatError, match="is empty"):
         cs.Trajectory.read(tmp_path / "t.csv")
+
+
+def test_trajectories_are_compared_by_their_numbers():
+    one = cs.Trajectory(stamps=[0.0, 1.0], poses=[[0.0, 0.0, 0.0], [np.nan] * 3], covariances=np.ones((2, 3, 3)))
+    same = cs.Trajectory(stamps=one.stamps.copy(), poses=one.poses.copy(), covariances=np.ones((2, 3, 3)))
+    assert one == same
+    assert one != cs.Trajectory(stamps=one.stamps, poses=one.poses)
+    assert one != cs.Trajectory(stamps=one.stamps, poses=one.poses + 1e-12, covariances=one.covariances)
+    assert one[:1] != one
+    assert one != 3

@@ -1,7 +1,8 @@
 """A server of Google Cloud Storage in another process, for tests: fake-gcs-server, behind a translator.
 
-The store's library writes objects by the plain PUT of Google's XML API, with its condition in a header. The server knows
-that PUT only with a signature, and conditions only in uploads of the JSON API: the translator makes one of the other.
+The store's library writes objects by the plain PUT of Google's XML API, with its condition in a header. The server
+knows that PUT only with a signature, and conditions only in uploads of the JSON API: the translator makes one of the
+other.
 """
 
 from __future__ import annotations

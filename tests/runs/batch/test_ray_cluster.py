@@ -1,4 +1,4 @@
-"""Batches on a real Ray cluster of this machine: the same results, one bad log stops no other, nothing is left behind."""
+"""Batches on a real Ray cluster of this machine: the same results, and nothing is left behind."""
 
 from __future__ import annotations
 

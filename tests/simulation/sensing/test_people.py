@@ -8,7 +8,7 @@ import pytest
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation import SENSORS, People, World, build_world
 from curvescan.simulation.sensing.people import circles_of, crowd, walk
-from curvescan.simulation.sensing.raycast import cast_rays
+from curvescan.simulation.sensing.sensors import cast_beams
 
 SICK = SENSORS["sick-lms200"]
 WORLD = build_world("room")
@@ -78,14 +78,7 @@ def test_a_crowd_takes_about_the_wanted_share_of_the_view(share):
     shares = []
     for _ in range(8):
         circles = crowd(WORLD, pose, SICK, share, People(), rng)
-        _, hit_idx = cast_rays(
-            WORLD,
-            pose,
-            angle_min=SICK.angle_min,
-            angle_increment=SICK.angle_increment,
-            n_beams=SICK.n_beams,
-            people=circles,
-        )
+        _, hit_idx = cast_beams(WORLD, pose, SICK, range_max=np.inf, people=circles)
         shares.append(np.mean(hit_idx >= WORLD.n_primitives))
     # one more leg nearby is 0.05 of the view: half of it either way, and less on average
     assert np.mean(shares) == pytest.approx(share, abs=0.025)

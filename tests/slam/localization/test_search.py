@@ -1,4 +1,4 @@
-"""Search of a whole map: the right pose is among the likely ones; a place is sure only where nothing else comes near."""
+"""Search of a whole map: the right pose is among the likely ones; a place is sure where no other comes near."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
@@ -16,18 +16,19 @@ from curvescan.cli.options import (
     ConfigFile,
     Configs,
     Flag,
-    Laser,
     MapConfig,
     MethodConfigs,
-    SensorFlags,
+    MethodName,
+    Preparation,
+    PreparationFlags,
+    Reading,
+    ReadingFlags,
     SlamConfigs,
     SlamFlags,
-    Topic,
-    sensor_setup,
+    odometry_config,
 )
 from curvescan.io.files.printable import printable
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.runs.batch.batch import BatchDisplay
@@ -48,11 +49,9 @@ def batch(
     engine: Literal["local", "ray"] = "local",
     workers: int | None = None,
     timeout: float = 3600.0,
-    method: Method = "curvescan",
-    odometry_prior: bool = False,
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    method: MethodName = "curvescan",
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -80,55 +79,26 @@ def batch(
         How many logs at once; one a core if not given.
     timeout
         Time that one log may take, seconds; inf for any.
-    method
-        The matcher.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
-    occupancy
-        How to make the occupancy map.
-    config
-        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
-    configs
-        Parameters of the methods; those of the method that runs are used.
-    chain_config
-        Parameters of the odometry, where keyframes are used and --slam is not given.
-    slam_config
-        Parameters of SLAM.
     """
     from curvescan.cli.console import ERR, OUT
     from curvescan.cli.flags import with_flags
-    from curvescan.cli.tracker import make_config
     from curvescan.runs.batch.batch import run_batch
     from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
 
-    logs = LogOptions(range_max=range_max, topic=topic, setup=sensor_setup(laser))
+    shared: dict[str, Any] = {
+        "method": method,
+        "matcher": configs.of(method),
+        "odometry_prior": preparation.wanted,
+        "as_is": preparation.as_is,
+        "occupancy": occupancy,
+        "logs": LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup()),
+        "command": tuple(sys.argv),
+    }
     job: Job
     if slam:
-        job = SlamJob(
-            method=method,
-            config=slam_config.slam,
-            matcher=configs.of(method),
-            odometry_prior=odometry_prior,
-            occupancy=occupancy,
-            logs=logs,
-            command=tuple(sys.argv),
-        )
+        job = SlamJob(config=slam_config.slam, **shared)
     else:
-        job = OdometryJob(
-            method=method,
-            config=make_config(method, "auto", chain_config),
-            matcher=configs.of(method),
-            odometry_prior=odometry_prior,
-            occupancy=occupancy,
-            logs=logs,
-            command=tuple(sys.argv),
-        )
+        job = OdometryJob(config=odometry_config(method, "auto", chain_config), **shared)
     listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
     sentence = f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
     with reported_as(printable(sentence, 1000)), _display() as display:

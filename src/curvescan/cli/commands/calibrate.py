@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
+
+from curvescan.cli.options import SensorName
 
 
 def calibrate(
     log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
     /,
     *,
-    out: Path,
-    sensor: str = "sick-lms200-5mm",
+    out: Path | None = None,
+    mounts: bool = False,
+    sensor: SensorName = "sick-lms200-5mm",
     distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
     range_max: float | None = None,
     seed: int = 0,
@@ -28,14 +33,19 @@ def calibrate(
     Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of
     what the equations mean; with --sweep also sweep.md.
 
+    With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels, and says which
+    mounts of the bag's transforms are wrong.
+
     Parameters
     ----------
     log
         Log of a sensor in front of planes, bare walls say; planes are simulated when it is left out.
     out
-        Folder for the results; made if it is missing.
+        Folder for the results; made if it is missing. Default: ./calibration.
+    mounts
+        Find the mounts of the lasers of LOG, a bag; nothing is written.
     sensor
-        Simulated sensor, where there is no log.
+        The simulated sensor, where there is no log.
     distances
         Distances of the simulated planes, metres.
     range_max
@@ -46,6 +56,20 @@ def calibrate(
         Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
         of its own: some minutes.
     """
+    if mounts:
+        return _show_mounts(log)
+    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed, sweep)
+
+
+def _find_parameters(
+    log: Path | None,
+    out: Path,
+    sensor: str,
+    distances: tuple[float, ...],
+    range_max: float | None,
+    seed: int,
+    sweep: bool,
+) -> int:
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
@@ -93,4 +117,50 @@ def calibrate(
                 "their readings lie closer together than the noise"
             )
     OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md", markup=False)
+    return 0
+
+
+def _show_mounts(log: Path | None) -> int:
+    """Print the mounts of a bag's lasers; 3 where one of the transforms is wrong."""
+    from curvescan.cli.console import OUT, show
+    from curvescan.errors import InvalidArgumentError
+    from curvescan.evaluation.mounts import check_mounts
+    from curvescan.runs.table import ResultTable
+
+    if log is None:
+        raise InvalidArgumentError("--mounts needs the bag: curvescan calibrate LOG --mounts")
+    checks = check_mounts(log)
+    rows = []
+    for check in checks:
+        deviation = np.sqrt(np.diag(check.found.covariance))
+        cells = [
+            f"{value * scale:.{digits}f} ± {sigma * scale:.{digits}f}"
+            for value, sigma, scale, digits in zip(
+                check.found.pose, deviation, (1.0, 1.0, math.degrees(1.0)), (3, 3, 2), strict=True
+            )
+        ]
+        given = (
+            "-"
+            if check.given is None
+            else "{:.3f}, {:.3f}, {:.2f}".format(*check.given[:2], math.degrees(check.given[2]))
+        )
+        rows.append(
+            (
+                check.topic,
+                check.base,
+                *cells,
+                given,
+                "wrong" if check.is_wrong else "right" if check.given is not None else "-",
+            )
+        )
+    show(
+        ResultTable(
+            title="Mounts of the lasers, from their scans",
+            columns=("laser", "seen from", "x, m", "y, m", "yaw, deg", "by the transforms", "these are"),
+            rows=rows,
+        )
+    )
+    if any(check.is_wrong for check in checks):
+        OUT.print("a mount of the bag's transforms contradicts the scans: correct it there, or walls are doubled")
+        return 3
     return 0

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Laser, LogPath, SensorFlags, Topic, open_log
+from curvescan.cli.options import LogPath, Reading, ReadingFlags
 
 FormatName: TypeAlias = Literal["carmen", "csv", "npz", "ros1", "ros2", "mcap"]
 """Names of the table of writers, written out so that --help loads none of them."""
@@ -19,9 +19,7 @@ def convert(
     /,
     *,
     format: FormatName | None = None,  # noqa: A002 - the flag's name
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
 ) -> int:
     """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
 
@@ -30,23 +28,15 @@ def convert(
 
     Parameters
     ----------
-    log
-        The log, of any format that is read.
     out
         The file to write, or for ros2 the folder; an old file is replaced when all is written.
     format
         The format, in place of what the ending of OUT says.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says; it is written to the scans.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong; the scans are written as they then are.
     """
     from curvescan.cli.console import ERR, OUT, progress_bar
     from curvescan.io import write_log
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
+    source = reading.open(log)
     with progress_bar("convert", len(source)) as advance:
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
     for read_error in source.read_errors:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from curvescan.cli.options import LaserPose, in_radians
+from curvescan.cli.options import BenchmarkName, LaserPose, in_radians
 
 
 def evaluate(
@@ -19,7 +19,7 @@ def evaluate(
     laser_pose: LaserPose = (0.0, 0.0, 0.0),
     near: float = 5.0,
     tolerance: float = 0.01,
-    benchmark: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    benchmark: BenchmarkName | None = None,
     out: Path | None = None,
 ) -> int:
     """Measure a trajectory against relations of the Freiburg SLAM benchmark, or against reference poses.
@@ -31,8 +31,8 @@ def evaluate(
     Parameters
     ----------
     trajectory
-        Poses of the laser: trajectory.tum or trajectory.csv, or the folder that `curvescan odometry` wrote; or a log, whose own
-        poses are then measured.
+        Poses of the laser: trajectory.tum or trajectory.csv, or a results folder; or a log, whose own poses are then
+        measured.
     relations
         Relations of the robot: lines of t1 t2 x y z roll pitch yaw.
     reference
@@ -45,55 +45,28 @@ def evaluate(
     tolerance
         Largest difference of two time stamps that belong together, seconds; for references. Equal stamps come first.
     benchmark
-        Whose published errors to print: aces, intel, mit-killian-court, mit-csail, freiburg-079, freiburg-hospital; by default what
-        the name of the relations file says.
+        Log whose published errors to print; by default what the name of the relations file says.
     out
-        Folder to write evaluation.md, evaluation.json, errors.png and trajectory.png into; nothing is written without.
+        Folder for evaluation.md, evaluation.json and two figures; nothing is written without.
     """
-    from contextlib import nullcontext
-
-    import numpy as np
-
     from curvescan.cli.console import OUT, show
-    from curvescan.errors import InvalidArgumentError, require
-    from curvescan.evaluation.published import find_benchmark
-    from curvescan.evaluation.reference import reference_errors
-    from curvescan.evaluation.relations import relation_errors
-    from curvescan.io import output_folder, read_poses, read_relations
-    from curvescan.runs import evaluation as view
-    from curvescan.runs import evaluation_tables as tables_of
+    from curvescan.cli.flags import with_flags
+    from curvescan.runs.evaluation import evaluate as measure
+    from curvescan.runs.evaluation_tables import tables_of
 
-    if (relations is None) == (reference is None):
-        raise InvalidArgumentError(
-            "a trajectory is measured against one thing: give either --relations FILE or --reference FILE"
-        )
-    require(near >= 0.0, "near must be at least 0 s", near)
-    require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
-    mount = in_radians(laser_pose)
-    own = read_poses(trajectory).trajectory
-    about: dict[str, object] = {
-        "trajectory": str(trajectory),
-        "measured_against": str(relations or reference),
-        "laser_pose_m_m_deg": list(laser_pose),
-    }
-    with nullcontext() if out is None else output_folder(out) as folder:
-        if relations is not None:
-            known = find_benchmark(benchmark, relations.name)
-            errors = relation_errors(own, read_relations(relations), mount, near=near)
-            notes, tables = (tables_of.relation_notes(errors), tables_of.relation_tables(errors, known))
-            if folder is not None:
-                view.save_relation_evaluation(folder, errors, own, benchmark=known, about=about | {"near_s": near})
-        elif reference is not None:
-            source = read_poses(reference)
-            if source.is_of_sensor and np.any(mount):
-                OUT.print("the reference holds poses of the laser: --laser-pose is left aside")
-            against = reference_errors(own, source, mount, tolerance=tolerance)
-            notes, tables = tables_of.reference_notes(against), tables_of.reference_tables(against)
-            if folder is not None:
-                about |= {"tolerance_s": tolerance}
-                view.save_reference_evaluation(folder, against, about=about)
+    errors = measure(
+        trajectory,
+        relations=relations,
+        reference=reference,
+        laser_pose=in_radians(laser_pose),
+        near=near,
+        tolerance=tolerance,
+        benchmark=benchmark,
+        out=out,
+    )
+    notes, tables = tables_of(errors)
     for note in notes:
-        OUT.print(note)
+        OUT.print(with_flags(note))
     for table in tables:
         show(table)
     if out is not None:

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import json as json_format
 import math
+import sys
+import textwrap
 from typing import TYPE_CHECKING
 
-from curvescan.cli.options import Flag, Laser, LogPath, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.report import LogReport
+
+_INDENT, _LEAST_WIDTH = 19, 30
+"""Columns of names, and of text at least."""
 
 
 def info(
     log: LogPath,
     /,
     *,
-    range_max: float | None = None,
-    topic: Topic = None,
     json: Flag = False,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
 ) -> int:
     """Tell what is in a log and what is wrong with it: each finding with its consequence and the option that handles it.
 
@@ -27,43 +30,47 @@ def info(
 
     Parameters
     ----------
-    log
-        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
-        ROS 2 bag's folder.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
     json
-        Print JSON: `usable` (bool), `findings` (a list of topic, kind, what, consequence, option) and `report` (all figures;
+        Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report` (all figures;
         null where one is not known or has no limit). The keys are the same for every log.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
     """
-    from rich.markup import escape
-
     from curvescan.cli.console import OUT
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import with_options
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues
     from curvescan.diagnostics.report_json import report_as_plain
 
-    report = inspect_log(open_log(log, range_max=range_max, topic=topic, laser=laser))
+    report = inspect_log(reading.open(log))
     if json:
         print(json_format.dumps(report_as_plain(report), indent=2, allow_nan=False))
         return 0 if report.is_usable else 1
-    # names and tags come from the file: a bracket in them is a bracket, not markup
-    OUT.print(f"[bold]{escape(report.name)}[/bold]")
+    OUT.print(report.name, markup=False, style="bold")
+    issues = find_issues(report)
     for name, value in _rows(report):
         if value:
-            OUT.print(f"  {name:<16} {escape(value)}")
-    issues = find_issues(report)
+            _show(name, value)
     for issue in issues:
-        OUT.print(f"  [yellow]{issue.topic:<16}[/yellow] {escape(issue.sentence_with_option)}")
+        _show(issue.topic, with_flags(issue.sentence), style="yellow")
     if not issues:
         OUT.print("  nothing wrong found")
     if not report.is_usable:
         OUT.print("  not usable: motion takes two scans with a valid reading")
-    return 0 if report.is_usable else 1
+        return 1
+    given = [word for word in sys.argv[1:] if word not in ("info", "--json")]
+    proposed = [issue for issue in issues if not issue.mending]  # what is mended needs no option
+    OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}", markup=False)
+    return 0
+
+
+def _show(name: str, value: str, *, style: str = "") -> None:
+    """Print a row, its text wrapped to the terminal beside its name."""
+    from curvescan.cli.console import OUT
+
+    lines = textwrap.wrap(value, max(OUT.width - _INDENT, _LEAST_WIDTH), break_on_hyphens=False) or [""]
+    for k, line in enumerate(lines):
+        OUT.print(f"  {name if k == 0 else '':<{_INDENT - 3}}", end=" ", style=style, markup=False)
+        OUT.print(line, markup=False)
 
 
 def _rows(report: LogReport) -> list[tuple[str, str]]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import socket
 import sys
 import time
-import webbrowser
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
@@ -16,30 +13,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import tyro
 
 import curvescan
-from curvescan._interrupts import stoppable
-from curvescan.cli.options import Flag, Laser, SensorFlags, Topic, open_log
+from curvescan.cli.options import Flag, MethodName, Preparation, PreparationFlags, Reading, ReadingFlags
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
+    from curvescan.diagnostics.preparation import PreparedLog
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
-    from curvescan.live.tracker import Engine
+    from curvescan.slam.run import Engine
 
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
-DEFAULT_PORT = 8765
-"""Default port of the page, unless it is in use."""
-
-_POLL_S = 0.2
-"""Time between two looks whether to close the page, seconds."""
-
 
 def live(
-    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="LOG")] = None,
+    log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
     /,
     *,
     driver: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
@@ -55,13 +46,12 @@ def live(
     foxglove: Flag = False,
     foxglove_port: int = 8766,
     keep_open: Flag = False,
-    method: Method = "curvescan",
+    method: MethodName = "curvescan",
     scans: int | None = None,
     people: int = 3,
     seed: int = 0,
-    topic: Topic = None,
-    range_max: float | None = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
@@ -74,8 +64,8 @@ def live(
     log
         A log to replay, of any format that `curvescan odometry` reads.
     driver
-        Driver of a laser: lds2d:MODEL (LDROBOT, YDLIDAR, RPLIDAR and others), rplidar or hokuyo; needs the extra
-        curvescan[lidar].
+        Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and others
+        (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar].
     port
         Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
         HOST:PORT for hokuyo.
@@ -101,35 +91,31 @@ def live(
         Port of the websocket for Foxglove; 0 for any that is free.
     keep_open
         Serve the page after the source has ended, until Ctrl-C.
-    method
-        The matcher.
     scans
         End after so many scans of the simulated robot.
     people
         How many people walk around the simulated robot.
     seed
         Random seed; selects the simulated building and its people.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
     occupancy
         How to make the occupancy map.
     """
     import curvescan.live as live_package  # each loads when it is named: the first picture needs neither plots nor bags
     from curvescan.cli.console import ERR, OUT
+    from curvescan.cli.serving import free_port, open_browser, wait
     from curvescan.live import LogSource, Tracker, Viewer
     from curvescan.live.server import PageServer
+    from curvescan.live.sources import MendedSource
 
     source: ScanSource
     if log is not None and driver is not None:
         raise InvalidArgumentError("LOG and --driver exclude each other: give one")
     if driver is not None:
-        source = _laser(driver, port, laser)
+        source = _laser(driver, port, reading)
+        if not preparation.as_is:
+            source = MendedSource(source, lambda sentence: ERR.print(sentence, markup=False))
     elif log is not None:
-        source = LogSource(open_log(log, range_max=range_max, topic=topic, laser=laser), speed=speed)
+        source = LogSource(reading.open(log), speed=speed)
     else:
         source = _simulation(scans, people, seed, speed)
     mode = _mode(map, odometry_only)
@@ -139,9 +125,9 @@ def live(
         viewer = None
         if not no_page:
             viewer = Viewer(source.name, saved_map=saved, **maps)
-            server = PageServer(viewer, host=host, port=_free_port(host, http_port))
+            server = PageServer(viewer, host=host, port=free_port(host, http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
-            _open_browser(server.url)
+            open_browser(server.url)
             if saved is None:
                 _preview(source, viewer)
         sinks: list[MapSink] = [] if viewer is None else [viewer]
@@ -152,13 +138,16 @@ def live(
             ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
         with output_folder(out) if out else nullcontext() as folder:
             results = live_package.ResultsSink(**maps) if out else None
-            can_deskew = not isinstance(source, LogSource) or _can_deskew(source.log)
+            prepared = _prepare(source.log, preparation) if isinstance(source, LogSource) else None
+            if prepared is not None and isinstance(source, LogSource):
+                source.log = prepared.log
+            can_deskew = prepared is None or prepared.sensor.can_deskew
             engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
             if results is not None:
                 sinks.append(results)
             if record is not None:
                 sinks.append(live_package.McapRecorder(record, saved_map=saved, **maps))
-            report = _track(source, Tracker(engine), viewer, sinks)
+            report = _track(source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks)
             OUT.print(summary(report, source.name), markup=False)
             if folder is not None and results is not None and report.n_scans:
                 files = results.write(
@@ -171,7 +160,7 @@ def live(
                 )
                 OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
         if keep_open and viewer is not None and not report.is_interrupted:
-            _wait("the source has ended; Ctrl-C closes the page")
+            wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
     return 0
@@ -208,22 +197,21 @@ def _saved_map(path: Path) -> Any:
     return load_map(path)
 
 
-def _can_deskew(log: Log) -> bool:
-    """Return whether the sweeps of a log can be deskewed; what is wrong with it is printed, as `curvescan odometry` does."""
+def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
+    """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
     from curvescan.cli.console import ERR
-    from curvescan.diagnostics.inspect import inspect_log
-    from curvescan.diagnostics.issues import find_issues
-    from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.diagnostics.verdict import propose_commands
+    from curvescan.cli.flags import with_flags
+    from curvescan.cli.proposals import propose_commands
+    from curvescan.diagnostics.preparation import prepare_log
+    from curvescan.io.held import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
-        sensor = judge_sensor(log)
-        issues = find_issues(inspect_log(log, sensor))
-    if not sensor.can_deskew:
+        prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)
+    for remark in (*prepared.remarks, *propose_commands(["curvescan", *sys.argv[1:]], prepared.issues)):
+        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
+    if not prepared.sensor.can_deskew:
         ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
-    for proposal in propose_commands(["curvescan", *sys.argv[1:]], issues):
-        ERR.print(proposal, markup=False, soft_wrap=True)
-    return sensor.can_deskew
+    return prepared
 
 
 def _simulation(scans: int | None, people: int, seed: int, speed: float) -> ScanSource:
@@ -232,12 +220,14 @@ def _simulation(scans: int | None, people: int, seed: int, speed: float) -> Scan
     return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
 
 
-def _laser(driver: str, port: str | None, laser: Laser) -> ScanSource:
+def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     from curvescan.live.drivers.opening import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
-    return open_driver(driver, port, is_mirrored=laser.upside_down != laser.clockwise, ignore_beams=laser.ignore_beams)
+    return open_driver(
+        driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
+    )
 
 
 def _preview(source: ScanSource, viewer: Viewer) -> None:
@@ -297,36 +287,3 @@ def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: S
         if sink.error is not None:
             raise sink.error
     return report
-
-
-def _free_port(host: str, port: int | None) -> int:
-    """Return the given port; else the default one, or 0, for any, where that is in use."""
-    if port is not None:
-        return port
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((host, DEFAULT_PORT))
-        except OSError:
-            return 0
-    return DEFAULT_PORT
-
-
-def _open_browser(url: str) -> None:
-    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
-    has_desktop = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    if sys.stdout.isatty() and has_desktop:
-        webbrowser.open(url)
-
-
-def _wait(sentence: str) -> None:
-    """Wait for Ctrl-C, and say so once it is waited for."""
-    from curvescan.cli.console import ERR
-
-    with stoppable() as stop:
-        ERR.print(sentence, markup=False)
-        while not stop.is_asked:
-            time.sleep(_POLL_S)

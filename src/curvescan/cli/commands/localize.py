@@ -3,83 +3,61 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
-from pathlib import Path
-from typing import Annotated
 
-import tyro
-
-from curvescan.cli.options import ConfigFile, Laser, LogPath, SensorFlags, SlamConfigs, SlamFlags, Topic, open_log
+from curvescan.cli.options import (
+    ConfigFile,
+    Configs,
+    LogPath,
+    MapFile,
+    MethodConfigs,
+    MethodName,
+    OutFolder,
+    Preparation,
+    PreparationFlags,
+    Reading,
+    ReadingFlags,
+    SlamConfigs,
+    SlamFlags,
+    results_folder,
+)
 
 
 def localize(
     log: LogPath,
     /,
     *,
-    map: Annotated[Path, tyro.conf.arg(metavar="FILE")],  # noqa: A002 - the flag's name
-    out: Path,
-    odometry_prior: bool = False,
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    map: MapFile,  # noqa: A002 - the flag's name
+    out: OutFolder = None,
+    method: MethodName = "curvescan",
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     config: ConfigFile = None,
+    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
     slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Find and follow the sensor of a log in a map, with no guess.
 
     Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is searched for),
     map.png and run.json.
-
-    Parameters
-    ----------
-    log
-        The log; see `curvescan slam`.
-    map
-        The map, as `curvescan slam` wrote it: map.csmap.
-    out
-        Folder for the results; made if it is missing.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
-    config
-        TOML file of parameters. Flags change what it says.
-    slam_config
-        Parameters of SLAM that localization shares.
     """
-    from curvescan.cli.console import OUT, load_kernels, progress_bar, table
-    from curvescan.diagnostics.motion_prior import motion_prior
-    from curvescan.diagnostics.sensor import judge_sensor
-    from curvescan.io import output_folder
-    from curvescan.runs.localize import run_localizer, save_localizer_run
-    from curvescan.slam import Localizer, LocalizerOutcome, load_map
+    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.summary import report
+    from curvescan.runs.run import localize as localize_log
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    slam_map = load_map(map)
-    with output_folder(out, inputs=(log, map)) as folder:
-        load_kernels("curvescan", slam=True)
-        given = slam_config.slam
-        sensor = judge_sensor(source, is_order_needed=given.odometry.deskew)
-        deskew = given.odometry.deskew and sensor.can_deskew
-        rules = replace(given, odometry=replace(given.odometry, deskew=deskew))
-        odometry_poses = motion_prior(source, sensor.rotation) if odometry_prior else None
-        localizer = Localizer(slam_map, config=rules)
-        with progress_bar("localization", len(source)) as advance:
-            run = run_localizer(source, localizer, odometry_poses=odometry_poses, on_step=lambda _: advance())
-        save_localizer_run(folder, run, name=source.name, command=tuple(sys.argv))
-    result = table(f"{len(run.outcomes):,} scans in {slam_map!r}", "", "count", "share")
-    for outcome in LocalizerOutcome:
-        n = run.outcomes.count(outcome)
-        share = 100.0 * n / max(len(run.outcomes), 1)
-        result.add_row(outcome.value, f"{n:,}", f"{share:.1f} %")
-    OUT.print(result)
-    if run.first_fix is None:
-        OUT.print("the sensor was not found in the map")
-    else:
-        OUT.print(f"first found at scan {run.first_fix:,}")
-    OUT.print(f"wrote {out}/trajectory.tum, trajectory.csv, map.png, run.json", markup=False)
-    return 0 if run.first_fix is not None else 3
+    source, out = reading.open(log), results_folder(out, log, "localize")
+    with run_display(lambda: load_kernels(method, slam=True)) as display:
+        result = localize_log(
+            source,
+            map,
+            out=out,
+            method=method,
+            config=slam_config.slam,
+            matcher=configs.of(method),
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
+            command=sys.argv,
+            source=log,
+            display=display,
+            keeps_steps=False,
+        )
+    return report(result, out)

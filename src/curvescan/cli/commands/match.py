@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -10,15 +9,14 @@ import tyro
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
-    Laser,
     LogPath,
     MethodConfigs,
-    ScanNumber,
-    SensorFlags,
-    Topic,
-    open_log,
+    MethodName,
+    OutFolder,
+    Reading,
+    ReadingFlags,
+    results_folder,
 )
-from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.matchers.cfsma.trace import CfSmaTrace
@@ -26,46 +24,29 @@ if TYPE_CHECKING:
 
 def match(
     log: LogPath,
-    i: Annotated[ScanNumber, tyro.conf.arg(metavar="I")],
-    j: Annotated[ScanNumber, tyro.conf.arg(metavar="J")],
+    i: Annotated[tyro.conf.Positional[int], tyro.conf.arg(metavar="I")],
+    j: Annotated[tyro.conf.Positional[int], tyro.conf.arg(metavar="J")],
     /,
     *,
-    out: Path,
-    method: Method = "curvescan",
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    out: OutFolder = None,
+    method: MethodName = "curvescan",
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw how it came about.
+
+    Exit status 3 where the scans do not match.
 
     Writes segments.png (the paper's figure 4), curvature.png (5), matched.png (6 and 9) and match.json. Segments and
     curvature functions are those of CF-SMA, whatever method found the pose.
 
     Parameters
     ----------
-    log
-        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
-        ROS 2 bag's folder.
     i
         Number of the reference scan, from 0.
     j
         Number of the current scan, from 0.
-    out
-        Folder for the results; made if it is missing.
-    method
-        The matcher.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
-    config
-        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
-    configs
-        Parameters of the methods; those of the method that runs are used.
     """
     import numpy as np
 
@@ -75,7 +56,7 @@ def match(
     from curvescan.matchers.cfsma.trace import CfSmaTrace
     from curvescan.plots.match import save_match
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
+    source, out = reading.open(log), results_folder(out, log, "match")
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
         load_kernels(method)
@@ -96,7 +77,7 @@ def match(
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)
     OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json", markup=False)
-    return 0
+    return 0 if result.ok else 3
 
 
 def _show_gates(trace: CfSmaTrace, i: int, j: int) -> None:

@@ -3,39 +3,52 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import (
     ConfigFile,
     Configs,
-    Laser,
     LogPath,
     MapConfig,
     MethodConfigs,
-    SensorFlags,
+    MethodName,
+    OutFolder,
+    Preparation,
+    PreparationFlags,
+    Reading,
+    ReadingFlags,
     SlamConfigs,
     SlamFlags,
-    Topic,
-    open_log,
+    results_folder,
 )
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.exports import ExportName
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.matchers.registry import Method
+
+if TYPE_CHECKING:
+    from curvescan.slam import SlamMap
+
+
+Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="I J")]
 
 
 def slam(
-    log: LogPath,
+    log: LogPath | None = None,
     /,
     *,
-    out: Path,
+    out: OutFolder = None,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
-    method: Method = "curvescan",
-    odometry_prior: bool = False,
-    range_max: float | None = None,
-    topic: Topic = None,
-    laser: SensorFlags = Laser(),  # noqa: B008 - frozen
+    drop: Pairs = (),
+    add: Pairs = (),
+    edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    method: MethodName = "curvescan",
+    export: tuple[ExportName, ...] = (),
+    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
     config: ConfigFile = None,
     configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
@@ -44,73 +57,74 @@ def slam(
     """Close the loops of a log: odometry, and a pose graph that revises every pose.
 
     Writes trajectory.tum and trajectory.csv (every pose revised, with marginal covariances), trajectory_online.tum (poses as they
-    were reported), map.png, graph.png, graph.g2o, closures.csv, map.csmap, run.json, and the occupancy map: map.pgm with map.yaml,
-    as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run and writes what there is so far, marked as partial.
+    were reported), map.png, wheels.png (the map by the log's wheel odometry), graph.png, graph.g2o, closures.csv, map.csmap,
+    run.json, and the occupancy map: map.pgm with map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run
+    and writes the results so far, marked as partial.
 
     Parameters
     ----------
-    log
-        The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; or a
-        ROS 2 bag's folder.
-    out
-        Folder for the results; made if it is missing.
     map
-        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it.
-    method
-        The matcher.
-    odometry_prior
-        Expect of each scan what the log's own wheel odometry says, or its gyroscope, instead of the last motion.
-    range_max
-        Upper limit of a valid reading, metres, in place of what the log says.
-    topic
-        Which topic of a ROS bag to read, where it holds laser scans on several.
-    laser
-        How the laser is set up, where its log does not say so or is wrong.
-    occupancy
-        How to make the occupancy map.
-    config
-        TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.
-    configs
-        Parameters of the methods; those of the method that runs are used.
-    slam_config
-        Parameters of SLAM.
+        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only mended.
+    drop
+        Drop the closures between keyframes I and J of the map; may be repeated.
+    add
+        Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated.
+    edits
+        File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them.
+    export
+        Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2); graph.g2o
+        is written in any case.
     """
-    from curvescan.cli.console import ERR, OUT, load_kernels, run_display
-    from curvescan.cli.summary import on_the_file, summarise, wrote_slam
-    from curvescan.diagnostics.verdict import propose_commands
-    from curvescan.runs.slam_log import slam_log
-    from curvescan.slam import load_map
+    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.summary import report
+    from curvescan.runs.run import run
 
-    source = open_log(log, range_max=range_max, topic=topic, laser=laser)
-    begin = None if map is None else load_map(map)
+    folder = results_folder(out, log or map or Path(), "slam")
+    begin = _mended(map, drop, add, edits, None if log else folder) if drop or add or edits or log is None else map
+    if log is None:
+        return 0
+    source = reading.open(log)
     with run_display(lambda: load_kernels(method, slam=True)) as display:
-        result = slam_log(
+        result = run(
             source,
-            out=out,
+            "slam",
+            out=folder,
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
             map=begin,
-            odometry_prior=odometry_prior,
+            odometry_prior=preparation.wanted,
+            as_is=preparation.as_is,
+            exports=export,
             occupancy=occupancy,
             command=sys.argv,
             source=log,
-            inputs=() if map is None else (map,),
             display=display,
+            keeps_steps=False,
         )
-    OUT.print(summarise(result.run.revised, len(source)))
-    seconds = result.run.seconds_to_finish
-    OUT.print(f"{result.run.slam!r}; finished in {seconds:.1f} s", markup=False)
-    if result.run.slam.is_deceived:
-        OUT.print(
-            "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly the "
-            "odometry's",
-            markup=False,
-        )
-    for remark in (*on_the_file(result.issues), *result.left_out):
-        ERR.print(remark, markup=False)
-    OUT.print(wrote_slam(out, result.left_out), markup=False)
-    for proposal in propose_commands(["curvescan", *sys.argv[1:]], result.issues):
-        ERR.print(proposal, markup=False, soft_wrap=True)
-    OUT.print(result.verdict.sentence, markup=False, soft_wrap=True)
-    return 0 if result.verdict.is_trusted else 3
+    return report(result, folder)
+
+
+def _mended(
+    path: Path | None,
+    drop: Sequence[tuple[int, int]],
+    add: Sequence[tuple[int, int]],
+    file: Path | None,
+    out: Path | None,
+) -> SlamMap:
+    """Return the map with its edits, written with them into a folder, if there is one."""
+    from curvescan.cli.console import OUT
+    from curvescan.slam import load_map
+    from curvescan.slam.editing.edits import Edit, added, edited, read_edits
+    from curvescan.slam.editing.saving import save_map_folder
+
+    if path is None:
+        raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")
+    begin = load_map(path)
+    edits = [*(read_edits(file) if file else ()), *(Edit(do="drop", i=i, j=j) for i, j in drop)]
+    edits += [added(begin, i, j) for i, j in add]
+    mended = edited(begin, edits)
+    if out is not None:
+        names = save_map_folder(out, mended, edits)
+        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}", markup=False)
+    return mended

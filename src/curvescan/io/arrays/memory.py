@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.read_errors import ReadError
-from curvescan.io.log import ScanAccess
+from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 
@@ -49,6 +49,20 @@ class MemoryLog(ScanAccess):
 
     def _scan_at(self, i: int) -> LaserScan:
         return self.scans[i]
+
+
+def as_log(scans: Log | Iterable[LaserScan]) -> Log:
+    """Return a log, or scans as one. Raises InvalidArgumentError where they are none."""
+    if isinstance(scans, Log):
+        return scans
+    found = tuple(scans) if isinstance(scans, Iterable) else (scans,)
+    wrong = next((scan for scan in found if not isinstance(scan, LaserScan)), None)
+    if wrong is not None or not isinstance(scans, Iterable):
+        raise InvalidArgumentError(
+            f"a log must be a Log, an iterable of LaserScan or the path of a file, got {type(scans).__name__}"
+            + f" with a {type(wrong).__name__}" * isinstance(scans, Iterable)
+        )
+    return MemoryLog(scans=found, name="scans")
 
 
 def log_from_arrays(

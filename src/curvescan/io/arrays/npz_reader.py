@@ -1,22 +1,18 @@
 """Scans from the arrays of an .npz file.
 
-``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All others may
-be missing. A number that is the same for all scans may be a plain one instead of (n,).
+``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All
+others may be missing. A number that is the same for all scans may be a plain one instead of (n,).
 
-==================  ==============  ========================================================================================
-stamps              (n,)            seconds
-ranges              (n, m)          metres
-counts              (n,)            beams of each scan: the first of its row; missing: all m
-angle_min           (n,)            radians
-angle_increment     (n,)            radians
-angles              (m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones
-range_min           (n,)            metres; missing: 0
-range_max           (n,)            metres; missing: no limit
-time_increment      (n,)            seconds; missing: 0, not known
-scan_time           (n,)            seconds; missing: 0, not known
-intensities         (n, m)          strength of each return; a row of NaN: none
-odometry            (n, 3)          pose of the laser by the wheels; a row of NaN: none
-==================  ==============  ========================================================================================
+==================  ==============
+======================================================================================== stamps              (n,)
+seconds ranges              (n, m)          metres counts              (n,)            beams of each scan: the first of
+its row; missing: all m angle_min           (n,)            radians angle_increment     (n,)            radians angles
+(m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones range_min           (n,)
+metres; missing: 0 range_max           (n,)            metres; missing: no limit time_increment      (n,)
+seconds; missing: 0, not known scan_time           (n,)            seconds; missing: 0, not known intensities
+(n, m)          strength of each return; a row of NaN: none odometry            (n, 3)          pose of the laser by the
+wheels; a row of NaN: none ==================  ==============
+========================================================================================
 """
 
 from __future__ import annotations
@@ -26,13 +22,13 @@ import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, LogFormatError
+from curvescan.errors import LogFormatError
+from curvescan.io.arrays.columns import DEFAULTS, BrokenRowError, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
-from curvescan.io.arrays.stream import NO_POSE, OPTIONAL, Record, StreamLog, refuse_topic
+from curvescan.io.arrays.stream import NO_POSE, Record, StreamLog, refuse_topic
 from curvescan.io.files.printable import printable
 from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.scan import LaserScan
@@ -40,8 +36,6 @@ from curvescan.types import Floats
 
 FORMAT = "NPZ of scans"
 
-_DEFAULTS = {"angle_min": math.nan, "angle_increment": math.nan, **OPTIONAL}
-SCALARS = tuple(_DEFAULTS)
 _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
@@ -86,7 +80,8 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     n, m = shapes["ranges"]
     if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
         raise LogFormatError(
-            f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it with "
+            f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it "
+            f"with "
             "numpy.savez"
         )
     allowed: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -95,7 +90,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
         "angles": ((m,), (n, m)),
         "intensities": ((n, m),),
         "odometry": ((n, 3),),
-        **dict.fromkeys(SCALARS, ((), (n,))),
+        **dict.fromkeys(DEFAULTS, ((), (n,))),
     }
     for name, forms in allowed.items():
         if name in shapes and shapes[name] not in forms:
@@ -108,7 +103,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
 
 def _columns(file: NpzFile, n: int, m: int, range_max: float | None) -> tuple[dict[str, Floats], Floats]:
     """Return the numbers of each scan by their names, (n,) each, and (n,) its beams."""
-    columns = {name: file.read(name) if name in file.headers else value for name, value in _DEFAULTS.items()}
+    columns = {name: file.read(name) if name in file.headers else value for name, value in DEFAULTS.items()}
     if range_max is not None:
         columns["range_max"] = range_max
     columns["stamp"] = file.read("stamps")
@@ -162,13 +157,10 @@ def _records(file: NpzFile, n: int, m: int, range_max: float | None, read_errors
         value = dict(zip(columns, table[i % _BLOCK], strict=True))
         try:
             scan = _scan(value, counts[i], *row)
-        except InvalidArgumentError:
-            read_errors.add(_fault(value, counts[i], m), i + 1)
+        except BrokenRowError as error:
+            read_errors.add(str(error), i + 1)
             continue
-        pose = NO_POSE
-        if odometry is not None and np.isfinite(odometry[i]).all():
-            pose = (odometry[i, 0].item(), odometry[i, 1].item(), odometry[i, 2].item())
-        yield Record(scan, pose, (i,))
+        yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
 
 
 def _rows(file: NpzFile, name: str, n: int) -> Iterator[Floats | None]:
@@ -183,22 +175,9 @@ def _scan(
     value: dict[str, float], count: float, ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     if not 0.0 <= count <= ranges.size:
-        raise InvalidArgumentError("count beyond the row")
+        raise BrokenRowError("count of beams beyond the row of ranges")
     n = int(count)
-    if intensities is not None and np.isnan(intensities[:n]).all():
-        intensities = None
-    fields: dict[str, Any] = dict(value)
-    if angles is not None and n and not math.isnan(angles[0]):
-        del fields["angle_min"], fields["angle_increment"]
-        fields["angles"] = angles[:n]
-    return LaserScan(ranges[:n], intensities=None if intensities is None else intensities[:n], **fields)
-
-
-def _fault(value: dict[str, float], count: float, m: int) -> str:
-    if not 0.0 <= count <= m:
-        return "count of beams beyond the row of ranges"
-    if not math.isfinite(value["stamp"]):
-        return "time stamp not finite"
-    if not 0.0 <= value["range_min"] < value["range_max"]:
-        return "range limits break 0 <= range_min < range_max"
-    return "angles or times that make no scan"
+    if intensities is not None:
+        intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]
+    is_own = angles is not None and n > 0 and not math.isnan(angles[0])
+    return make_scan(value, ranges[:n], angles[:n] if angles is not None and is_own else None, intensities)

@@ -1,7 +1,7 @@
-"""Scans to the arrays of an .npz file, as npz_log.py describes them; nothing is lost.
+"""Scans to the arrays of an .npz file, as npz_reader.py describes them; nothing is lost.
 
-The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges that are all
-exact in float32, as those of ROS are, are stored so, in half the space.
+The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges
+that are all exact in float32, as those of ROS are, are stored so, in half the space.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan.errors import OutputError
-from curvescan.io.arrays.csv_writer import is_on_grid
-from curvescan.io.arrays.npz_reader import SCALARS
+from curvescan.io.arrays.columns import DEFAULTS, is_on_grid
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -68,8 +67,8 @@ def _write(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ..
     with zipfile.ZipFile(path, "x", allowZip64=True) as archive:
         arrays: dict[str, NDArray[np.generic]] = {"stamps": np.array(survey.stamps)}
         arrays["counts"] = np.array(survey.counts, dtype=np.int64)
-        table = np.array(survey.scalars).reshape(n, len(SCALARS))
-        arrays |= dict(zip(SCALARS, table.T, strict=True))
+        table = np.array(survey.scalars).reshape(n, len(DEFAULTS))
+        arrays |= dict(zip(DEFAULTS, table.T, strict=True))
         if log.odometry is not None:
             poses = np.full((n, 3), np.nan)
             known = log.odometry.poses[:n]
@@ -110,7 +109,7 @@ class _Survey:
     def add(self, scan: LaserScan) -> None:
         self.stamps.append(scan.stamp)
         self.counts.append(len(scan))
-        self.scalars.extend(getattr(scan, name) for name in SCALARS)
+        self.scalars.extend(getattr(scan, name) for name in DEFAULTS)
         self.is_even = self.is_even and is_on_grid(scan)
         self.has_intensities |= scan.intensities is not None
         if self.is_short:

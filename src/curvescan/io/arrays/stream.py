@@ -22,27 +22,13 @@ PoseRow: TypeAlias = tuple[float, float, float]
 
 NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
-OPTIONAL: Mapping[str, float] = MappingProxyType(
-    {"range_min": 0.0, "range_max": math.inf, "time_increment": 0.0, "scan_time": 0.0}
-)
-"""Numbers of a scan that a file of a layout of ours may leave out, by their names there, and what is then taken."""
-
 
 class Record(NamedTuple):
-    """One scan as a file gives it.
+    """One scan as a file gives it."""
 
-    Attributes
-    ----------
-    scan : LaserScan
-        The scan.
-    pose : PoseRow
-        Wheel odometry: pose of the laser in the odometry's frame.
-    place : tuple of int
-        What finds the scan again; as many numbers for each scan of a source, none where it cannot be found alone.
-    """
-
-    scan: LaserScan
-    pose: PoseRow = NO_POSE
+    scan: LaserScan  # the scan
+    pose: PoseRow = NO_POSE  # wheel odometry: pose of the laser in the odometry's frame
+    # what finds the scan again; as many numbers for each scan of a source, none where it cannot be found alone
     place: tuple[int, ...] = ()
 
 

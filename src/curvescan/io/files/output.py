@@ -1,38 +1,54 @@
-"""output_folder and output_file: results appear together and whole, or not at all, even when the process is killed."""
+"""output_folder and output_file: results are written beside their place and renamed, whole or not at all.
+
+The temporary folder is hidden, on the file system of the target, and locked while its process lives: what a killed
+process left is removed by the next output to that place.
+"""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
+import re
+import secrets
+import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
-from curvescan.io.files.hidden import HIDDEN_PREFIX, hidden_folder
 from curvescan.io.files.printable import printable
-from curvescan.io.files.replacing import move_results
-from curvescan.io.files.windows import replace
-
-_MAX_PATH = 4_000
-"""Characters of a path in a sentence."""
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
+
+HIDDEN_PREFIX = ".curvescan-"
+"""Beginning of the names of temporary folders."""
+
+RECORDS = ("run.json", "results.json")
+"""Files that list, under ``"files"``, the results they belong to."""
+
+IS_WINDOWS = os.name == "nt"
+
+_NAME = re.compile(re.escape(HIDDEN_PREFIX) + r"[a-z0-9_]{8}")
+_RETIRED = ".retired"
+_MAX_PATH = 4_000  # characters of a path in a sentence
+_LARGEST_SWEPT = 10_000  # larger folders are not searched: ours have a handful of neighbours
+_WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
 @contextmanager
 def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `path` when the block ends without an error.
 
-    The temporary folder is hidden, on the file system of the target and beside it (inside it where the target is a
-    mount point or its parent cannot be written). It is made, and the target's access rights are tried, before the
-    block runs, so that a place that cannot be written costs no work. A target that was missing appears with all its
-    files in one step. In one that exists, files of the same name are replaced, and so are those of an earlier run that
-    its run.json or results.json lists; other files stay. It never holds files of two runs: it changes in one step where
-    nothing else is in it and the system can do that (Linux, macOS), else the old ones go before the new ones come.
-    After an error the target is as before, and parent folders that were made for it are gone. A process that is killed
-    leaves files of one run, and perhaps the hidden folder, which the next run into that place removes.
+    It is made before the block runs, so that a place that cannot be written costs no work. A target that was missing
+    appears with all its files in one step. In one that exists, files of the same name are replaced, and so are those of
+    an earlier run that its run.json or results.json lists; other files stay. It never holds files of two runs: the old
+    ones are moved out before the new ones are moved in, the record first and last. After an error the target is as
+    before, and parent folders that were made for it are gone. A process that is killed leaves files of one run; where
+    that was in the middle of the move, all others are in the hidden folder, which then stays.
 
     Parameters
     ----------
@@ -51,10 +67,11 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
     OutputError
         When the results cannot be written there.
     """
-    with _temporary(path, _check_is_free, _hidden_for) as (temporary, target):
+    with _temporary(path, _check_is_free, lambda target: target if target.exists() else target.parent) as found:
+        temporary, target = found
         yield temporary
         with held_back():
-            move_results(temporary, target, [Path(source) for source in inputs])
+            _move(temporary, target, inputs)
             note_written(printable(os.fspath(path), _MAX_PATH))
 
 
@@ -67,7 +84,7 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises OutputError.
     """
-    with _temporary(path, _check_takes_file, _hidden_beside) as (temporary, target):
+    with _temporary(path, _check_takes_file, lambda target: target.parent) as (temporary, target):
         yield temporary / target.name
         with held_back():
             replace(temporary / target.name, target)
@@ -77,22 +94,18 @@ def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def _temporary(
-    path: str | os.PathLike[str], check: Callable[[Path], None], hidden: Callable[[Path], AbstractContextManager[Path]]
+    path: str | os.PathLike[str], check: Callable[[Path], None], place: Callable[[Path], Path]
 ) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary folder, gone when the block ends, and the target; an error takes the new parents along."""
+    """Yield a hidden folder, gone when the block ends, and the target; an error takes the new parents along."""
     made: list[Path] = []
     with cleaned_up_by(lambda: _remove(made)), _one_sentence(path):
         try:
-            try:
-                target = Path(os.path.realpath(path))
-                check(target)
-                _make_parents(target, made)
-                folder = hidden(target)
-                temporary = folder.__enter__()
-            except ValueError as error:  # a path with a NUL character
-                raise OSError(errno.EINVAL, str(error)) from error
-            with ExitStack() as stack:
-                stack.push(folder)
+            target = Path(os.path.realpath(path))
+            check(target)
+            for parent in reversed([parent for parent in target.parents if not parent.exists()]):
+                parent.mkdir()
+                made.append(parent)
+            with _hidden_folder(place(target)) as temporary:
                 yield temporary, target
         except BaseException:
             with held_back():
@@ -102,8 +115,10 @@ def _temporary(
 
 @contextmanager
 def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say as an OutputError why results cannot be written to `path`; a disk may also be full in the middle of a file."""
+    """Say as an OutputError why results cannot be written to `path`; the disk may also become full."""
     try:
+        if "\0" in os.fspath(path):
+            raise OSError(errno.EINVAL, "embedded null character in path")
         yield
     except CurvescanError:
         raise
@@ -128,43 +143,168 @@ def _check_takes_file(target: Path) -> None:
         raise OutputError(f"{target} is a {kind}: a result needs a file, choose another name")
 
 
-def _make_parents(target: Path, made: list[Path]) -> None:
-    """Make the folders that are missing above the target, and list each as soon as it is made."""
-    for parent in reversed([parent for parent in target.parents if not parent.exists()]):
-        parent.mkdir()
-        made.append(parent)
-
-
-def _hidden_beside(target: Path) -> AbstractContextManager[Path]:
-    return hidden_folder(target.parent)
-
-
-@contextmanager
-def _hidden_for(target: Path) -> Iterator[Path]:
-    """Yield a hidden folder beside the target, or inside it where it must be."""
-    if not target.exists():
-        with hidden_folder(target.parent) as beside:
-            yield beside
-        return
-    with ExitStack() as folders:
-        # tried in any case: the results must at last go into the target itself
-        with ExitStack() as trial:
-            inside = trial.enter_context(hidden_folder(target))
-            try:
-                beside = folders.enter_context(hidden_folder(target.parent))
-                is_one_system = beside.stat().st_dev == inside.stat().st_dev
-            except OSError:
-                is_one_system = False
-            if not is_one_system:
-                folders.close()
-                folders.push(trial.pop_all())
-                beside = inside
-        yield beside
-
-
 def _remove(made: list[Path]) -> None:
     for parent in reversed(made):
         try:
             parent.rmdir()
         except OSError:
             return  # no longer empty: somebody else uses it
+
+
+@contextmanager
+def _hidden_folder(parent: Path) -> Iterator[Path]:
+    """Yield a new hidden folder, locked, and remove it at the end; first those of killed processes are removed."""
+    _sweep(parent)
+    path, lock = _make_locked(parent)
+    try:
+        with cleaned_up_by(lambda: shutil.rmtree(path, ignore_errors=True)):
+            yield path
+    finally:
+        with held_back():
+            shutil.rmtree(path, ignore_errors=True)
+            if lock is not None:
+                os.close(lock)
+
+
+def _sweep(parent: Path) -> None:
+    """Remove hidden folders that no living process has locked; where folders cannot be locked, none are."""
+    if parent.name.startswith(HIDDEN_PREFIX):
+        return  # a folder of our own
+    with suppress(OSError), os.scandir(parent) as entries:
+        for n, entry in enumerate(entries):
+            if n > _LARGEST_SWEPT:
+                return
+            is_ours = _NAME.fullmatch(entry.name) and entry.is_dir(follow_symlinks=False)
+            if is_ours and not (Path(entry.path) / _RETIRED).exists():
+                lock = _lock(Path(entry.path), is_waiting=False)
+                if lock is not None:
+                    shutil.rmtree(entry.path, ignore_errors=True)
+                    os.close(lock)
+
+
+def _make_locked(parent: Path) -> tuple[Path, int | None]:
+    while True:
+        path = parent / f"{HIDDEN_PREFIX}{secrets.token_hex(4)}"
+        with suppress(FileExistsError):
+            path.mkdir()
+            lock = _lock(path, is_waiting=True)
+            if path.exists():
+                return path, lock
+            if lock is not None:  # swept before it was locked
+                os.close(lock)
+
+
+def _lock(folder: Path, *, is_waiting: bool) -> int | None:
+    """Return a file descriptor whose life is that of a lock on a folder; None where there is none to be had."""
+    try:
+        import fcntl
+    except ImportError:  # Windows, where a folder cannot be opened either
+        return None
+    lock = None
+    try:
+        lock = os.open(folder, os.O_RDONLY)
+        fcntl.flock(lock, fcntl.LOCK_EX | (0 if is_waiting else fcntl.LOCK_NB))
+    except OSError:
+        if lock is not None:
+            os.close(lock)
+        return None
+    return lock
+
+
+def replace(source: Path, goal: Path) -> None:
+    """Move a file or folder to where a file may be, in one step.
+
+    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a
+    second. Raises OSError.
+    """
+    for wait in _WAITS_S if IS_WINDOWS else ():
+        try:
+            source.replace(goal)
+        except PermissionError:
+            time.sleep(wait)
+        else:
+            return
+    source.replace(goal)
+
+
+def _move(temporary: Path, target: Path, inputs: Sequence[str | os.PathLike[str]]) -> None:
+    """Move all files of a temporary folder into `target`, in place of those of the same names and of the run before."""
+    if not target.exists():
+        replace(temporary, target)
+        return
+    new = [*_units(temporary, target)]
+    _check_goals(new, temporary, target)
+    replaced = {name for name in new if (target / name).exists() or (target / name).is_symlink()}
+    old = replaced | _results_before(temporary, target, inputs)
+    if len(old) == len(replaced) == 1:  # a single file can be replaced in one step, and first
+        name = replaced.pop()
+        replace(temporary / name, target / name)
+        new.remove(name)
+        old = set()
+    moves = [(target / name, temporary / _RETIRED / name) for name in sorted(old, key=_records_first)]
+    moves += [(temporary / name, target / name) for name in sorted(new, key=_records_first, reverse=True)]
+    done: list[tuple[Path, Path]] = []
+    try:
+        for source, goal in moves:
+            goal.parent.mkdir(parents=True, exist_ok=True)
+            replace(source, goal)
+            done.append((source, goal))
+    except BaseException:
+        for source, goal in reversed(done):
+            with suppress(OSError):
+                replace(goal, source)
+        raise
+    for folder in sorted({parent for name in old for parent in name.parents if parent.name}, reverse=True):
+        with suppress(OSError):  # not empty
+            (target / folder).rmdir()
+
+
+def _units(temporary: Path, target: Path, folder: Path = Path()) -> Iterator[Path]:
+    """Yield what is moved as it is: each file, and each folder that the target does not have."""
+    for entry in sorted((temporary / folder).iterdir()):
+        name = folder / entry.name
+        if entry.is_dir() and not entry.is_symlink() and (target / name).is_dir():
+            yield from _units(temporary, target, name)
+        else:
+            yield name
+
+
+def _records_first(name: Path) -> tuple[bool, Path]:
+    return name.name not in RECORDS, name
+
+
+def _results_before(temporary: Path, target: Path, inputs: Sequence[str | os.PathLike[str]]) -> set[Path]:
+    """Return the files that the record of the run before lists and the new one does not have."""
+    before: set[Path] = set()
+    for record in RECORDS:
+        if (temporary / record).exists():
+            before |= _listed(target / record) - _listed(temporary / record)
+    kept = [Path(os.path.realpath(path)) for path in inputs]
+    return {
+        name
+        for name in before
+        if (target / name).is_file()
+        and not (temporary / name).exists()
+        and not any((target / name).is_relative_to(path) for path in kept)
+    }
+
+
+def _listed(record: Path) -> set[Path]:
+    """Return the files that a record lists; none of them lies outside its folder."""
+    try:
+        content: Any = json.loads(record.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return set()
+    names = content.get("files") if isinstance(content, dict) else None
+    listed = {Path(name) for name in names or () if isinstance(name, str) and "\0" not in name}
+    return {name for name in listed if not name.is_absolute() and ".." not in name.parts}
+
+
+def _check_goals(new: Sequence[Path], temporary: Path, target: Path) -> None:
+    # looked at before the first move, so that the target does not end half old, half new
+    for name in new:
+        goal = target / name
+        if goal.is_dir():
+            raise OutputError(f"{goal} is a folder and a result has its name: remove or rename it")
+        if goal.exists() and (temporary / name).is_dir():
+            raise OutputError(f"{goal} is a file where results need a folder: remove it")

@@ -23,6 +23,11 @@ class ReadError:
     count: int
     first: str
 
+    @property
+    def is_end(self) -> bool:
+        """Whether the end of the file is missing: what comes after could not be read."""
+        return "what stands before" in self.rule
+
 
 class ReadErrorCounter:
     """Counts read errors by rule and remembers the place where each was met first.

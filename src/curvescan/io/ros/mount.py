@@ -1,16 +1,18 @@
-"""Whether a bag's laser is mounted upside down, from its first transforms: before the first scan is read."""
+"""How the lasers of a bag are mounted, from its first transforms: before the first scan is read."""
 
 from __future__ import annotations
 
 import math
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
 from curvescan.errors import LogFormatError
 from curvescan.io.ros.bags.bag import Bag
-from curvescan.io.ros.messages import TRANSFORMS, BrokenMessageError
+from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS, BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree, frame_name, seven
+from curvescan.types import Floats, Pose
 
 _N_FIRST = 1000
 """Messages of each topic of transforms that are read: robots repeat their mounts many times a second."""
@@ -21,12 +23,29 @@ _LEVEL = ("base_link", "base_footprint", "odom", "map")
 _TILTED = math.radians(5.0)
 
 
+def laser_mounts(path: Path) -> dict[str, Pose | None]:
+    """Return the pose of each laser of a bag on the robot's base, by topic, seen from above; None where it is unknown.
+
+    Raises LogFileError, LogFormatError.
+    """
+    bag = Bag(path)
+    tree = _first_transforms(bag)
+    known = {name for edge in tree.transforms for name in edge}
+    bases = [name for level in _LEVEL[:2] for name in sorted(known) if name.rpartition("/")[2] == level]
+    mounts: dict[str, Pose | None] = {}
+    for topic, held in bag.topics.items():
+        if held.msgtype != LASER_SCAN or not held.count:
+            continue
+        first = bag.decode(next(iter(bag.messages([topic]))))
+        ways = [(base, tree.path(base, frame_name(first.header.frame_id), avoid="")) for base in bases]
+        base, way = next(((base, way) for base, way in ways if way is not None), ("", None))
+        mounts[topic] = None if way is None else _from_above(tree.along(base, way))
+    return mounts
+
+
 def laser_tilt(bag: Bag, frame: str) -> float:
     """Return the angle between the laser's z axis and the vertical, radians in [0, pi]; 0 where it is unknown."""
-    tree = FrameTree()
-    for name, topic in bag.topics.items():
-        if topic.msgtype in TRANSFORMS and topic.count:
-            _read_first(bag, name, tree)
+    tree = _first_transforms(bag)
     frame = frame_name(frame)
     for level in _LEVEL:
         known = {name for edge in tree.transforms for name in edge if name.rpartition("/")[2] == level}
@@ -47,6 +66,19 @@ def tilt_notes(tilt: float) -> tuple[str, ...]:
     if lean > _TILTED:
         notes.append(f"by the transforms the laser leans by {math.degrees(lean):.0f} deg: its scans are taken as level")
     return tuple(notes)
+
+
+def _first_transforms(bag: Bag) -> FrameTree:
+    tree = FrameTree()
+    for name, topic in bag.topics.items():
+        if topic.msgtype in TRANSFORMS and topic.count:
+            _read_first(bag, name, tree)
+    return tree
+
+
+def _from_above(pose: Floats) -> Pose:
+    """Return the pose x, y, theta of a (4, 4) pose: theta is where its x axis points."""
+    return np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
 
 
 def _read_first(bag: Bag, topic: str, tree: FrameTree) -> None:

@@ -22,21 +22,13 @@ _USUAL_BASES = ("base_link", "base_footprint")
 
 @dataclass(frozen=True, kw_only=True)
 class BagOdometry:
-    """The odometry in a bag.
+    """The odometry in a bag."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory or None
-        Pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any.
-    robot : Trajectory or None
-        Pose of the robot's base likewise.
-    notes : tuple of str
-        Where it is from and what was assumed of the mount.
-    """
-
+    # pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any
     trajectory: Trajectory | None = None
-    robot: Trajectory | None = None
-    notes: tuple[str, ...] = ()
+    robot: Trajectory | None = None  # pose of the robot's base likewise
+    notes: tuple[str, ...] = ()  # where it is from and what was assumed of the mount
+    why_estimated: str = ""  # what says that SLAM, localization or laser odometry gave it; empty for none
 
 
 @dataclass
@@ -83,7 +75,18 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
         trajectory=Trajectory(stamps=stamps, poses=se2.compose(poses, mount)),
         robot=Trajectory(stamps=stamps, poses=poses),
         notes=(*notes, *mount_notes[1:]),
+        why_estimated=_why_estimated(edge, frame_name(frame), source, has_covariance=reader.has_covariance),
     )
+
+
+def _why_estimated(edge: Edge, laser: str, source: str, *, has_covariance: bool) -> str:
+    """Return the sign that an odometry was estimated from scans: its frames, or an estimated covariance."""
+    parent, child = edge
+    if parent.rpartition("/")[2] == "map":
+        return f"{source} is in frame map, which SLAM and localization give"
+    if child == laser and has_covariance:
+        return f"{source} is of the laser itself and has a covariance, which laser odometry gives"
+    return ""
 
 
 class _Reader:
@@ -96,6 +99,7 @@ class _Reader:
         self.odometry = _Motion()
         self.odometry_edge: Edge = ("", "")
         self.motions: dict[Edge, _Motion] = {}
+        self.has_covariance = False
         self.n_broken = 0
 
     def read(self, topics: list[str]) -> None:
@@ -116,6 +120,7 @@ class _Reader:
         pose = decoded.pose.pose
         if not self.odometry.rows:
             self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
+        self.has_covariance |= bool(decoded.pose.covariance[0] > 0.0)
         stamp = message.received / 10**9 if self._is_unstamped else stamp_of(decoded.header)
         self.odometry.add(stamp, seven(pose.position, pose.orientation))
 

@@ -136,6 +136,14 @@ class RosbagLog(ScanAccess):
         """Return whether /tf or /tf_static has the laser's z axis point down."""
         return self._tilt > 0.5 * math.pi
 
+    def n_recorded(self) -> int:
+        """Return the scans on the topic by the bag's own count."""
+        return self._bag.topics[self._topic].count
+
+    def why_estimated(self) -> str:
+        """Return what says that the poses are the output of SLAM, localization or laser odometry; empty for none."""
+        return self._odometry.why_estimated
+
     def turned_by_gyro(self) -> Floats | None:
         """Return (n_scans,) the angle about z that the bag's gyroscope has turned by at each scan; None without one."""
         stamps = np.array(self._surveyed().stamps)

@@ -10,13 +10,11 @@ from typing import overload
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.files import TrajectoryFormat, read_rows, write_poses
-from curvescan.io.trajectories.kitti import kitti_rows
-from curvescan.io.trajectories.tum_csv import csv_rows, tum_rows
+from curvescan.io.trajectories.layouts import TrajectoryFormat, csv_rows, kitti_rows, read_rows, tum_rows, write_poses
 from curvescan.types import Cov, Floats, Pose
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Trajectory:
     """Poses over time, one row a scan, in the order of the log.
 
@@ -58,6 +56,19 @@ class Trajectory:
                     f"covariances must have shape ({stamps.size}, 3, 3), got {covariances.shape}"
                 )
             object.__setattr__(self, "covariances", covariances)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether stamps, poses and covariances are the same to the bit; NaN equals NaN."""
+        if not isinstance(other, Trajectory):
+            return NotImplemented
+        pairs = ((self.stamps, other.stamps), (self.poses, other.poses))
+        if not all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
+            return False
+        if self.covariances is None or other.covariances is None:
+            return self.covariances is other.covariances
+        return np.array_equal(self.covariances, other.covariances, equal_nan=True)
+
+    __hash__ = None  # type: ignore[assignment]
 
     def __len__(self) -> int:
         return int(self.stamps.size)

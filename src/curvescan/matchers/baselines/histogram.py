@@ -27,24 +27,12 @@ from curvescan.types import Cov, Floats, Ints, Points, Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HistogramFeatures:
-    """What the histograms are made of.
+    """What the histograms are made of."""
 
-    Attributes
-    ----------
-    points : ScanPoints
-        The scan.
-    on_line : (n,) int64
-        Its readings that pass the line filter.
-    angles : (n,) float64
-        Direction of their tangents, radians.
-    angle_histogram : (angle_bins,) float64
-        Smoothed histogram of these.
-    """
-
-    points: ScanPoints
-    on_line: Ints
-    angles: Floats
-    angle_histogram: Floats
+    points: ScanPoints  # the scan
+    on_line: Ints  # (n,): its readings that pass the line filter
+    angles: Floats  # (n,): direction of their tangents, radians
+    angle_histogram: Floats  # (angle_bins,): smoothed histogram of these
 
 
 @dataclass(frozen=True, kw_only=True)

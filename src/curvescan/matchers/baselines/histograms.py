@@ -16,21 +16,11 @@ from curvescan.types import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Peak:
-    """Where two histograms agree best.
+    """Where two histograms agree best."""
 
-    Attributes
-    ----------
-    lag : float
-        Bins by which the second must be moved up to agree with the first, between bins by a parabola.
-    agreement : float
-        Correlation coefficient there, 0 to 1.
-    width : float
-        Standard deviation of the peak taken as a bell, bins; inf where it is no peak.
-    """
-
-    lag: float
-    agreement: float
-    width: float
+    lag: float  # bins by which the second must be moved up to agree with the first, between bins by a parabola
+    agreement: float  # correlation coefficient there, 0 to 1
+    width: float  # standard deviation of the peak taken as a bell, bins; inf where it is no peak
 
 
 def ring_histogram(positions: Floats, weights: Floats, n_bins: int, smoothing: float) -> Floats:

@@ -1,9 +1,9 @@
 """The matcher "idc": iterative dual correspondence.
 
-F. Lu, E. Milios, "Robot pose estimation in unknown environments by matching 2D range scans", Journal of Intelligent
-and Robotic Systems 18 (1997), as Núñez et al. 2009, section 3.3, compare with: each reading has two partners on the reference's surfaces, the
-closest point, which gives translations, and the point at its own range, which gives rotations. Both are looked for
-within a rotation window that shrinks.
+F. Lu, E. Milios, "Robot pose estimation in unknown environments by matching 2D range scans", Journal of Intelligent and
+Robotic Systems 18 (1997), as Núñez et al. 2009, section 3.3, compare with: each reading has two partners on the
+reference's surfaces, the closest point, which gives translations, and the point at its own range, which gives
+rotations. Both are looked for within a rotation window that shrinks.
 """
 
 from __future__ import annotations

@@ -17,21 +17,11 @@ LEAST_PAIRS = 5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IterationTrace:
-    """The way of an iterated method from its guess to where it stopped.
+    """The way of an iterated method from its guess to where it stopped."""
 
-    Attributes
-    ----------
-    poses : (k + 1, 3) float64
-        Pose of cur in ref before the first iteration and after each.
-    has_converged : bool
-        Whether the last iteration stayed within the limits of where it, or an earlier one, had been.
-    is_lost : bool
-        Whether a step found too little to stand on.
-    """
-
-    poses: Pose
-    has_converged: bool
-    is_lost: bool
+    poses: Pose  # (k + 1, 3): pose of cur in ref before the first iteration and after each
+    has_converged: bool  # whether the last iteration stayed within the limits of where it, or an earlier one, had been
+    is_lost: bool  # whether a step found too little to stand on
 
     @property
     def pose(self) -> Pose:

@@ -18,9 +18,9 @@ from curvescan.matchers.cfsma.covariance import LEAST_SIGMA
 from curvescan.types import Cov, Floats, Ints, Points, Pose
 
 LEAST_SHARE = 0.01
-"""Share of the matched readings that must look along every direction of motion. Below it what holds the pose is
-noise: tangents err by 2 to 3 degrees, and sin^2(3 deg) = 0.003 of a single wall's readings seem to look along it. In
-the corridors of a real log (180 beams) matches under it erred by 10 to 40 mm along them where the robot had moved 55 mm,
+"""Share of the matched readings that must look along every direction of motion. Below it what holds the pose is noise:
+tangents err by 2 to 3 degrees, and sin^2(3 deg) = 0.003 of a single wall's readings seem to look along it. In the
+corridors of a real log (180 beams) matches under it erred by 10 to 40 mm along them where the robot had moved 55 mm,
 those above 5 % by 6 mm."""
 
 DAMPING = 1e-3

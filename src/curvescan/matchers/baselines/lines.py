@@ -21,23 +21,12 @@ from curvescan.types import Floats, Ints, Points
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Lines:
-    """Line segments of one scan.
+    """Line segments of one scan."""
 
-    Attributes
-    ----------
-    centres : (s, 2) float64
-        Mean of each line's readings, sensor frame, metres.
-    directions : (s, 2) float64
-        Unit vector along each line, counter-clockwise as the sensor sees it.
-    extents : (s, 2) float64
-        Where the line begins and ends, from its centre along its direction, metres.
-    starts, stops : (s,) int64
-        Its readings: order[starts[k]:stops[k]] of the sweep.
-    """
-
-    centres: Points
-    directions: Points
-    extents: Floats
+    centres: Points  # (s, 2): mean of each line's readings, sensor frame, metres
+    directions: Points  # (s, 2): unit vector along each line, counter-clockwise as the sensor sees it
+    extents: Floats  # (s, 2): where the line begins and ends, from its centre along its direction, metres
+    # (s,): its readings: order[starts[k]:stops[k]] of the sweep
     starts: Ints
     stops: Ints
 

@@ -23,43 +23,22 @@ ARM = 0.15
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScanPoints:
-    """The valid readings of a scan, counter-clockwise, with the surfaces they lie on.
+    """The valid readings of a scan, counter-clockwise, with the surfaces they lie on."""
 
-    Attributes
-    ----------
-    n_beams : int
-        Beams of the scan, valid or not.
-    beam_idx : (m,) int64
-        The scan's own index of each reading.
-    ranges : (m,) float64
-        Metres.
-    angles : (m,) float64
-        Radians, ascending.
-    points : (m, 2) float64
-        Metres, sensor frame.
-    angle_step : float
-        Angle between neighbouring beams, radians, positive.
-    is_joined : (m,) bool
-        Whether the surface goes on from a reading to the next (from the last to the first on a full circle).
-    tangents : (m, 2) float64
-        Unit vector along the surface, counter-clockwise as the sensor sees it; NaN on isolated readings.
-    starts, stops : (s,) int64
-        Surface k holds the readings order[starts[k]:stops[k]].
-    order : (m,) int64
-        Readings surface by surface, so that no surface is cut by the seam of a full circle.
-    """
-
-    n_beams: int
-    beam_idx: Ints
-    ranges: Floats
-    angles: Floats
-    points: Points
-    angle_step: float
+    n_beams: int  # beams of the scan, valid or not
+    beam_idx: Ints  # (m,): the scan's own index of each reading
+    ranges: Floats  # (m,): metres
+    angles: Floats  # (m,): radians, ascending
+    points: Points  # (m, 2): metres, sensor frame
+    angle_step: float  # angle between neighbouring beams, radians, positive
+    # (m,): whether the surface goes on from a reading to the next (from the last to the first on a full circle)
     is_joined: Bools
+    # (m, 2): unit vector along the surface, counter-clockwise as the sensor sees it; NaN on isolated readings
     tangents: Points
+    # (s,): surface k holds the readings order[starts[k]:stops[k]]
     starts: Ints
     stops: Ints
-    order: Ints
+    order: Ints  # (m,): readings surface by surface, so that no surface is cut by the seam of a full circle
 
     def __len__(self) -> int:
         return int(self.beam_idx.size)

@@ -17,8 +17,8 @@ class SegmentationConfig:
     """Adaptive breakpoint detector (eq. 2)."""
 
     range_sigma: float = 0.08
-    """Range noise sigma_rho, metres, of which eq. 2 takes three as its margin. Paper: value lost; more than the 5 mm of a
-    real LMS200, so that walls at a grazing angle stay whole (docs/cfsma.md)."""
+    """Range noise sigma_rho, metres, of which eq. 2 takes three as its margin. Paper: value lost; more than the 5 mm of
+    a real LMS200, so that walls at a grazing angle stay whole (docs/cfsma.md)."""
     incidence_limit: float = math.radians(10.0)
     """Worst incidence angle lambda still trusted, radians in (0, pi/2). Paper: 10 degrees."""
     min_readings: int = 5
@@ -100,8 +100,8 @@ class CfSmaConfig:
     consistency: bool = False
     """Not in the paper: whether pairs that do not agree with the largest group of others are left out."""
     consistency_distance: float = 0.15
-    """Root mean square distance up to which the readings around a pair agree with a pose, metres: readings are paired by
-    index, and slip along a wall. Measured: 0.15 to 0.2 are best, on seeds of their own and on the Intel log."""
+    """Root mean square distance up to which the readings around a pair agree with a pose, metres: readings are paired
+    by index, and slip along a wall. Measured: 0.15 to 0.2 are best, on seeds of their own and on the Intel log."""
 
     def __post_init__(self) -> None:
         require(self.consistency_distance > 0.0, "consistency_distance must be > 0 m", self.consistency_distance)

@@ -1,9 +1,9 @@
 """What CF-SMA lacks: a test that the surviving pairs agree. Off by default, as the paper has none.
 
 CF-SMA takes all surviving pairs of characteristic points into one least squares, where one wrong pair turns the pose.
-Here each surviving pair proposes the pose that aligns its own readings; the proposal under which most matched readings lie
-together wins, and pairs that do not agree with it are left out, as in Fischler and Bolles, "Random sample consensus",
-Communications of the ACM 24 (1981), with every sample tried.
+Here each surviving pair proposes the pose that aligns its own readings; the proposal under which most matched readings
+lie together wins, and pairs that do not agree with it are left out, as in Fischler and Bolles, "Random sample
+consensus", Communications of the ACM 24 (1981), with every sample tried.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from curvescan.diagnostics.verdict import Verdict
     from curvescan.io.log import Log
     from curvescan.io.trajectories.trajectory import Trajectory
+    from curvescan.runs.run import EngineName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +54,12 @@ class _LogJob:
     """Name of the matcher."""
     matcher: MatcherConfig | None = None
     """Configuration of the matcher; a mapping of the fields that differ; None for the defaults."""
-    odometry_prior: bool = False
-    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives."""
+    config: Any = None
+    """Configuration of the engine."""
+    odometry_prior: bool | None = None
+    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives; None where it agrees with the scans."""
+    as_is: bool = False
+    """Whether to take each log as it is, and mend nothing."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     """How to make the occupancy maps."""
     logs: LogOptions = field(default_factory=LogOptions)
@@ -68,17 +73,25 @@ class _LogJob:
     def _fill_in(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)  # the only way in a frozen dataclass
 
-    def _arguments(self, log: Path, folder: Path) -> dict[str, Any]:
-        """Return the arguments that the functions of both tasks have in common."""
-        return {
-            "out": folder,
-            "method": self.method,
-            "matcher": self.matcher,
-            "odometry_prior": self.odometry_prior,
-            "occupancy": self.occupancy,
-            "command": self.command,
-            "source": log,
-        }
+    def _run(self, engine: EngineName, log: Path, folder: Path) -> JobResult:
+        from curvescan.runs.run import run
+
+        result = run(
+            self.logs.open(log),
+            engine,
+            out=folder,
+            method=self.method,
+            config=self.config,
+            matcher=self.matcher,
+            odometry_prior=self.odometry_prior,
+            as_is=self.as_is,
+            occupancy=self.occupancy,
+            command=self.command,
+            source=log,
+            keeps_steps=False,
+            n_processes=1,  # the workers have the cores
+        )
+        return _result(result.verdict, result.trajectory)
 
     def warm_up(self) -> None:
         """Compile the kernels of matcher, odometry, SLAM and maps."""
@@ -100,10 +113,7 @@ class OdometryJob(_LogJob):
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run the odometry of a log and write trajectory, maps and run.json."""
-        from curvescan.runs.run import run
-
-        result = run(self.logs.open(log), config=self.config, **self._arguments(log, folder))
-        return _result(result.verdict, result.trajectory)
+        return self._run("odometry", log, folder)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,13 +129,7 @@ class SlamJob(_LogJob):
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run SLAM of a log and write trajectories, graph, maps and run.json."""
-        from curvescan.runs.slam_log import slam_log
-
-        assert isinstance(self.config, SlamConfig)  # filled in
-
-        # the workers have the cores
-        result = slam_log(self.logs.open(log), config=self.config, n_processes=1, **self._arguments(log, folder))
-        return _result(result.verdict, result.run.revised.trajectory)
+        return self._run("slam", log, folder)
 
 
 def _result(verdict: Verdict, trajectory: Trajectory) -> JobResult:

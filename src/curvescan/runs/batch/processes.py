@@ -53,7 +53,7 @@ class WorkerProcess:
         with log.open("ab") as errors:
             self._process = subprocess.Popen(
                 python_command("curvescan.runs.batch.worker", "serve()"),
-                env={**once, "MPLBACKEND": "Agg", **os.environ, "CURVESCAN_COMPILE_HELPERS": "0"},
+                env={**once, "MPLBACKEND": "Agg", **os.environ},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,

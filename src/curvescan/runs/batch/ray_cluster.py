@@ -18,7 +18,7 @@ from curvescan.runs.batch.job import Job, JobResult
 from curvescan.runs.batch.worker import Failure, Ready, Reply, Task, answer
 from curvescan.runs.batch.workers import Event
 
-_SETTINGS = {"MPLBACKEND": "Agg", "CURVESCAN_COMPILE_HELPERS": "0"}
+_SETTINGS = {"MPLBACKEND": "Agg"}
 
 
 class RayPool:

@@ -1,1 +1,1 @@
-"""What stands still: rooms, corridors, offices and whole floors as exact walls and arcs, and the table of their names."""
+"""Rooms, corridors, offices and whole floors as exact walls and arcs, and the table of their names."""

@@ -120,7 +120,7 @@ def _wander(world: World, drive: Drive, rng: np.random.Generator, start: Floats,
 
 
 def _roomiest(world: World, rng: np.random.Generator) -> Floats:
-    """Return the place, of some random ones near the route, if there is one, that is farthest from everything: (2,) metres.
+    """Return the (2,) place, of some random ones (near the route, if any), that is farthest from everything.
 
     A route leaves out what a laser cannot see its way in, as the round room of "office-floor".
     """

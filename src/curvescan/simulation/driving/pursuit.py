@@ -27,23 +27,12 @@ _TURN_ON_SPOT = math.radians(50.0)  # off by more than this, the robot stops and
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """How a robot drives.
+    """How a robot drives."""
 
-    Parameters
-    ----------
-    speed : float
-        Top speed, m/s.
-    turn_rate : float
-        Top turn rate, rad/s.
-    acceleration : float
-        m/s^2; the turn rate changes by four times this number, rad/s^2.
-    clearance : float
-        Planned distance of the robot's centre to anything, metres. Rounding corners may cost 0.1 m of it.
-    """
-
-    speed: float = 0.6
-    turn_rate: float = 0.9
-    acceleration: float = 0.6
+    speed: float = 0.6  # top speed, m/s
+    turn_rate: float = 0.9  # top turn rate, rad/s
+    acceleration: float = 0.6  # m/s^2; the turn rate changes by four times this number, rad/s^2
+    # planned distance of the robot's centre to anything, metres. Rounding corners may cost 0.1 m of it
     clearance: float = 0.4
 
     def __post_init__(self) -> None:

@@ -18,23 +18,12 @@ class OdometryNoise:
     "Probabilistic Robotics", 2005, table 5.6: each step is a turn, a straight drive and a turn; their variances
     are sums of squares weighted by the four alphas below. As in the book the noise of each step is
     independent, so that the drift over a given path depends on how often it is sampled.
-
-    Parameters
-    ----------
-    turn_from_turn : float
-        alpha 1: rad^2 of turn per rad^2 turned.
-    turn_from_drive : float
-        alpha 2: rad^2 of turn per m^2 driven.
-    drive_from_drive : float
-        alpha 3: m^2 of drive per m^2 driven.
-    drive_from_turn : float
-        alpha 4: m^2 of drive per rad^2 turned.
     """
 
-    turn_from_turn: float = 0.01
-    turn_from_drive: float = 0.004
-    drive_from_drive: float = 0.002
-    drive_from_turn: float = 0.001
+    turn_from_turn: float = 0.01  # alpha 1: rad^2 of turn per rad^2 turned
+    turn_from_drive: float = 0.004  # alpha 2: rad^2 of turn per m^2 driven
+    drive_from_drive: float = 0.002  # alpha 3: m^2 of drive per m^2 driven
+    drive_from_turn: float = 0.001  # alpha 4: m^2 of drive per rad^2 turned
 
     def __post_init__(self) -> None:
         for one in fields(self):

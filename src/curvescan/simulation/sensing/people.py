@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.world import World
-from curvescan.simulation.sensing.sensors import Sensor
+from curvescan.simulation.sensing.sensors import Sensor, cast_beams
 from curvescan.types import Bools, Floats, Points, Pose
 
 _STEP_LENGTH = 0.7  # metres from one footfall to the next
@@ -27,23 +27,13 @@ _CROWD_ATTEMPTS = 80  # places tried for the people around one scan
 
 @dataclass(frozen=True, kw_only=True)
 class People:
-    """What walkers look like and how they walk.
+    """What walkers look like and how they walk."""
 
-    Parameters
-    ----------
-    leg_radius : float
-        Metres; each walker shows two legs, unless `body_radius` is given.
-    hip_width : float
-        Distance between the legs across the walking direction, metres.
-    body_radius : float or None
-        Radius of the one circle a walker shows to a sensor at body height, metres; None: two legs.
-    speed_min, speed_max : float
-        Each walker's speed is drawn between them, m/s.
-    """
-
-    leg_radius: float = 0.07
-    hip_width: float = 0.2
+    leg_radius: float = 0.07  # metres; each walker shows two legs, unless `body_radius` is given
+    hip_width: float = 0.2  # distance between the legs across the walking direction, metres
+    # radius of the one circle a walker shows to a sensor at body height, metres; None: two legs
     body_radius: float | None = None
+    # each walker's speed is drawn between them, m/s
     speed_min: float = 0.5
     speed_max: float = 1.5
 
@@ -130,8 +120,6 @@ def crowd(world: World, pose: Pose, sensor: Sensor, share: float, people: People
 
     pose (3,); result (c, 3).
     """
-    from curvescan.simulation.sensing.raycast import cast_rays  # Numba loads when something is cast
-
     circles, reached = np.empty((0, 3)), 0.0
     for _ in range(_CROWD_ATTEMPTS if share > 0.0 else 0):
         bearing = pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment
@@ -143,15 +131,7 @@ def crowd(world: World, pose: Pose, sensor: Sensor, share: float, people: People
         if np.any(_gap(one[:, :2], pose) < one[:, 2] + 0.1):
             continue
         more = np.vstack([circles, one])
-        _, hit_idx = cast_rays(
-            world,
-            pose,
-            angle_min=sensor.angle_min,
-            angle_increment=sensor.angle_increment,
-            n_beams=sensor.n_beams,
-            range_max=sensor.range_max,
-            people=more,
-        )
+        _, hit_idx = cast_beams(world, pose, sensor, people=more)
         new = float(np.mean(hit_idx >= world.n_primitives))
         if new > reached and abs(new - share) < abs(reached - share):
             circles, reached = more, new

@@ -4,50 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.catalogue import look_up
-from curvescan.types import Floats
+from curvescan.simulation.buildings.world import World
+from curvescan.types import Floats, Ints, Pose
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A laser scanner. Its sweep is instantaneous, or takes `time_increment` a beam and is distorted by motion.
+    """A laser scanner. Its sweep is instantaneous, or takes `time_increment` a beam and is distorted by motion."""
 
-    Parameters
-    ----------
-    name : str
-        Name for titles and messages.
-    n_beams : int
-        Beams of a sweep, >= 1.
-    angle_min : float
-        Direction of beam 0 in the sensor frame, radians.
-    angle_increment : float
-        From a beam to the next, radians; not 0; negative for a clockwise sensor.
-    range_min, range_max : float
-        Limits of a reading, metres; 0 <= range_min < range_max.
-    sigma_range : float
-        Standard deviation of the Gaussian range noise, metres, >= 0, the same at all ranges.
-    dropout : float
-        Probability that a return is lost (dark or shiny surface), in [0, 1].
-    period : float
-        Time from a sweep to the next, seconds, > 0.
-    time_increment : float
-        Time from a beam to the next, seconds, >= 0; all beams of a sweep must fit into `period`.
-    """
-
-    name: str
-    n_beams: int
-    angle_min: float
-    angle_increment: float
+    name: str  # name for titles and messages
+    n_beams: int  # beams of a sweep, >= 1
+    angle_min: float  # direction of beam 0 in the sensor frame, radians
+    angle_increment: float  # from a beam to the next, radians; not 0; negative for a clockwise sensor
+    # limits of a reading, metres; 0 <= range_min < range_max
     range_min: float
     range_max: float
-    sigma_range: float
-    dropout: float
-    period: float
+    sigma_range: float  # standard deviation of the Gaussian range noise, metres, >= 0, the same at all ranges
+    dropout: float  # probability that a return is lost (dark or shiny surface), in [0, 1]
+    period: float  # time from a sweep to the next, seconds, > 0
+    # time from a beam to the next, seconds, >= 0; all beams of a sweep must fit into `period`
     time_increment: float = 0.0
 
     def __post_init__(self) -> None:
@@ -68,62 +50,21 @@ class Sensor:
                 raise InvalidArgumentError(f"{rule}, got {self}")
 
 
-# SICK LMS200 in its mm mode: 8 m; 5 sweeps a second over a 38400 baud line
-_LMS200 = Sensor(
-    name="sick-lms200",
-    n_beams=361,
-    angle_min=-0.5 * math.pi,
-    angle_increment=math.radians(0.5),
-    range_min=0.02,
-    range_max=8.0,
-    sigma_range=0.010,
-    dropout=0.002,
-    period=0.2,
+_ROWS: tuple[tuple[Any, ...], ...] = (
+    # SICK LMS200 in its mm mode: 8 m; 5 sweeps a second over a 38400 baud line
+    ("sick-lms200", 361, -0.5 * math.pi, math.radians(0.5), 0.02, 8.0, 0.010, 0.002, 0.2),
+    # the same with the noise that line fits on flat walls within 4 m show in real logs: 4 to 6 mm
+    ("sick-lms200-5mm", 361, -0.5 * math.pi, math.radians(0.5), 0.02, 8.0, 0.005, 0.002, 0.2),
+    # low-cost triangulating scanner of the RPLidar A1/A2 kind
+    ("spinning-360", 360, -math.pi, math.radians(1.0), 0.15, 12.0, 0.015, 0.02, 0.1),
+    # Hokuyo URG-04LX, every second beam of every second sweep: short sight, and an error of 1 % beyond a metre
+    ("urg-04lx", 341, math.radians(-119.7), math.radians(0.704), 0.06, 5.6, 0.030, 0.01, 0.2),
+    # Hokuyo UTM-30LX, all 1081 beams, every fourth of its 40 sweeps a second
+    ("hokuyo-270", 1081, math.radians(-135.0), math.radians(0.25), 0.1, 30.0, 0.010, 0.002, 0.1),
 )
 
 SENSORS: Mapping[str, Sensor] = {
-    sensor.name: sensor
-    for sensor in (
-        _LMS200,
-        # the same with the noise that line fits on flat walls within 4 m show in real logs: 4 to 6 mm
-        replace(_LMS200, name="sick-lms200-5mm", sigma_range=0.005),
-        # low-cost triangulating scanner of the RPLidar A1/A2 kind
-        Sensor(
-            name="spinning-360",
-            n_beams=360,
-            angle_min=-math.pi,
-            angle_increment=math.radians(1.0),
-            range_min=0.15,
-            range_max=12.0,
-            sigma_range=0.015,
-            dropout=0.02,
-            period=0.1,
-        ),
-        # Hokuyo URG-04LX, every second beam of every second sweep: short sight, and an error of 1 % beyond a metre
-        Sensor(
-            name="urg-04lx",
-            n_beams=341,
-            angle_min=math.radians(-119.7),
-            angle_increment=math.radians(0.704),
-            range_min=0.06,
-            range_max=5.6,
-            sigma_range=0.030,
-            dropout=0.01,
-            period=0.2,
-        ),
-        # Hokuyo UTM-30LX, all 1081 beams, every fourth of its 40 sweeps a second
-        Sensor(
-            name="hokuyo-270",
-            n_beams=1081,
-            angle_min=math.radians(-135.0),
-            angle_increment=math.radians(0.25),
-            range_min=0.1,
-            range_max=30.0,
-            sigma_range=0.010,
-            dropout=0.002,
-            period=0.1,
-        ),
-    )
+    row[0]: Sensor(**dict(zip((field.name for field in fields(Sensor)), row, strict=False))) for row in _ROWS
 }
 """Name -> sensor. Noise figures are round numbers in the range of the makers' data sheets, but for sick-lms200-5mm."""
 
@@ -139,6 +80,24 @@ def choose_sensor(sensor: Sensor | str) -> Sensor:
 def sight(sensor: Sensor) -> float:
     """Return the range to which rays must be cast: noise brings surfaces just out of range into it."""
     return sensor.range_max + 8.0 * sensor.sigma_range
+
+
+def cast_beams(
+    world: World, pose: Pose, sensor: Sensor, *, range_max: float | None = None, people: Floats | None = None
+) -> tuple[Floats, Ints]:
+    """Return exact ranges of a sensor's beams and what each hits, as :func:`cast_rays`; range_max as the sensor's."""
+    # Numba loads when something is cast
+    from curvescan.simulation.sensing.raycast import cast_rays
+
+    return cast_rays(
+        world,
+        pose,
+        angle_min=sensor.angle_min,
+        angle_increment=sensor.angle_increment,
+        n_beams=sensor.n_beams,
+        range_max=sensor.range_max if range_max is None else range_max,
+        people=people,
+    )
 
 
 def measure(exact: Floats, sensor: Sensor, rng: np.random.Generator) -> Floats:

@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 from curvescan.odometry.config import MotionConfig
-from curvescan.odometry.step import OdometryStep
+from curvescan.odometry.step import Step
 from curvescan.se2.uncertain import UncertainPose, between
 from curvescan.types import Cov, Pose
 
 
-def between_steps(origin: OdometryStep, step: OdometryStep) -> UncertainPose:
+def between_steps(origin: Step, step: Step) -> UncertainPose:
     """Return the pose of a step in the frame of an earlier one, with what was added to the covariance since."""
     found = between(UncertainPose(origin.pose, origin.covariance), UncertainPose(step.pose, step.covariance))
     if _is_positive(found.cov):
         return found
-    # the two may hang on one keyframe of the odometry, whose error they share
+    # the two hang on one keyframe, or a stretch was settled since: the poses then differ by what was put right
     values, vectors = np.linalg.eigh(found.cov)
-    return UncertainPose(found.pose, (vectors * np.maximum(values, 0.0)) @ vectors.T)
+    return UncertainPose(found.pose, (vectors * np.abs(values)) @ vectors.T)
 
 
 def _is_positive(cov: Cov) -> bool:

@@ -129,8 +129,9 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
         ref, cur = pair(seed)
         (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(ref, cur, MOTION)
         system = np.zeros(LEVER2 + 1)
-        add_information(cur_surfels, ref_surfels, partner_cur, pose, FORWARD, system)
-        add_information(ref_surfels, cur_surfels, partner_ref, pose, BACKWARD, system)
+        walls, parts = [no_objects(one) for one in (ref_surfels, cur_surfels)], np.zeros((1, CHI2))
+        add_information(cur_surfels, walls[1], ref_surfels, walls[0], partner_cur, pose, FORWARD, system, parts)
+        add_information(ref_surfels, walls[0], cur_surfels, walls[1], partner_ref, pose, BACKWARD, system, parts)
         means.append(system[CHI2] / system[COUNT])
     # of 300 readings each, with neighbours that share their lines
     assert np.mean(means) == pytest.approx(1.0, abs=0.12)

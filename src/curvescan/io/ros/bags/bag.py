@@ -28,9 +28,9 @@ from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LI
 from curvescan.io.files.gzip_files import is_packed, unpack
 from curvescan.io.files.printable import printable
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, storage_files
-from curvescan.io.ros.bags.limits import CheckedMcapReader, CheckedRos1Reader
-from curvescan.io.ros.bags.salvage import salvage, with_its_journal
-from curvescan.io.ros.bags.sqlite import sqlite_reader, unfinished
+from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
+from curvescan.io.ros.bags.hardening.salvage import salvage, with_its_journal
+from curvescan.io.ros.bags.hardening.sqlite import sqlite_reader, unfinished
 from curvescan.io.ros.messages import Decoder
 
 

@@ -109,7 +109,7 @@ def _sync(folder: Path) -> None:
 
 def _remove_leftovers(root: Path) -> None:
     """Remove the half-written results of workers that were killed; the manifest's lock says that nobody writes them."""
-    for folder in root.glob(f"{HIDDEN_PREFIX}*"):
+    for folder in (*root.glob(f"{HIDDEN_PREFIX}*"), *root.glob(f"*/{HIDDEN_PREFIX}*")):
         shutil.rmtree(folder, ignore_errors=True)
     log = root / WORKERS_LOG
     with suppress(OSError):  # on Windows, where a worker is still ending

@@ -1,0 +1,243 @@
+"""Mounts of lasers found from motions: two sensors on one body move differently, and the difference is the mount.
+
+Sensor b sits at X in the frame of sensor a. While a moves by A and b by B, A X = X B: hand-eye calibration, here in the
+plane (Censi, Franchi, Marchionni and Oriolo, "Simultaneous calibration of odometry and sensor parameters for mobile
+robots", IEEE Transactions on Robotics 29, 2013, treat wheels and a laser so). A turn fixes the place of b on the body,
+a way fixes its direction: a drive needs both.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.io import read_log
+from curvescan.io.log import Log, MountedLog
+from curvescan.io.ros.mount import laser_mounts
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.odometry import Odometry
+from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import Floats, Pose
+
+WAY, TURN = 0.3, 0.3
+"""A piece of the drive ends after so much way, metres, or turn, radians."""
+
+WRONG_M, WRONG_RAD = 0.03, 0.02
+"""A given mount that differs from the found one by more, metres or radians, doubles walls."""
+
+_CHANCE = 16.3
+"""Squared Mahalanobis distance that a right mount exceeds once in a thousand times: chi-square, three dimensions."""
+
+_LEAST_PIECES = 8
+_LEAST_TURN = 0.5
+"""Sum of the turns of all pieces, radians, without which the place of a laser on the body is not known."""
+
+
+def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
+    """Return the pose of sensor b in the frame of sensor a from motions of both over the same times.
+
+    Parameters
+    ----------
+    motions_a, motions_b : (n, 3) array_like
+        Motion [x, y, theta] of each sensor over n pieces of a drive, in its own frame at the piece's beginning: metres,
+        metres, radians. n >= 8, with turns of 0.5 rad in sum.
+
+    Returns
+    -------
+    UncertainPose
+        The mount, and its covariance by the residuals of the pieces.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When the shapes differ, or the pieces are too few or turn too little to tell.
+    """
+    a, b = np.asarray(motions_a, dtype=np.float64), np.asarray(motions_b, dtype=np.float64)
+    if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
+        raise InvalidArgumentError(f"motions must be two arrays of shape (n, 3), got {a.shape} and {b.shape}")
+    known = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    a, b = a[known], b[known]
+    turned = float(np.abs(a[:, 2]).sum())
+    if len(a) < _LEAST_PIECES or turned < _LEAST_TURN:
+        raise InvalidArgumentError(
+            f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
+            f"{turned:.2f} rad: "
+            "drive farther, and round bends"
+        )
+    found = least_squares(_misclosure, _linear_mount(a, b), args=(a, b), loss="soft_l1", f_scale=_scale(a, b))
+    # a robust fit's covariance: residual variance of the pieces that the loss trusts, by the information at the optimum
+    rest = _misclosure(found.x, a, b)
+    variance = (np.median(np.abs(rest)) / _MEDIAN_OF_NORMAL) ** 2 * rest.size / (rest.size - 3)
+    covariance = variance * np.linalg.inv(_jacobian(found.x, a, b))
+    return UncertainPose(np.array([*found.x[:2], se2.wrap(found.x[2])]), covariance)
+
+
+def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str, UncertainPose]:
+    """Return the mounts of the lasers of one robot, each from its own odometry.
+
+    Parameters
+    ----------
+    logs : mapping of str to Log
+        A log a laser, stamps of one clock.
+    base : str or Trajectory
+        What the mounts are seen from: one of the lasers, or poses of the robot's base by its wheels, with stamps.
+
+    Returns
+    -------
+    dict of str to UncertainPose
+        The pose of each other laser in the frame of `base`.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When `base` is no laser of the logs, or the drive is too short or too straight to tell.
+    """
+    if isinstance(base, str) and base not in logs:
+        raise InvalidArgumentError(f"base must be one of {', '.join(logs)}, or wheels as a Trajectory, got {base!r}")
+    tracks = {name: track_of(log) for name, log in logs.items()}
+    seen_from = tracks[base] if isinstance(base, str) else base
+    return {
+        name: find_mount(*common_motions(seen_from, track)) for name, track in tracks.items() if track is not seen_from
+    }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MountCheck:
+    """The mount of one laser as found from the scans of a bag, beside the one that the bag's transforms give."""
+
+    # the laser, and what it is seen from: the topic of another laser, or ``"the wheels"``
+    topic: str
+    base: str
+    found: UncertainPose  # by :func:`find_mount`
+    given: Pose | None  # (3,): by the transforms; None where they do not lead there
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the given mount contradicts the scans: by more than its bounds, and by more than chance allows."""
+        if self.given is None:
+            return False
+        error = self.found.pose - self.given
+        error[2] = se2.wrap(error[2])
+        is_far = float(np.hypot(*error[:2])) > WRONG_M or abs(error[2]) > WRONG_RAD
+        return is_far and float(error @ np.linalg.solve(self.found.covariance, error)) > _CHANCE
+
+
+def check_mounts(path: str | os.PathLike[str]) -> list[MountCheck]:
+    """Return the mounts of the lasers of a bag, from their scans and the wheels, beside those of its transforms.
+
+    With wheels each laser is seen from the robot's base, else each from the first one.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A ROS 1 or ROS 2 bag with scans of one laser or more.
+
+    Raises
+    ------
+    LogFileError, LogFormatError
+        When it cannot be read.
+    InvalidArgumentError
+        When it holds a single laser and no wheels, or the drive is too short or too straight to tell.
+    """
+    given = laser_mounts(Path(path))
+    logs = {topic: read_log(path, topic=topic) for topic in given}
+    first, laser = next(iter(logs.items()))
+    wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+    if wheels is None and len(logs) < 2:
+        raise InvalidArgumentError(
+            f"{path} holds one laser and no wheels: a mount is found from two sensors on one robot"
+        )
+    found = find_mounts(logs, base=first if wheels is None else wheels)
+    seen_from = given[first] if wheels is None else np.zeros(3)
+    return [
+        MountCheck(
+            topic=topic,
+            base="the wheels" if wheels is not None else first,
+            found=mount,
+            given=_seen(seen_from, given[topic]),
+        )
+        for topic, mount in found.items()
+    ]
+
+
+def _seen(a: Pose | None, b: Pose | None) -> Pose | None:
+    return None if a is None or b is None else se2.between(a, b)
+
+
+def track_of(log: Log) -> Trajectory:
+    """Return the odometry of a laser of a rig, its sweeps as they are."""
+    odometry = Odometry()
+    stamps, poses = [], []
+    for scan in log:
+        step = odometry.add(scan)
+        stamps.append(step.stamp)
+        poses.append(step.pose)
+    return Trajectory(stamps=np.array(stamps), poses=np.array(poses).reshape(-1, 3))
+
+
+def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
+    """Return (n, 3) motions of two sensors over the same pieces of a drive, at the stamps of the first."""
+    stamps = a.stamps[(a.stamps >= b.stamps[0]) & (a.stamps <= b.stamps[-1])] if len(b) else a.stamps[:0]
+    poses_a, poses_b = _at(a, stamps), _at(b, stamps)
+    ends = [0]
+    for k in range(1, len(stamps)):
+        x, y, theta = se2.between(poses_a[ends[-1]], poses_a[k])
+        if np.hypot(x, y) >= WAY or abs(theta) >= TURN:
+            ends.append(k)
+    return se2.between(poses_a[ends[:-1]], poses_a[ends[1:]]), se2.between(poses_b[ends[:-1]], poses_b[ends[1:]])
+
+
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a standard normal variable."""
+
+
+def _at(track: Trajectory, stamps: Floats) -> Pose:
+    """Return (n, 3) poses of a track at times within it, by constant velocity between its own."""
+    columns = [np.interp(stamps, track.stamps, column) for column in (*track.poses.T[:2], np.unwrap(track.poses[:, 2]))]
+    return np.stack(columns, axis=-1)
+
+
+def _misclosure(mount: Floats, a: Pose, b: Pose) -> Floats:
+    """Return (2n,) how far A X and X B put sensor b apart, metres."""
+    there = se2.compose(a, mount[np.newaxis])
+    again = se2.compose(mount[np.newaxis], b)
+    apart: Floats = (there - again)[:, :2].ravel()
+    return apart
+
+
+def _jacobian(mount: Floats, a: Pose, b: Pose) -> Floats:
+    """Return (3, 3) information of a mount in misclosures of unit variance."""
+    n = len(a)
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    cm, sm = np.cos(mount[2]), np.sin(mount[2])
+    rows = np.empty((n, 2, 3))
+    rows[:, 0, 0], rows[:, 0, 1], rows[:, 0, 2] = c - 1.0, -s, sm * b[:, 0] + cm * b[:, 1]
+    rows[:, 1, 0], rows[:, 1, 1], rows[:, 1, 2] = s, c - 1.0, -cm * b[:, 0] + sm * b[:, 1]
+    flat = rows.reshape(-1, 3)
+    information: Floats = flat.T @ flat
+    return information
+
+
+def _linear_mount(a: Pose, b: Pose) -> Floats:
+    """Return the mount that linear least squares gives for its place, and the cosine and sine of its direction."""
+    n = len(a)
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    rows = np.zeros((n, 2, 4))
+    rows[:, 0] = np.stack([c - 1.0, -s, -b[:, 0], b[:, 1]], axis=-1)
+    rows[:, 1] = np.stack([s, c - 1.0, -b[:, 1], -b[:, 0]], axis=-1)
+    solution = np.linalg.lstsq(rows.reshape(-1, 4), -a[:, :2].ravel(), rcond=None)[0]
+    return np.array([solution[0], solution[1], np.arctan2(solution[3], solution[2])])
+
+
+def _scale(a: Pose, b: Pose) -> float:
+    """Return the misclosure of an outlier: three deviations of the linear solution's, at least 1 mm."""
+    rest = np.abs(_misclosure(_linear_mount(a, b), a, b))
+    return max(3.0 * float(np.median(rest)) / _MEDIAN_OF_NORMAL, 1e-3)

@@ -1,0 +1,266 @@
+"""read_results: a results folder of `curvescan odometry`, `slam` or `localize`, or a map file, as the page shows it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import LogFileError, LogFormatError
+from curvescan.io.trajectories.layouts import csv_rows
+from curvescan.live.finished.status import status_of
+from curvescan.live.live_map import picture_of
+from curvescan.mapping.map_server import read_map
+from curvescan.odometry import StepOutcome
+from curvescan.runs.results import RUN_RECORD
+from curvescan.runs.view_file import beams_of, read_view_file
+from curvescan.slam import SlamMap, load_map
+from curvescan.slam.loops.closures import ClosureOutcome
+from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Cov, Floats, Ints, Pose
+
+_SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
+_ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
+_FOLLOWED = 0.5
+"""The optimum follows an edge of more weight."""
+_UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
+_CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
+_DROPPED = ("dropped", "It was accepted, and is no longer in the map.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedRun:
+    """A finished run.
+
+    Attributes
+    ----------
+    tree : mapping
+        What the page shows, to be packed.
+    slam_map : SlamMap or None
+        Its map, if it is one of SLAM.
+    numbers : (k,) int64
+        Number of each keyframe in the records of closures.
+    scan_of : mapping of int to int
+        Scan of a keyframe by its number.
+    closures : sequence of mapping
+        Rows of closures.csv.
+    """
+
+    tree: Mapping[str, Any]
+    slam_map: SlamMap | None
+    numbers: Ints
+    scan_of: Mapping[int, int]
+    closures: Sequence[Mapping[str, str]]
+
+
+def read_results(path: Path) -> FinishedRun:
+    """Return a results folder, or a map file, as the page shows it."""
+    if path.is_file():
+        return _of_map(path)
+    if not (path / "trajectory.csv").is_file():
+        raise LogFileError(
+            f"{path} is no results folder: it has no trajectory.csv, as curvescan odometry and slam write it"
+        )
+    record = _record(path)
+    rows, outcomes = csv_rows(path / "trajectory.csv")
+    seen = read_view_file(path)
+    slam_map = load_map(path / "map.csmap") if (path / "map.csmap").is_file() else None
+    numbers = seen.get("keyframe_numbers", np.arange(0 if slam_map is None else len(slam_map))).astype(np.int64)
+    scan_of = dict(seen["keyframe_scans"].astype(np.int64).tolist()) if "keyframe_scans" in seen else {}
+    closures = _closures(path / "closures.csv")
+    kinds = sorted(set(outcomes))
+    tree = {
+        "name": str(_of(record, "input", "name") or path.name),
+        "mode": "SLAM" if slam_map is not None else "localization" if "first_fix" in record else "odometry",
+        "verdict": record.get("verdict"),
+        "stamps": rows.stamps - (rows.stamps[0] if len(rows.stamps) else 0.0),
+        "poses": rows.poses.astype(np.float32),
+        "covariances": _four(rows.covariances, len(rows.poses)),
+        "outcome": np.array([kinds.index(one) for one in outcomes], dtype=np.uint8),
+        "outcomes": [[*status_of(one), _SENTENCES.get(one, one)] for one in kinds],
+        "odometry": _aligned(seen.get("odometry"), rows.poses),
+        "wheels": _aligned(seen.get("wheels"), rows.poses),
+        "map": _picture(path, slam_map),
+        **_beams(seen),
+    }
+    if slam_map is not None:
+        tree |= describe_map(slam_map, closures, numbers, scan_of, rows.poses)
+    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers, scan_of=scan_of, closures=closures)
+
+
+def _of_map(path: Path) -> FinishedRun:
+    """Return a map file as a run whose scans are its keyframes."""
+    slam_map = load_map(path)
+    stamps, numbers = np.array([scan.stamp for scan in slam_map.scans]), np.arange(len(slam_map))
+    tree = {
+        "name": path.name,
+        "mode": "map",
+        "verdict": None,
+        "stamps": stamps - stamps.min(initial=np.inf) if len(stamps) else stamps,
+        "poses": slam_map.poses.astype(np.float32),
+        "covariances": _four(slam_map.covariances, len(slam_map)),
+        "outcome": np.zeros(len(slam_map), dtype=np.uint8),
+        "outcomes": [[*status_of("matched"), "A keyframe of the map."]],
+        "odometry": None,
+        "wheels": None,
+        "map": picture_tree(slam_map),
+        **_beams(beams_of(slam_map.scans)),
+        **describe_map(slam_map, [], numbers, {}, slam_map.poses),
+    }
+    return FinishedRun(tree=tree, slam_map=slam_map, numbers=numbers, scan_of={}, closures=())
+
+
+def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
+    """Return what changes on the page when its map is mended: each scan moves along with the keyframe before it."""
+    assert run.slam_map is not None
+    path, n = np.asarray(run.tree["poses"], dtype=np.float64), len(run.tree["poses"])
+    is_newest = run.slam_map.sessions == run.slam_map.n_sessions - 1
+    rows = np.arange(n)
+    if run.tree["mode"] != "map":
+        newest = np.flatnonzero(is_newest)
+        at = np.searchsorted(run.slam_map.indices[newest], np.arange(n), side="right") - 1
+        rows = newest[np.maximum(at, 0)]
+    moved = se2.compose(mended.poses[rows], se2.between(run.slam_map.poses[rows], path))
+    return {
+        "poses": moved.astype(np.float32),
+        "map": picture_tree(mended),
+        **describe_map(mended, run.closures, run.numbers, run.scan_of, moved),
+    }
+
+
+def describe_map(
+    slam_map: SlamMap, closures: Sequence[Mapping[str, str]], numbers: Ints, scan_of: Mapping[int, int], path: Pose
+) -> dict[str, Any]:
+    """Return keyframes, and all closures that were tried or that the map holds, each with its outcome and where it lies.
+
+    numbers (k,); scan_of: scan of a keyframe by its number; path (n, 3) poses of the scans.
+    """
+    row_of = {int(number): row for row, number in enumerate(numbers.tolist())}
+    is_closure = slam_map.kinds == EdgeKind.CLOSURE
+    weight_of = {
+        tuple(e): w for e, w in zip(slam_map.ends[is_closure].tolist(), slam_map.weights[is_closure], strict=True)
+    }
+    kinds: dict[tuple[str, str], int] = {}
+    rows: list[tuple[int, int]] = []
+    places: list[float] = []
+    figures: list[float] = []
+    kind: list[int] = []
+
+    def place(number: int) -> tuple[float, float]:
+        row, scan = row_of.get(number, -1), scan_of.get(number, -1)
+        poses, k = (slam_map.poses, row) if row >= 0 else (path, scan)
+        return (float(poses[k, 0]), float(poses[k, 1])) if 0 <= k < len(poses) else (np.nan, np.nan)
+
+    def add(i: int, j: int, what: tuple[str, str], *values: float) -> None:
+        rows.append((row_of.get(i, -1), row_of.get(j, -1)))
+        places.extend((*place(i), *place(j)))
+        figures.extend(values)
+        kind.append(kinds.setdefault(what, len(kinds)))
+
+    for c in closures:
+        i, j = int(c["keyframe_i"]), int(c["keyframe_j"])
+        # neighbours along the path are matched too; they close no loop
+        of_neighbours = "" if c["kind"] == "loop closure" else " (neighbours)"
+        what = (c["outcome"] + of_neighbours, c["meaning"])
+        weight = weight_of.pop((row_of.get(i, -1), row_of.get(j, -1)), None)
+        if c["outcome"] in _ACCEPTED and weight is None and i in row_of and j in row_of:
+            what = (_DROPPED[0] + of_neighbours, _DROPPED[1])
+        elif c["outcome"] in _ACCEPTED and weight is not None and weight <= _FOLLOWED:
+            what = (_UNFOLLOWED[0] + of_neighbours, _UNFOLLOWED[1])
+        add(i, j, what, *(float(c[name] or "nan") for name in ("score", "confidence", "squared_mahalanobis")))
+    for (i, j), weight in weight_of.items():
+        add(int(numbers[i]), int(numbers[j]), _CARRIED if weight > _FOLLOWED else _UNFOLLOWED, *(np.nan,) * 3)
+    counts = Counter(kind)
+    return {
+        "keyframes": slam_map.poses.astype(np.float32),
+        "keyframe_covariances": _four(slam_map.covariances, len(slam_map)),
+        "closures": {
+            "rows": np.array(rows, dtype=np.int32).reshape(-1, 2),
+            "places": np.array(places, dtype=np.float32),
+            "figures": np.array(figures, dtype=np.float32),
+            "kind": np.array(kind, dtype=np.uint8),
+            "kinds": [
+                [name, text, name.split(" ")[0] in (*_ACCEPTED, _CARRIED[0]), counts[k]]
+                for (name, text), k in kinds.items()
+            ],
+        },
+    }
+
+
+def picture_tree(slam_map: SlamMap) -> dict[str, Any] | None:
+    """Return the picture of a map's occupancy, for the page."""
+    picture = picture_of(slam_map.occupancy(), 0)
+    if picture is None:
+        return None
+    return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
+
+
+def _picture(folder: Path, slam_map: SlamMap | None) -> dict[str, Any] | None:
+    if slam_map is not None:
+        return picture_tree(slam_map)
+    if not (folder / "map.yaml").is_file():
+        return None
+    picture = picture_of(read_map(folder / "map.yaml"), 0)
+    assert picture is not None, "a map of map_server has cells"
+    return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
+
+
+def _beams(seen: Mapping[str, Any]) -> dict[str, Any]:
+    if "ranges" not in seen:
+        return {"ranges": None}
+    return {
+        "ranges": seen["ranges"].astype(np.uint16),
+        "layout": seen["layout"].astype(np.int32),
+        "angles": seen["angles"].astype(np.float32),
+        "n_angles": seen["n_angles"].astype(np.int32),
+    }
+
+
+def _aligned(poses: Floats | None, path: Pose) -> Floats | None:
+    """Return other poses of the same scans moved so that the first known one lies on the path."""
+    if poses is None:
+        return None
+    n = min(len(poses), len(path))
+    both = np.flatnonzero(np.isfinite(poses[:n, 0]) & np.isfinite(path[:n, 0]))
+    if not both.size:
+        return None
+    k = both[0]
+    return se2.compose(se2.compose(path[k], se2.inverse(poses[k])), poses[:n]).astype(np.float32)
+
+
+def _four(covariances: Cov | None, n: int) -> Floats:
+    """Return (n, 4) xx, xy, yy, tt of covariances; NaN without."""
+    if covariances is None:
+        return np.full((n, 4), np.nan, dtype=np.float32)
+    rows = np.stack([covariances[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1), (2, 2))], axis=1)
+    return np.asarray(rows, dtype=np.float32)
+
+
+def _closures(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    path = folder / RUN_RECORD
+    try:
+        record = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    except ValueError as error:
+        raise LogFormatError(f"{path} is damaged: {error}") from error
+    return record if isinstance(record, dict) else {}
+
+
+def _of(record: Mapping[str, Any], *names: str) -> Any:
+    value: Any = record
+    for name in names:
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value

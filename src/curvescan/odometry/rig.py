@@ -1,0 +1,228 @@
+"""Rig: several lasers on one robot, joined into one scan seen from the robot's base.
+
+Industrial robots carry two safety scanners at opposite corners. Each sweep is moved to where its laser was at one
+common time, by the motion of the base since, and the points of all are seen from the base: of what lies in one
+direction the nearest counts, as one laser there would see it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.deskew import deskew, middle_of_sweep
+from curvescan.errors import InvalidArgumentError
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Points, Pose
+
+_HIDDEN = 0.1
+"""A reading is hidden where both neighbours are nearer by this share of its range: it was seen past something."""
+
+_LONGEST_S = 1.0
+"""The velocity of the base is not known across a longer pause, seconds."""
+
+
+class _Step(Protocol):
+    @property
+    def motion(self) -> Pose: ...
+
+
+_S = TypeVar("_S", bound=_Step, covariant=True)
+
+
+class _Engine(Protocol[_S]):
+    def add(self, scan: LaserScan, /) -> _S: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Named lasers with their mounts on one robot.
+
+    Parameters
+    ----------
+    mounts : mapping of str to (3,) array_like
+        Pose [x, y, theta] of each laser in the frame of the base: metres, metres, radians. At least one.
+    body_radius : float
+        Readings nearer to the base than this are the robot itself and are left out, metres, >= 0.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When there is no laser, a mount is not three finite numbers, or the radius is negative.
+
+    Examples
+    --------
+    >>> import curvescan as cs
+    >>> rig = cs.Rig({"front": (0.4, 0.3, 0.785), "rear": (-0.4, -0.3, -2.356)})
+    >>> sorted(rig.mounts)
+    ['front', 'rear']
+    """
+
+    mounts: Mapping[str, Pose]
+    body_radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        mounts = {}
+        for name, mount in dict(self.mounts).items():
+            pose = np.array(mount, dtype=np.float64)
+            if pose.shape != (3,) or not np.isfinite(pose).all():
+                raise InvalidArgumentError(
+                    f"the mount of {name!r} must be three finite numbers x, y, theta, got {mount!r}"
+                )
+            pose.setflags(write=False)
+            mounts[name] = pose
+        if not mounts:
+            raise InvalidArgumentError("mounts must name at least one laser, got none")
+        if not self.body_radius >= 0.0:
+            raise InvalidArgumentError(f"body_radius must be >= 0 metres, got {self.body_radius}")
+        object.__setattr__(self, "mounts", mounts)
+
+    def __repr__(self) -> str:
+        return f"Rig({', '.join(self.mounts)})"
+
+    def join(self, scans: Mapping[str, LaserScan], velocity: ArrayLike = (0.0, 0.0, 0.0)) -> LaserScan:
+        """Return the sweeps of several lasers as one scan of a sensor at the base, at the time of the newest one.
+
+        Parameters
+        ----------
+        scans : mapping of str to LaserScan
+            Sweeps by the names of their lasers; a laser that is silent may be missing.
+        velocity : (3,) array_like
+            Of the base in its own frame, m/s, m/s, rad/s: moves each sweep to the common time, and its beams to the
+            middle of the sweep where the scan has beam times.
+
+        Returns
+        -------
+        LaserScan
+            Beams all around, one a direction of the finest laser, rising; NaN where no laser has a reading. Its stamp
+            is the middle of the newest sweep.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When no scan is given, a name is not of this rig, or the velocity is not three finite numbers.
+        """
+        twist = np.asarray(velocity, dtype=np.float64)
+        if twist.shape != (3,) or not np.isfinite(twist).all():
+            raise InvalidArgumentError(f"velocity must be three finite numbers vx, vy, omega, got {velocity!r}")
+        unknown = sorted(set(scans) - set(self.mounts))
+        if unknown or not scans:
+            raise InvalidArgumentError(f"scans must be of {', '.join(self.mounts)}, got {', '.join(unknown) or 'none'}")
+        stamps = {name: scan.stamp + middle_of_sweep(scan) for name, scan in scans.items()}
+        stamp = max(stamps.values())
+        points = np.concatenate(
+            [
+                se2.transform(
+                    se2.compose(_moved(twist, stamps[name] - stamp), self.mounts[name]),
+                    _seen_points(scan, twist, self.mounts[name]),
+                )
+                for name, scan in scans.items()
+            ]
+        )
+        step = min(abs(scan.angle_increment) for scan in scans.values())
+        reach = max(scan.range_max + math.hypot(*self.mounts[name][:2]) for name, scan in scans.items())
+        angles, ranges = _from_the_base(points, step, self.body_radius)
+        periods = [scan.scan_time for scan in scans.values()]
+        return LaserScan(ranges, angles=angles, range_max=reach, stamp=stamp, scan_time=max(periods))
+
+    def together(self, logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[dict[str, LaserScan]]:
+        """Yield the sweeps of several lasers in groups of one time, each laser at most once in a group.
+
+        A group is complete when every laser has given a sweep. Where one sends a second sweep before another has sent
+        its first, the other is late or dead, and the group goes without it.
+
+        Parameters
+        ----------
+        logs : mapping of str to iterable of LaserScan
+            Scans of each laser by its name, stamps of one clock.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When a name is not of this rig.
+        """
+        unknown = sorted(set(logs) - set(self.mounts))
+        if unknown:
+            raise InvalidArgumentError(f"logs must be of {', '.join(self.mounts)}, got {', '.join(unknown)}")
+        streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
+        group: dict[str, LaserScan] = {}
+        for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
+            if name in group:
+                yield group
+                group = {}
+            group[name] = scan
+            if len(group) == len(logs):
+                yield group
+                group = {}
+        if group:
+            yield group
+
+    def track(self, logs: Mapping[str, Iterable[LaserScan]], engine: _Engine[_S]) -> Iterator[_S]:
+        """Yield the steps of an odometry, a SLAM or a localizer that is given the joined scans of several lasers.
+
+        Parameters
+        ----------
+        logs : mapping of str to iterable of LaserScan
+            Scans of each laser by its name, stamps of one clock.
+        engine : Odometry, Slam or Localizer
+            Its poses are those of the base.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When a name is not of this rig.
+        """
+        velocity, before = np.zeros(3), math.nan
+        for scans in self.together(logs):
+            scan = self.join(scans, velocity)
+            step = engine.add(scan)
+            seconds = scan.stamp - before
+            is_known = 0.0 < seconds < _LONGEST_S and bool(np.isfinite(step.motion).all())
+            velocity, before = se2.log(step.motion) / seconds if is_known else np.zeros(3), scan.stamp
+            yield step
+
+
+def _moved(twist: Floats, seconds: float) -> Pose:
+    return se2.exp(twist * seconds)
+
+
+def _seen_points(scan: LaserScan, twist: Floats, mount: Pose) -> Points:
+    """Return (k, 2) readings of a sweep as of its middle, in its laser's frame."""
+    vx, vy, omega = twist
+    at_laser = np.array([vx - omega * mount[1], vy + omega * mount[0]])
+    own = np.array([*(se2.rotation(float(mount[2])).T @ at_laser), omega])
+    still = deskew(scan, own)
+    return still.points[still.valid]
+
+
+def _from_the_base(points: Points, step: float, body_radius: float) -> tuple[Floats, Floats]:
+    """Return rising directions all around, and the ranges of the nearest points in each, NaN without; both (n,)."""
+    n = max(int(2.0 * math.pi / step), 1)
+    width = 2.0 * math.pi / n
+    angles: Floats = np.arange(n, dtype=np.float64) * width + (0.5 * width - math.pi)
+    ranges = np.full(n, np.nan)
+    distance = np.hypot(points[:, 0], points[:, 1])
+    is_other = distance > body_radius
+    points, distance = points[is_other], distance[is_other]
+    bearing = np.arctan2(points[:, 1], points[:, 0])
+    cell = np.clip(((bearing + math.pi) / width).astype(np.int64), 0, n - 1)
+    order = np.argsort(-distance, kind="stable")  # the nearest is written last
+    angles[cell[order]], ranges[cell[order]] = bearing[order], distance[order]
+    beside: Any = np.fmax(_nearest(ranges, 1), _nearest(ranges, -1))
+    seen: Floats = np.where(ranges - beside > _HIDDEN * ranges, np.nan, ranges)
+    return angles, seen
+
+
+def _nearest(ranges: Floats, way: int) -> Floats:
+    """Return (n,) the nearer of the two readings on one side of each direction; inf without any."""
+    shifted = np.fmin(np.roll(ranges, way), np.roll(ranges, 2 * way))
+    nearer: Floats = np.where(np.isnan(shifted), np.inf, shifted)
+    return nearer

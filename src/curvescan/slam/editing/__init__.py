@@ -1,0 +1,1 @@
+"""Maps edited by hand or by rule: pure functions from maps to maps."""

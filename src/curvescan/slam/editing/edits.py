@@ -1,0 +1,175 @@
+"""Edits of a map's graph: drop a closure, add one, pin a keyframe, forbid a stretch; a small file that can be replayed.
+
+An edit that adds holds the measured pose that was taken, so that a replay asks no matcher and gives the same bits.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
+from curvescan.io.files.output import output_file
+from curvescan.matchers import MatchResult, match
+from curvescan.odometry.measurement import as_measurement
+from curvescan.slam.config import SlamConfig
+from curvescan.slam.editing.graph import MapGraph, solved
+from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Bools
+
+_VERSION = 1
+_KINDS = ("drop", "add", "pin", "forbid")
+_PINNED = np.diag([1e-6, 1e-6, 1e-6])
+"""Covariance of a pinned keyframe seen from the first one: a millimetre and a milliradian."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edit:
+    """One edit.
+
+    Attributes
+    ----------
+    do : str
+        "drop" the closures between keyframes `i` and `j`; "add" one; "pin" keyframe `i`; "forbid" all closures that end
+        on a keyframe from `i` to `j`.
+    i, j : int
+        Rows of keyframes in the map that is edited; `j` is `i` for "pin".
+    pose : tuple of float or None
+        For "add" the pose of j in the frame of i; for "pin" where the keyframe stays, None for where it is.
+    covariance : tuple of float or None
+        For "add" the nine numbers of its covariance.
+    """
+
+    do: str
+    i: int
+    j: int
+    pose: tuple[float, ...] | None = None
+    covariance: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.do not in _KINDS:
+            raise InvalidArgumentError(f"an edit must be one of {', '.join(_KINDS)}, got {self.do!r}")
+        for name, length in (("pose", 3), ("covariance", 9)):
+            values = getattr(self, name)
+            if values is not None and (len(values) != length or not np.isfinite(values).all()):
+                raise InvalidArgumentError(f"{name} must be {length} finite numbers, got {values!r}")
+        if self.do == "add" and (self.pose is None or self.covariance is None):
+            raise InvalidArgumentError('an edit that adds needs its "pose" and "covariance"')
+
+
+def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None = None) -> SlamMap:
+    """Return a map with its graph edited and optimized again; without a stored occupancy, which the keyframes give anew.
+
+    Raises InvalidArgumentError when an edit names what the map does not have.
+    """
+    if not edits:
+        return slam_map
+    graph = MapGraph.of(slam_map)
+    for edit in edits:
+        graph = _applied(graph, edit)
+    return solved(slam_map, graph, config or SlamConfig())
+
+
+def _applied(graph: MapGraph, edit: Edit) -> MapGraph:
+    n = len(graph.poses)
+    for row in (edit.i, edit.j):
+        if not 0 <= row < n:
+            raise InvalidArgumentError(f"the map has keyframes 0 to {n - 1}, got {row}")
+    if edit.do == "pin":
+        pose = graph.poses[edit.i] if edit.pose is None else np.array(edit.pose)
+        if edit.i == 0:
+            raise InvalidArgumentError("keyframe 0 holds the frame of the map: it is pinned already")
+        return graph.with_edge(0, edit.i, se2.between(graph.poses[0], pose), _PINNED)
+    if edit.do == "add":
+        assert edit.pose is not None
+        assert edit.covariance is not None
+        if edit.i == edit.j:
+            raise InvalidArgumentError(f"a closure joins two keyframes, got {edit.i} twice")
+        return graph.with_edge(edit.i, edit.j, np.array(edit.pose), np.reshape(edit.covariance, (3, 3)))
+    gone = _between(graph, edit.i, edit.j) if edit.do == "drop" else _touching(graph, edit.i, edit.j)
+    if edit.do == "drop" and not gone.any():
+        raise InvalidArgumentError(f"there is no closure between keyframes {edit.i} and {edit.j}")
+    return graph.without(gone)
+
+
+def _between(graph: MapGraph, i: int, j: int) -> Bools:
+    is_one = (graph.ends == (i, j)).all(axis=1) | (graph.ends == (j, i)).all(axis=1)
+    return np.asarray(is_one & (graph.kinds == EdgeKind.CLOSURE))
+
+
+def _touching(graph: MapGraph, i: int, j: int) -> Bools:
+    low, high = min(i, j), max(i, j)
+    is_in = ((graph.ends >= low) & (graph.ends <= high)).any(axis=1)
+    return np.asarray(is_in & (graph.kinds == EdgeKind.CLOSURE))
+
+
+def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
+    """Return the match of keyframe j with keyframe i without a guess, and the edit that adds it; None where it fails."""
+    if not (0 <= i < len(slam_map) and 0 <= j < len(slam_map)) or i == j:
+        raise InvalidArgumentError(f"a match takes two keyframes of 0 to {len(slam_map) - 1}, got {i} and {j}")
+    result = match(slam_map.scans[i], slam_map.scans[j])
+    if not result.ok:
+        return result, None
+    found = as_measurement(result)
+    covariance = (config or SlamConfig()).noise.edge(found.cov)
+    pose, cov = tuple(result.pose.tolist()), tuple(covariance.ravel().tolist())
+    return result, Edit(do="add", i=i, j=j, pose=pose, covariance=cov)
+
+
+def added(slam_map: SlamMap, i: int, j: int) -> Edit:
+    """Return the edit that adds a closure as the matcher finds it. Raises InvalidArgumentError where it finds none."""
+    result, edit = ask_match(slam_map, i, j)
+    if edit is None:
+        raise InvalidArgumentError(f"keyframes {i} and {j} cannot be joined: {result.outcome.value}")
+    return edit
+
+
+def edit_of(values: Mapping[str, Any]) -> Edit:
+    """Return an edit from plain values, as the file and the page give them. Raises InvalidArgumentError."""
+    unknown = values.keys() - Edit.__dataclass_fields__.keys()
+    if unknown:
+        raise InvalidArgumentError(f"an edit has no {', '.join(sorted(map(str, unknown)))}")
+    try:
+        i = int(values["i"])
+        numbers = {k: tuple(float(v) for v in values[k]) for k in ("pose", "covariance") if values.get(k) is not None}
+        return Edit(do=str(values["do"]), i=i, j=int(values.get("j", i)), **numbers)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InvalidArgumentError(f"an edit has do, i, j, and for add pose and covariance: {error}") from error
+
+
+def plain_edit(edit: Edit) -> dict[str, Any]:
+    """Return an edit as plain values."""
+    values = {"do": edit.do, "i": edit.i, "j": edit.j, "pose": edit.pose, "covariance": edit.covariance}
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def edits_text(edits: Sequence[Edit]) -> str:
+    """Return the text of a file of edits."""
+    return json.dumps({"curvescan_edits": _VERSION, "edits": [plain_edit(edit) for edit in edits]}, indent=1) + "\n"
+
+
+def write_edits(path: str | os.PathLike[str], edits: Sequence[Edit]) -> None:
+    """Write edits into a file. Raises OutputError."""
+    with output_file(path) as new:
+        new.write_text(edits_text(edits), encoding="utf-8", newline="\n")
+
+
+def read_edits(path: str | os.PathLike[str]) -> tuple[Edit, ...]:
+    """Return the edits of a file. Raises LogFileError, LogFormatError."""
+    try:
+        content = json.loads(Path(path).read_text("utf-8"))
+        if not isinstance(content, dict) or content.get("curvescan_edits") != _VERSION:
+            raise InvalidArgumentError(f"it must say curvescan_edits: {_VERSION}")
+        return tuple(edit_of(values) for values in content["edits"])
+    except OSError as error:
+        raise LogFileError(f"cannot read {os.fspath(path)!r}: {error.strerror or error}") from error
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
+        raise LogFormatError(f"{os.fspath(path)!r} is no file of edits: {error}") from error

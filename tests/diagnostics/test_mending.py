@@ -1,0 +1,100 @@
+"""mend: what is beyond doubt is mended and said, what is only likely is not, and a sound log is the same object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.diagnostics.mending import StreamMender, mend
+from curvescan.io.sensor_setup import SensorSetup, apply_setup
+from curvescan.scan import mirrored
+from tests.diagnostics.test_beam_statistics import N_BEAMS, moving
+from tests.diagnostics.test_inspect import FakeLog
+
+
+def log_of(rows, range_max=60.0):
+    return FakeLog(
+        [
+            cs.LaserScan(row, angle_min=0.0, angle_increment=0.01, range_max=range_max, stamp=0.1 * k)
+            for k, row in enumerate(rows)
+        ]
+    )
+
+
+def with_codes(share, *, beams=slice(None), value=51.1, seed=1):
+    rows = moving(200)
+    rng = np.random.default_rng(seed)
+    is_code = rng.random(rows.shape) < share
+    is_code[:, [k for k in range(N_BEAMS) if k not in range(N_BEAMS)[beams]]] = False
+    return log_of(np.where(is_code, np.round(value + 0.1 * rng.random(rows.shape), 2), rows))
+
+
+@pytest.mark.parametrize("share", [0.005, 0.02, 0.3])
+def test_codes_in_beams_all_around_are_ignored_and_said(share):
+    mended = mend(with_codes(share))
+    assert [issue.kind for issue in mended.done] == ["undeclared_codes"]
+    (sentence,) = mended.remarks
+    assert sentence.startswith("ignored: readings beyond 50.6 m, codes for no return (")
+    assert sentence.endswith("as_is=True keeps them")
+    assert max(np.max(scan.ranges[scan.valid]) for scan in mended.log) < 50.0
+    assert mended.log[3].range_max == 50.6
+    assert not any(issue.mending for issue in mended.issues)
+
+
+def test_a_value_that_some_beams_repeat_is_proposed_only():
+    rows = moving(200)
+    rows[:, 30:50] = 51.1
+    mended = mend(log_of(rows))
+    assert mended.done == ()
+    assert "undeclared_code" in {issue.kind for issue in mended.issues}
+
+
+def test_stale_beams_are_dropped_where_they_are_scattered():
+    rows = moving(60)
+    stale = np.random.default_rng(1).random(rows.shape) < 0.35
+    for k in range(1, len(rows)):
+        rows[k] = np.where(stale[k], rows[k - 1], rows[k])
+    mended = mend(log_of(rows))
+    assert [issue.kind for issue in mended.done] == ["stale_beams"]
+    assert not (mended.log[5].valid & stale[5]).any()
+
+
+def test_readings_that_repeat_in_runs_are_those_of_a_wall_alongside():
+    rows = moving(60)
+    rows[:, 20:80] = 2.5  # a smooth wall beside a straight path, without noise
+    assert mend(log_of(rows)).done == ()
+
+
+def test_a_mirrored_laser_is_turned_back_unless_it_was_set_up_by_hand():
+    log = cs.simulate("office", n_scans=60, seed=2)
+    wrong = FakeLog([mirrored(scan) for scan in log], odometry=log.odometry)
+    mended = mend(wrong)
+    assert [issue.kind for issue in mended.done] == ["turns_against"]
+    np.testing.assert_array_equal(mended.log[7].points, log[7].points)
+    by_hand = apply_setup(log, SensorSetup(clockwise=True))
+    assert mend(by_hand).done == ()
+
+
+def test_a_sound_log_is_the_same_object_and_as_is_mends_nothing():
+    log = cs.simulate("office", n_scans=40, seed=3)
+    assert mend(log).log is log
+    faulty = with_codes(0.02)
+    assert mend(faulty, as_is=True).log is faulty
+
+
+def test_a_running_laser_is_mended_after_some_seconds_and_changes_its_mind_once():
+    told: list[str] = []
+    mender = StreamMender(told.append)
+    early = list(with_codes(0.02))[:100]  # codes all around
+    far = np.random.default_rng(7).uniform(46.0, 51.2, (900, N_BEAMS))
+    late = [replace(early[0], ranges=row) for row in far]  # then a hall of that size
+    seen = [mender.add(scan) for scan in (*early, *late, *early)]
+    assert seen[98].range_max == 60.0
+    assert seen[99].range_max == pytest.approx(50.6)
+    assert told[0].startswith("from scan 100 on ignored: readings beyond 50.6 m")
+    assert len(told) == 2
+    assert told[1].startswith("from scan 1,000 on no longer ignored")
+    assert seen[-1].range_max == 60.0

@@ -1,0 +1,106 @@
+"""Several lasers on one robot: joined as one laser at the base would see it, tracked, and their mounts found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError
+from curvescan.simulation.buildings.catalogue import build_world
+
+MOUNTS = {"front": (0.35, 0.25, np.pi / 4), "rear": (-0.35, -0.25, -3 * np.pi / 4)}
+
+
+def arc(n, speed=0.04, turn=0.02):
+    """Poses of a base that drives along an arc, in the middle of the world's route."""
+    world = build_world("office", 3)
+    return se2.compose(np.array([*world.route[0], 0.3]), se2.exp(np.arange(n)[:, None] * np.array([speed, 0.0, turn])))
+
+
+def recorded(poses, mounts=MOUNTS, world=None, seed=3):
+    """Simulated logs of lasers on a base that takes these poses."""
+    world = world or build_world("office", seed)
+    return {
+        name: cs.simulate(world, poses=se2.compose(poses, np.array(mount)), seed=seed + k, odometry_noise=None)
+        for k, (name, mount) in enumerate(mounts.items())
+    }
+
+
+def test_the_joined_scan_shows_each_reading_where_its_laser_saw_it():
+    logs = recorded(arc(1))
+    joined = cs.Rig(MOUNTS).join({name: log[0] for name, log in logs.items()})
+    points = np.concatenate(
+        [se2.transform(np.array(MOUNTS[n]), log[0].points[log[0].valid]) for n, log in logs.items()]
+    )
+    seen = joined.points[joined.valid]
+    # every reading of the joined scan is one of a laser's, to the rounding of sine and cosine
+    apart = np.linalg.norm(seen[:, None] - points[None], axis=2).min(axis=1)
+    assert apart.max() < 1e-9
+    assert len(seen) > 0.5 * len(points)
+    assert joined.is_full_circle
+
+
+def test_a_moving_base_moves_an_older_sweep_to_the_time_of_the_newest():
+    logs = recorded(arc(2))
+    front, rear = logs["front"][0], logs["rear"][1]  # 0.2 s later
+    velocity = np.array([0.04, 0.0, 0.02]) / 0.2
+    moved = cs.Rig(MOUNTS).join({"front": front, "rear": rear}, velocity)
+    there = cs.Rig(MOUNTS).join({name: log[1] for name, log in logs.items()})
+    assert moved.stamp == rear.stamp
+    result = cs.match(there, moved)
+    still = cs.match(there, cs.Rig(MOUNTS).join({"front": front, "rear": rear}))
+    assert np.abs(result.pose[:2]).max() < 0.005
+    assert np.linalg.norm(still.pose[:2]) > np.linalg.norm(result.pose[:2])
+
+
+def test_nearer_things_hide_farther_ones():
+    near = cs.LaserScan(np.full(181, 1.0), angle_min=-np.pi / 2, angle_increment=np.pi / 180, range_max=8.0)
+    far = cs.LaserScan(np.full(181, 4.0), angle_min=-np.pi / 2, angle_increment=np.pi / 180, range_max=8.0)
+    joined = cs.Rig({"a": (0.0, 0.0, 0.0), "b": (0.0, 0.0, 0.001)}).join({"a": near, "b": far})
+    assert joined.ranges[joined.valid].max() < 1.1
+
+
+def test_the_robots_own_body_is_left_out():
+    scan = cs.LaserScan([0.3, 2.0, 2.0], angle_min=-0.1, angle_increment=0.1, range_max=8.0)
+    joined = cs.Rig({"a": (0.0, 0.0, 0.0)}, body_radius=0.5).join({"a": scan})
+    assert np.allclose(joined.ranges[joined.valid], 2.0)
+
+
+def test_a_laser_that_dies_is_left_out_and_the_other_goes_on():
+    logs = recorded(arc(6))
+    groups = list(cs.Rig(MOUNTS).together({"front": logs["front"], "rear": logs["rear"][:3]}))
+    assert [sorted(group) for group in groups] == [["front", "rear"]] * 3 + [["front"]] * 3
+
+
+@pytest.mark.slow
+def test_two_lasers_track_the_base_and_survive_the_loss_of_one():
+    drive = cs.simulate("office", n_scans=40, seed=3)
+    poses = drive.truth.poses
+    logs = recorded(poses, world=drive.world)
+    dying = {"front": logs["front"], "rear": logs["rear"][:20]}
+    for given in (logs, dying):
+        steps = list(cs.Rig(MOUNTS).track(given, cs.Odometry()))
+        assert len(steps) == 40
+        error = se2.between(se2.between(poses[0], poses[-1]), steps[-1].pose)
+        # 1.6 m of way, matches of a few millimetres
+        assert np.hypot(*error[:2]) < 0.02
+        assert abs(error[2]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: cs.Rig({}), "at least one laser"),
+        (lambda: cs.Rig({"a": (0.0, 1.0)}), "the mount of 'a' must be three finite numbers"),
+        (lambda: cs.Rig(MOUNTS, body_radius=-1.0), "body_radius must be >= 0"),
+        (lambda: cs.Rig(MOUNTS).join({}), "got none"),
+        (lambda: cs.Rig(MOUNTS).join({"left": arc}), "must be of front, rear, got left"),
+        (lambda: cs.Rig(MOUNTS).join({"front": arc}, (0.0, 1.0)), "velocity must be three finite numbers"),
+        (lambda: next(cs.Rig(MOUNTS).together({"left": []})), "must be of front, rear, got left"),
+    ],
+)
+def test_bad_arguments_are_told(call, sentence):
+    with pytest.raises(InvalidArgumentError, match=sentence):
+        call()

@@ -1,0 +1,1 @@
+"""Maps edited by hand or by rule."""
