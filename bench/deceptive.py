@@ -31,8 +31,8 @@ from curvescan.simulation.sensing.people import People, crowd
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.types import Floats, Pose
 
-HALF, FULL = "sick-lms200", "spinning-360"
-"""Names of the sensors: one that sees half a circle, one that sees all of it."""
+HALF, FULL, SHORT = "sick-lms200", "spinning-360", "urg-04lx"
+"""Names of the sensors: one that sees half a circle, one that sees all of it, one that sees 5.6 m far."""
 
 _ATTEMPTS = 2000  # places tried for one pair
 _SIGHT = 0.3  # least share of beams that meet something
@@ -269,6 +269,32 @@ def _company(rng: np.random.Generator, sensor: Sensor) -> Scene:
     return Scene(worlds=(world, world), poses=np.array([start, start + step]), people=(people, later))
 
 
+def _walkers(rng: np.random.Generator, sensor: Sensor) -> Scene:
+    """Return a corridor, bare or with a door now and then, and the legs of two people in front who go their own ways."""
+    doors = [(x, 1.0, rng.uniform(0.08, 0.2)) for x in np.arange(-20.0, 20.0, rng.uniform(5.0, 9.0))]
+    world = corridor(44.0, rng.uniform(1.8, 2.6), recesses=doors if rng.random() < 0.5 else [])
+    start = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.3, 0.3), rng.normal() * 0.1])
+    end = start + np.array([rng.uniform(0.05, 0.5), rng.normal() * 0.02, rng.normal() * 0.05])
+    scenes = []
+    bodies = np.column_stack([start[0] + rng.uniform(0.7, 2.5, 2), rng.uniform(-0.5, 0.5, 2)])
+    steps = np.column_stack([rng.uniform(-0.3, 0.6, 2), rng.normal(size=2) * 0.05])
+    for places in (bodies, bodies + steps):
+        stride = rng.uniform(-0.3, 0.3, 2)
+        legs = [places + np.column_stack([side * stride, np.full(2, side * 0.1)]) for side in (-1.0, 1.0)]
+        scenes.append(np.column_stack([np.concatenate(legs), np.full(4, rng.uniform(0.05, 0.1))]))
+    return Scene(worlds=(world, world), poses=np.array([start, end]), people=(scenes[0], scenes[1]))
+
+
+def _walls_out_of_reach(rng: np.random.Generator, sensor: Sensor) -> Scene:
+    """Return a wide bare hall with a door now and then: of a short laser the ends of the walls in sight are its range."""
+    doors = [(x, 1.0, rng.uniform(0.08, 0.2)) for x in np.arange(-20.0, 20.0, rng.uniform(6.0, 10.0))]
+    width = rng.uniform(2.0, 6.0)
+    world = corridor(44.0, width, recesses=doors if rng.random() < 0.5 else [])
+    start = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.3, 0.3) * (width - 1.0), rng.normal() * 0.3])
+    end = start + np.array([rng.uniform(0.05, 1.5), rng.normal() * 0.03, rng.normal() * 0.1])
+    return Scene(worlds=(world, world), poses=np.array([start, end]))
+
+
 def _identical_offices(rng: np.random.Generator, sensor: Sensor) -> Scene:
     """Return a row of offices with the same furniture in each; the robot moves within one of them."""
     length, depth = rng.uniform(3.0, 4.5), rng.uniform(3.5, 5.0)
@@ -355,6 +381,8 @@ def _kinds() -> Iterator[Deception]:
         ("doors", "Doors at one pitch, up to 1 m and 40 degrees.", HALF, _doors),
         ("crowded corridor", "Doors at random, other people in each scan.", HALF, _crowded_corridor),
         ("company", "Four people walk with the robot, the corridor is bare.", HALF, _company),
+        ("walkers", "Two people walk in front of the sensor in a corridor.", HALF, _walkers),
+        ("short range", "Walls seen as far as the laser reaches.", SHORT, _walls_out_of_reach),
         ("identical offices", "The same room again and again.", HALF, _identical_offices),
         ("bare corridor", "Two walls; the heading may be half a turn off.", FULL, _bare_corridor),
         (
