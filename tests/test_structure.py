@@ -186,3 +186,120 @@ def test_a_folder_is_small_and_says_what_it_is_for(folder):
     first = (ast.get_docstring(ast.parse((folder / "__init__.py").read_text())) or "").splitlines()
     assert first
     assert first[0].endswith(".")
+
+
+MAX_COLUMNS = 120
+MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
+
+MOST_LONG, MOST_ARGUMENTS = 19, 21
+"""Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
+
+MOST_WIDE = {"src": 260, "tests": 5, "docs": 900}
+"""Wide lines: 0 is the aim."""
+
+PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
+"""Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
+
+BUDGET: dict[str, tuple[int, int, int]] = {
+    "(ground)": (1750, 37, 0),
+    "benchmarks": (1000, 31, 0),
+    "cli": (2700, 18, 0),
+    "diagnostics": (2550, 57, 0),
+    "evaluation": (1150, 79, 0),
+    "io": (7300, 43, 0),
+    "live": (3500, 77, 0),
+    "mapping": (800, 13, 8),
+    "matchers": (650, 10, 0),
+    "matchers/baselines": (1850, 47, 40),
+    "matchers/cfsma": (1250, 15, 17),
+    "matchers/curvescan": (4600, 208, 63),
+    "odometry": (2400, 47, 27),
+    "paper": (2250, 183, 0),
+    "plots": (950, 76, 0),
+    "runs": (1800, 20, 0),
+    "runs/batch": (2200, 5, 0),
+    "se2": (550, 0, 0),
+    "simulation": (2400, 214, 0),
+    "slam": (5900, 140, 54),
+}
+"""Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
+
+
+def tuned(node: ast.AST) -> int:
+    """Count the floats below a node that somebody could tune."""
+    floats = (n.value for n in ast.walk(node) if isinstance(n, ast.Constant) and isinstance(n.value, float))
+    return sum(value not in PLAIN_NUMBERS and abs(value) > 1e-6 for value in floats)
+
+
+def size(text: str) -> tuple[int, int, int]:
+    """Lines, tuned numbers and config fields of a file: of constants, of functions, and all defaults of configs."""
+    tree = ast.parse(text)
+    n_numbers = sum(tuned(n.value) for n in tree.body if isinstance(n, ast.Assign | ast.AnnAssign) and n.value)
+    n_numbers += sum(tuned(part) for f in _functions(tree) for part in f.body)
+    n_fields = 0
+    for c in (n for n in ast.walk(tree) if isinstance(n, ast.ClassDef)):
+        fields = [n for n in c.body if isinstance(n, ast.AnnAssign)]
+        if not c.name.endswith("Config"):
+            n_numbers += sum(tuned(n.value) for n in c.body if isinstance(n, ast.Assign | ast.AnnAssign) and n.value)
+            continue
+        n_fields += len(fields)
+        values = (
+            n.value for field in fields if field.value for n in ast.walk(field.value) if isinstance(n, ast.Constant)
+        )
+        n_numbers += sum(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    return len(text.splitlines()), n_numbers, n_fields
+
+
+def room_of(path: Path) -> str:
+    """The folder that a file of the package is counted in."""
+    folders = path.relative_to(SOURCE).parts[:-1]
+    return "/".join(folders[: 2 if folders and folders[0] in ("matchers", "runs") else 1]) or "(ground)"
+
+
+def test_rooms_keep_to_their_budget():
+    sizes: dict[str, list[tuple[int, int, int]]] = {}
+    for path in SOURCE.rglob("*.py"):
+        sizes.setdefault(room_of(path), []).append(size(path.read_text()))
+    found = {room: tuple(map(sum, zip(*files, strict=True))) for room, files in sizes.items()}
+    assert found.keys() <= BUDGET.keys()
+    over = {
+        room: (now, BUDGET[room])
+        for room, now in found.items()
+        if any(n > most for n, most in zip(now, BUDGET[room], strict=True))
+    }
+    assert over == {}, "a rule or a number that comes in takes one out"
+
+
+def test_few_functions_are_long_or_take_many_arguments():
+    long, many = [], []
+    for path in SOURCE.rglob("*.py"):
+        for f in _functions(ast.parse(path.read_text())):
+            names = [a.arg for a in (*f.args.posonlyargs, *f.args.args, *f.args.kwonlyargs)]
+            if f.end_lineno - f.lineno + 1 > MAX_TOTAL_LINES:
+                long.append(f"{path.name}:{f.name}")
+            if len(names) - (names[:1] in (["self"], ["cls"])) > MAX_ARGUMENTS:
+                many.append(f"{path.name}:{f.name}")
+    assert len(long) <= MOST_LONG, long
+    assert len(many) <= MOST_ARGUMENTS, many
+
+
+def test_few_lines_are_wide():
+    root = SOURCE.parent.parent
+    files = {
+        "src": SOURCE.rglob("*.py"),
+        "tests": (root / "tests").rglob("*.py"),
+        "docs": [*(root / "docs").rglob("*.md"), root / "README.md"],
+    }
+    for part, paths in files.items():
+        wide = [
+            f"{path.relative_to(root)}:{k}"
+            for path in paths
+            for k, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+            if len(line) > MAX_COLUMNS
+        ]
+        assert len(wide) <= MOST_WIDE[part], wide
+
+
+def test_what_is_tuned_is_counted():
+    text = "A = (0.3, 0.5)\nclass XConfig:\n    a: int = 3\n    b: bool = True\ndef f():\n    return 0.7 + 1e-9\n"
+    assert size(text) == (6, 3, 2)

@@ -236,34 +236,18 @@ def _directions(scan: LaserScan, sign: float, way: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Readings:
-    """The valid readings of one sweep, counter-clockwise, whatever way the sensor turns.
+    """The valid readings of one sweep, counter-clockwise, whatever way the sensor turns."""
 
-    Attributes
-    ----------
-    beam_idx : (m,) int64
-        Index of each reading in the scan's own order: ascending for a counter-clockwise sensor,
-        descending for a clockwise one.
-    ranges : (m,) float64
-        Metres.
-    angles : (m,) float64
-        Radians, ascending.
-    points : (m, 2) float64
-        Metres, sensor frame.
-    angle_step : float
-        Angle between neighbouring beams, radians, positive; the median one where they are not evenly spaced.
-    n_beams : int
-        Beams of the sweep, valid or not.
-    is_closed : bool
-        Whether the sweep covers the full circle, so that the last reading precedes the first.
-    """
-
+    # (m,): index of each reading in the scan's own order: ascending for a counter-clockwise sensor, descending for a
+    # clockwise one
     beam_idx: Ints
-    ranges: Floats
-    angles: Floats
-    points: Points
+    ranges: Floats  # (m,): metres
+    angles: Floats  # (m,): radians, ascending
+    points: Points  # (m, 2): metres, sensor frame
+    # angle between neighbouring beams, radians, positive; the median one where they are not evenly spaced
     angle_step: float
-    n_beams: int
-    is_closed: bool
+    n_beams: int  # beams of the sweep, valid or not
+    is_closed: bool  # whether the sweep covers the full circle, so that the last reading precedes the first
 
     def __len__(self) -> int:
         return int(self.beam_idx.size)

@@ -30,21 +30,11 @@ _CERTAIN = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class BeamOrder:
-    """In which order beams were swept.
+    """In which order beams were swept."""
 
-    Attributes
-    ----------
-    n_pairs : int
-        Pairs of scans that distinguish the two orders.
-    gain : float
-        Mean of the matches' scores as the log says, less that in the reverse order; NaN without pairs.
-    standard_error : float
-        Of the gain; NaN with fewer than two pairs.
-    """
-
-    n_pairs: int
-    gain: float
-    standard_error: float
+    n_pairs: int  # pairs of scans that distinguish the two orders
+    gain: float  # mean of the matches' scores as the log says, less that in the reverse order; NaN without pairs
+    standard_error: float  # of the gain; NaN with fewer than two pairs
 
     @property
     def is_reversed_order(self) -> bool:
@@ -82,7 +72,7 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
 
 
 def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
-    """Return by how much the first two of three scans agree better in the order of the log than in reverse; none if undetermined."""
+    """Return by how much scans agree better in the order of the log than in reverse; none if undetermined."""
     (first, v_first), (second, v_second), (_, v_third) = held
     # at a scan the mean of the velocities before and after it
     velocities = (0.5 * (v_first + v_second), 0.5 * (v_second + v_third))

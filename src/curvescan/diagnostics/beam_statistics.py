@@ -1,8 +1,9 @@
 """Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
 
-Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last digit
-while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one step
-beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything else.
+Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last
+digit while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one
+step beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything
+else.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _FIXED = 0.03
 """Largest standard deviation of a beam that keeps its reading, metres."""
 
 _MOVING = 0.2
-"""Standard deviation that nine of ten other beams exceed when the sensor moves, metres: where it stands, walls stand."""
+"""Standard deviation that nine of ten other beams exceed when the sensor moves, metres: where it stands, walls
+stand."""
 
 _MAX_FIXED_SHARE = 0.3
 _FAR = 1e6
@@ -40,24 +42,15 @@ _BODY = 1.5
 
 @dataclass
 class BeamStatistics:
-    """Counters over consecutive sweeps, and sums a beam; memory follows the number of beams.
+    """Counters over consecutive sweeps, and sums a beam; memory follows the number of beams."""
 
-    Attributes
-    ----------
-    n_pairs : int
-        Pairs of consecutive sweeps between which the scene changed.
-    n_compared, n_equal, n_near : int
-        Readings of these pairs that are valid in both: all, those that are equal, and those that are not but lie
-        within four steps.
-    n_equal_neighbours : int
-        Readings that are equal, and so are those of the next beam.
-    """
-
-    n_pairs: int = 0
+    n_pairs: int = 0  # pairs of consecutive sweeps between which the scene changed
+    # readings of these pairs that are valid in both: all, those that are equal, and those that are not but lie within
+    # four steps
     n_compared: int = 0
     n_equal: int = 0
     n_near: int = 0
-    n_equal_neighbours: int = 0
+    n_equal_neighbours: int = 0  # readings that are equal, and so are those of the next beam
     _previous: Floats | None = None
     _n_scans: int = 0
     _base: Floats = field(default_factory=lambda: np.empty(0))
@@ -67,7 +60,7 @@ class BeamStatistics:
 
     @property
     def stale_share(self) -> float:
-        """Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1; NaN where too few sweeps determine it."""
+        """Share of readings that repeat the sweep before beyond noise, 0 to 1; NaN where too few sweeps tell."""
         if self.n_pairs < _MIN_PAIRS:
             return np.nan
         expected = self.n_near / (2 * _NEAR)

@@ -23,17 +23,10 @@ _N_ORDER_SCANS = 300
 
 @dataclass(frozen=True, kw_only=True)
 class SensorJudgement:
-    """What a log's scans say of its sensor.
+    """What a log's scans say of its sensor."""
 
-    Attributes
-    ----------
-    beam_order : BeamOrder or None
-        In which order the beams were swept; None where the scans have no beam times.
-    rotation : RotationDirection or None
-        How the turns of the scans compare with those of wheels or gyroscope; None without either.
-    """
-
-    beam_order: BeamOrder | None
+    beam_order: BeamOrder | None  # in which order the beams were swept; None where the scans have no beam times
+    # how the turns of the scans compare with those of wheels or gyroscope; None without either
     rotation: RotationDirection | None
 
     @property

@@ -1,7 +1,7 @@
 """curvescan.datasets: public logs, downloaded once, checked and kept.
 
-Nothing is shipped: each file comes from the public repository that holds it. Its SHA-256 stands here, so that the same name is the
-same bytes for everybody. Where a repository publishes a file compressed, the digest is that of the content.
+Nothing is shipped: each file comes from the public repository that holds it. Its SHA-256 stands here, so that the same
+name is the same bytes for everybody. Where a repository publishes a file compressed, the digest is that of the content.
 """
 
 from __future__ import annotations
@@ -98,13 +98,14 @@ DATASETS: dict[str, Dataset] = {
 def fetch(name: str) -> Path:
     """Return the path of a public file, downloaded on its first use.
 
-    The file is kept in the user's cache folder, or in the folder that the environment variable CURVESCAN_DATASETS names. Its
-    licence and whom to cite are printed once, with the download.
+    The file is kept in the user's cache folder, or in the folder that the environment variable CURVESCAN_DATASETS
+    names. Its licence and whom to cite are printed once, with the download.
 
     Parameters
     ----------
     name : str
-        A name of the table ``DATASETS``: ``"intel"``, ``"intel.relations"``, ``"kitchen"``, ``"hallway"``, ``"pedestrians"``.
+        A name of the table ``DATASETS``: ``"intel"``, ``"intel.relations"``, ``"kitchen"``, ``"hallway"``,
+        ``"pedestrians"``.
 
     Returns
     -------

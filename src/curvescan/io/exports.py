@@ -20,40 +20,20 @@ from curvescan.types import PoseEdge
 
 @dataclass(frozen=True, kw_only=True)
 class RunData:
-    """What a run has to be written.
+    """What a run has to be written."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory
-        A pose a scan.
-    edges : sequence of PoseEdge
-        The matches behind it.
-    scans : iterable of LaserScan
-        What it ran over, to be read anew.
-    """
-
-    trajectory: Trajectory
-    edges: Sequence[PoseEdge]
-    scans: Iterable[LaserScan]
+    trajectory: Trajectory  # A pose a scan
+    edges: Sequence[PoseEdge]  # the matches behind it
+    scans: Iterable[LaserScan]  # what it ran over, to be read anew
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportFormat:
-    """One row of the table.
+    """One row of the table."""
 
-    Attributes
-    ----------
-    filename : str
-        In the folder of the run.
-    writer : str
-        ``"module:function"``.
-    takes : tuple of str
-        Fields of RunData that the writer takes, behind the path.
-    """
-
-    filename: str
-    writer: str
-    takes: tuple[str, ...]
+    filename: str  # in the folder of the run
+    writer: str  # ``"module:function"``
+    takes: tuple[str, ...]  # fields of RunData that the writer takes, behind the path
 
     def write(self, folder: Path, data: RunData) -> None:
         """Write the file into a folder, importing the writer's module."""

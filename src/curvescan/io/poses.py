@@ -20,18 +20,10 @@ from curvescan.io.trajectories.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseFile:
-    """Poses and what the file says of them.
+    """Poses and what the file says of them."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory
-        In file order; a row of NaN where a log gives no pose for a scan.
-    is_of_sensor : bool
-        Whether the format fixes that these are poses of the sensor; otherwise they may be the robot's.
-    """
-
-    trajectory: Trajectory
-    is_of_sensor: bool
+    trajectory: Trajectory  # in file order; a row of NaN where a log gives no pose for a scan
+    is_of_sensor: bool  # whether the format fixes that these are poses of the sensor; otherwise they may be the robot's
 
 
 def read_poses(path: str | os.PathLike[str]) -> PoseFile:
@@ -40,8 +32,8 @@ def read_poses(path: str | os.PathLike[str]) -> PoseFile:
     Parameters
     ----------
     path : str or path-like
-        TUM text, CSV, or a log of any format that ``read_log`` reads; or a folder that ``curvescan odometry`` wrote, whose
-        trajectory.csv is then read.
+        TUM text, CSV, or a log of any format that ``read_log`` reads; or a folder that ``curvescan odometry`` wrote,
+        whose trajectory.csv is then read.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Live: a source of scans -> odometry or SLAM -> sinks. Names are loaded on first use, so that --help loads no kernel.
 
-The source runs in a thread of its own, the tracker in the caller's, each sink in one of its own: nothing that is slow to
-draw or to write delays a pose.
+The source runs in a thread of its own, the tracker in the caller's, each sink in one of its own: nothing that is slow
+to draw or to write delays a pose.
 """
 
 from __future__ import annotations

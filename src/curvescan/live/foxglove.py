@@ -1,4 +1,4 @@
-"""FoxgloveSink: a live run for Foxglove: the ROS 2 messages of the node, in CDR, on a websocket (extra ``curvescan[foxglove]``)."""
+"""FoxgloveSink: a live run as the node's ROS 2 messages on a websocket (extra ``curvescan[foxglove]``)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ _MAP_PERIOD, _MAP_SHARE = 2.0, 0.1
 class FoxgloveSink(MapSink):
     """Serves /scan, /odom, /tf and /map to Foxglove, in a thread of its own.
 
-    A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the map at once.
+    A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the
+    map at once.
 
     Parameters
     ----------

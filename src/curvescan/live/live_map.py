@@ -32,8 +32,8 @@ _MAX_PATH = 50_000
 """Points of the path at most; beyond them every second one is forgotten."""
 
 _KEPT_M, _KEPT_RAD = 0.15, 0.35
-"""A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians: the newest
-that was taken there, so that memory follows the area and not the time."""
+"""A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians:
+the newest that was taken there, so that memory follows the area and not the time."""
 
 _REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
 """The map is drawn anew at most every so many seconds, and in at most this share of the time."""
@@ -159,27 +159,13 @@ class LiveMap:
 
 @dataclass(frozen=True)
 class MapPicture:
-    """An occupancy map as a PNG, and where it lies.
+    """An occupancy map as a PNG, and where it lies."""
 
-    Attributes
-    ----------
-    version : int
-        Rises with each change.
-    png : bytes
-        Grey and alpha; the top row has the largest y; what is unknown is transparent.
-    origin : tuple of float
-        x and y of the lower left corner, metres.
-    resolution : float
-        Side of a pixel, metres.
-    shape : tuple of int
-        Rows and columns.
-    """
-
-    version: int
-    png: bytes
-    origin: tuple[float, float]
-    resolution: float
-    shape: tuple[int, int]
+    version: int  # rises with each change
+    png: bytes  # grey and alpha; the top row has the largest y; what is unknown is transparent
+    origin: tuple[float, float]  # x and y of the lower left corner, metres
+    resolution: float  # side of a pixel, metres
+    shape: tuple[int, int]  # rows and columns
 
 
 def picture_of(grid: OccupancyGrid, version: int) -> MapPicture | None:

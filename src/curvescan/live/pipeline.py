@@ -30,36 +30,16 @@ _POLL = 0.2
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LiveReport:
-    """How a live run went.
+    """How a live run went."""
 
-    Attributes
-    ----------
-    n_scans : int
-        Scans tracked.
-    n_dropped : int
-        Scans of the source that were dropped because tracking was too slow.
-    outcomes : mapping of Enum to int
-        How often each outcome.
-    n_closures : int
-        Loop closures.
-    seconds : (n,) float32
-        Time that tracking each scan took.
-    latencies : (n,) float32
-        From the scan's arrival to its pose, seconds.
-    is_interrupted : bool
-        Whether Ctrl-C ended the run.
-    error : CurvescanError or None
-        What ended the source before its time.
-    """
-
-    n_scans: int
-    n_dropped: int
-    outcomes: Counter[Enum]
-    n_closures: int
-    seconds: Floats
-    latencies: Floats
-    is_interrupted: bool
-    error: CurvescanError | None
+    n_scans: int  # scans tracked
+    n_dropped: int  # scans of the source that were dropped because tracking was too slow
+    outcomes: Counter[Enum]  # how often each outcome
+    n_closures: int  # loop closures
+    seconds: Floats  # (n,): time that tracking each scan took
+    latencies: Floats  # (n,): from the scan's arrival to its pose, seconds
+    is_interrupted: bool  # whether Ctrl-C ended the run
+    error: CurvescanError | None  # what ended the source before its time
 
 
 def run_live(

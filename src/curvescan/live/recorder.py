@@ -1,4 +1,4 @@
-"""McapRecorder: scans, poses and map of a live run to an MCAP file, which Foxglove, ROS 2 and `curvescan` read again."""
+"""McapRecorder: scans, poses and map of a live run in an MCAP file for Foxglove, ROS 2 and `curvescan`."""
 
 from __future__ import annotations
 

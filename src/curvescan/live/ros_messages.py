@@ -20,7 +20,7 @@ TOPICS = {SCAN_TOPIC: LASER_SCAN, ODOM_TOPIC: ODOMETRY, TF_TOPIC: TRANSFORMS[0],
 
 
 class LiveMessages:
-    """Makes the messages of a live run: scan; odom, continuous, with its velocity; tf, with SLAM map -> odom too; map."""
+    """Makes the messages of a live run: scan, odom with its velocity, tf (with SLAM map -> odom too), map."""
 
     def __init__(self, builder: MessageBuilder, *, is_mapped: bool) -> None:
         self._builder, self._is_mapped = builder, is_mapped

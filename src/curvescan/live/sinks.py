@@ -1,4 +1,4 @@
-"""LiveSink: where tracked scans go; WorkerSink is the base of those that take their time, MapSink of those that draw a map."""
+"""LiveSink: where tracked scans go; WorkerSink is the base of slow ones, MapSink of those with a map."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class MapSink(WorkerSink):
         super().__init__(name, capacity=capacity, is_lossless=is_lossless)
 
     def finish_with(self, poses: Pose, seconds: float = 0.0) -> None:
-        """Say, before the sink is closed, which poses of all scans are the final ones, and how long it took to finish the graph."""
+        """Tell the final poses of all scans, and how long the graph took to finish, before the sink is closed."""
         self._final, self._seconds_to_finish = poses, seconds
 
     def _finish(self) -> None:

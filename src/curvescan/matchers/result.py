@@ -104,10 +104,10 @@ class MatchResult:
         How well the scans agree at the pose, and at the best pose that is another, at most 1; NaN where there is
         none and for matchers that do not compute it.
     confidence : float
-        Probability, 0 to 1, that the pose is right within what its covariance says, given the prior: calibrated on several generators of
-        places and on real logs, also on scans that share nothing. Of the matches with 0.99 about 99 in 100 are
-        right. 0 without a pose; NaN for matchers that do not compute it. Two matches of one pair of places err
-        together: do not multiply their confidences.
+        Probability, 0 to 1, that the pose is right within what its covariance says, given the prior: calibrated on
+        several generators of places and on real logs, also on scans that share nothing. Of the matches with 0.99 about
+        99 in 100 are right. 0 without a pose; NaN for matchers that do not compute it. Two matches of one pair of
+        places err together: do not multiply their confidences.
     candidates : tuple of Candidate
         The poses that may be right, at most 8, most likely first; also of a match that failed because several may be.
         Empty where no pose explains the scans. The first may differ from `pose` along a direction that is open.
@@ -116,7 +116,8 @@ class MatchResult:
         theta; 1/m^2, 1/(m rad), 1/rad^2. Zero along what they leave open, and zero where no pose explains them. Made
         to be fused with the prior.
     is_guess_decisive : bool
-        Whether several poses explain the scans and the guess decided between them: the pose is then as good as the guess.
+        Whether several poses explain the scans and the guess decided between them: the pose is then as good as the
+        guess.
     reference, current : LaserScan or None
         The scans, for figures; None in the results within an odometry, which are kept by the thousand.
     """

@@ -27,20 +27,11 @@ class Deskewer:
     """The clock of a stream of scans, and the velocity that a motion between two of them means.
 
     Immutable: each scan makes a new one.
-
-    Attributes
-    ----------
-    stamps : tuple of float
-        The last few stamps, seconds.
-    period : float
-        Usual time between two scans, seconds; 0 where no scan gives the times of its beams.
-    seconds : float
-        Time from the scan before to the last one: a whole number of periods.
     """
 
-    stamps: tuple[float, ...] = ()
-    period: float = 0.0
-    seconds: float = 0.0
+    stamps: tuple[float, ...] = ()  # the last few stamps, seconds
+    period: float = 0.0  # usual time between two scans, seconds; 0 where no scan gives the times of its beams
+    seconds: float = 0.0  # time from the scan before to the last one: a whole number of periods
 
     def ticked(self, scan: LaserScan) -> Deskewer:
         """Return the deskewer at the time of the next scan."""

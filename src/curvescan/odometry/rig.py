@@ -102,8 +102,8 @@ class Rig:
         Returns
         -------
         LaserScan
-            Beams all around, one a direction of the finest laser, rising; NaN where no laser has a reading. Its stamp is
-            the middle of the newest sweep.
+            Beams all around, one a direction of the finest laser, rising; NaN where no laser has a reading. Its stamp
+            is the middle of the newest sweep.
 
         Raises
         ------
@@ -136,8 +136,8 @@ class Rig:
     def together(self, logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[dict[str, LaserScan]]:
         """Yield the sweeps of several lasers in groups of one time, each laser at most once in a group.
 
-        A group is complete when every laser has given a sweep. Where one sends a second sweep before another has sent its
-        first, the other is late or dead, and the group goes without it.
+        A group is complete when every laser has given a sweep. Where one sends a second sweep before another has sent
+        its first, the other is late or dead, and the group goes without it.
 
         Parameters
         ----------

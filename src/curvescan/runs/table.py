@@ -13,20 +13,11 @@ class ResultTable:
     """Rows of figures under one title.
 
     Raises InvalidArgumentError.
-
-    Attributes
-    ----------
-    title : str
-        What was measured, and how.
-    columns : sequence of str
-        Names of the columns; the first holds names, the others figures.
-    rows : sequence of sequences of str
-        One entry a column.
     """
 
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    title: str  # what was measured, and how
+    columns: Sequence[str]  # names of the columns; the first holds names, the others figures
+    rows: Sequence[Sequence[str]]  # one entry a column
 
     def __post_init__(self) -> None:
         for row in self.rows:

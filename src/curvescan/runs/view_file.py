@@ -55,7 +55,7 @@ def write_view_file(
 
 
 def beams_of(scans: Iterable[LaserScan]) -> dict[str, Any]:
-    """Return scans to the centimetre, one after the other: ranges, beams of each scan, its layout, and the layouts' angles."""
+    """Return scans to the centimetre: ranges, beams of each scan, its layout, and the layouts' angles."""
     rows: list[NDArray[np.uint16]] = []
     layouts: dict[bytes, int] = {}
     angles: list[NDArray[np.float32]] = []

@@ -19,24 +19,12 @@ from curvescan.types import Bools, Floats, Ints
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Keyframe:
-    """One keyframe.
+    """One keyframe."""
 
-    Attributes
-    ----------
-    scan : LaserScan
-        Its scan, deskewed; ranges have the precision of float32, as in the map's file.
-    index : int
-        Number of the scan in its session.
-    session : int
-        Number of the session, from 0.
-    number : int
-        Number of the keyframe, which it keeps when others go.
-    """
-
-    scan: LaserScan
-    index: int
-    session: int = 0
-    number: int = 0
+    scan: LaserScan  # its scan, deskewed; ranges have the precision of float32, as in the map's file
+    index: int  # number of the scan in its session
+    session: int = 0  # number of the session, from 0
+    number: int = 0  # number of the keyframe, which it keeps when others go
 
 
 class Keyframes:

@@ -14,15 +14,16 @@ from curvescan.types import Cov, Floats, Ints, Pose
 _UPPER = np.triu_indices(3)
 
 _FLOOR, _TURN_FLOOR = 1e-4, 1e-4
-"""Variance that each metre of the way adds, square metres and square radians: where matches measure all of the motion its length decides."""
+"""Variance that each metre of the way adds, square metres and square radians: where matches measure all of the motion
+its length decides."""
 
 
 class Records:
     """One row a scan: stamp, keyframe, pose and covariance in its frame.
 
-    A stretch is the way from a keyframe to the next; a scan lies between both, and is moved by its share of what the graph
-    moved the one against the other: that of the variance in this direction which the odometry had gathered by then. Along a bare
-    corridor that is where it saw nothing of the motion.
+    A stretch is the way from a keyframe to the next; a scan lies between both, and is moved by its share of what the
+    graph moved the one against the other: that of the variance in this direction which the odometry had gathered by
+    then. Along a bare corridor that is where it saw nothing of the motion.
     """
 
     def __init__(self) -> None:
@@ -38,7 +39,7 @@ class Records:
         return len(self._stamps)
 
     def begin(self, keyframe: int, way: UncertainPose | None) -> None:
-        """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame of the one before, if it leads there."""
+        """Begin a stretch at a keyframe; `way` is its pose by the odometry in the frame before, if any."""
         if self._from and way is not None:
             self._to[-1] = keyframe
             self._way[-1] = way

@@ -1,6 +1,7 @@
-"""Thinning: places that were seen often keep few keyframes, the newest, so that memory follows the area and not the time.
+"""Thinning: each place keeps few keyframes, the newest: memory follows the area and not the time.
 
-A keyframe that goes leaves its heir, one of the same place, and how it lay to it: scans that hang on it still move with the map.
+A keyframe that goes leaves its heir, one of the same place, and how it lay to it: scans that hang on it still move with
+the map.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Heirs:
 def thin(
     graph: PoseGraph, fragments: Ints, n_settled: int, rules: PlacesConfig
 ) -> tuple[Bools, dict[int, tuple[int, UncertainPose]]]:
-    """Take the edges of keyframes out where there are too many of one place, and return which stay and what became of the others.
+    """Take keyframes out where a place has too many; return which stay, and what became of the others.
 
     fragments (n,); result (n,).
     """
@@ -79,7 +80,7 @@ def thin(
 
 @kernel
 def crowded_places(poses: Pose, fragments: Ints, n_settled: int, radius: float, turn: float, n_least: int) -> Bools:
-    """Return (n_settled,) which poses have `n_least` later ones of their fragment near; never the first, the origin of the map."""
+    """Return (n_settled,) which poses have `n_least` later ones of their fragment near; never the first."""
     crowded = np.zeros(n_settled, dtype=np.bool_)
     for v in range(1, n_settled):
         n_near = 0

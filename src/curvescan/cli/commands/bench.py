@@ -10,8 +10,8 @@ def bench(
 ) -> int:
     """Measure the matchers: time a match, success and accuracy on pairs, experiment 1, failures on real logs, reading.
 
-    Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is a success. The bound is the
-    median translation error that the Cramér-Rao bound allows; NEES is 3 where covariances are right.
+    Pairs: two scans of an office, a random motion apart, no guess; a match within 0.1 m and 2 deg is a success. The
+    bound is the median translation error that the Cramér-Rao bound allows; NEES is 3 where covariances are right.
 
     Experiment 1: a scan matched with one moved by a random transform (0.1 m on each axis and 15 deg in the mean). Its
     variants: the paper's, where both scans are taken from one place and the second is moved on paper, without and

@@ -19,8 +19,8 @@ def experiments(
 ) -> int:
     """Run the paper's five experiments with every method, and report them beside the paper's figures.
 
-    Writes report.html (self-contained), report.md, results.json and the figures. The same seed gives the same numbers to
-    the last digit, times aside.
+    Writes report.html (self-contained), report.md, results.json and the figures. The same seed gives the same numbers
+    to the last digit, times aside.
 
     Parameters
     ----------

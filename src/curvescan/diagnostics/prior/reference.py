@@ -1,7 +1,7 @@
-"""Whether the poses in a log are no wheel odometry but a reference: the output of SLAM, of localization, or of our own odometry.
+"""Whether the poses in a log are a reference (of SLAM, localization or our odometry), no wheel odometry.
 
-A log may say so itself (NEFF lines, frames of a bag). Poses that come back to a place after a long way within centimetres of what the
-scans say tell it too: wheels drift by one part in a hundred or so.
+A log may say so itself (NEFF lines, frames of a bag). Poses that come back to a place after a long way within
+centimetres of what the scans say tell it too: wheels drift by one part in a hundred or so.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def why_reference(log: Log, poses: Pose) -> str:
     if n_exact < _SHARE * len(errors):
         return ""
     return (
-        f"they never drift: in {n_exact} of {len(errors)} places seen again after {_WAY:g} m and more they agree with the "
+        f"they never drift: in {n_exact} of {len(errors)} places seen again after {_WAY:g} m and more they agree "
+        f"with the "
         f"scans to {_EXACT:g} m"
     )
 

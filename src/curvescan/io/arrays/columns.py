@@ -1,4 +1,4 @@
-"""The columns of a scan in the layouts of our own, CSV and NPZ: their names, what may be missing, and the scan that they make."""
+"""The columns of a scan in our CSV and NPZ: names, what may be missing, and the scan that they make."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BrokenRowError(LogFormatError):
 def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
-    """Return the scan of the numbers of COLUMNS, (n,) ranges, and (n,) angles in place of angle_min and angle_increment.
+    """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment.
 
     Raises BrokenRowError.
     """

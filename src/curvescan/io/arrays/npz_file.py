@@ -1,7 +1,8 @@
 """NpzFile: the arrays of an .npz file, whose claimed sizes are checked before anything is allocated.
 
-An .npz is a zip archive with one .npy file an array. The header of each says shape and type; they must agree with the bytes
-that are there before anything is reserved, and nothing is unpickled. Arrays are read from the file a block of rows at a time.
+An .npz is a zip archive with one .npy file an array. The header of each says shape and type; they must agree with the
+bytes that are there before anything is reserved, and nothing is unpickled. Arrays are read from the file a block of
+rows at a time.
 """
 
 from __future__ import annotations
@@ -42,24 +43,12 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 @dataclass(frozen=True, kw_only=True)
 class NpyHeader:
-    """What stands at the head of an array.
+    """What stands at the head of an array."""
 
-    Attributes
-    ----------
-    shape : tuple of int
-        Its bytes are there, as far as the archive shows.
-    dtype : numpy.dtype
-        A number of at most 8 bytes.
-    is_fortran : bool
-        Whether the first index runs fastest.
-    n_bytes : int
-        Length of the header.
-    """
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[np.generic]
-    is_fortran: bool
-    n_bytes: int
+    shape: tuple[int, ...]  # its bytes are there, as far as the archive shows
+    dtype: np.dtype[np.generic]  # A number of at most 8 bytes
+    is_fortran: bool  # whether the first index runs fastest
+    n_bytes: int  # length of the header
 
 
 class NpzFile:
@@ -95,7 +84,7 @@ class NpzFile:
         return values.reshape(header.shape)
 
     def blocks(self, name: str) -> Iterator[Floats]:
-        """Yield the rows of an array as float64, at most a MiB at once; its elements where it is of one dimension or none.
+        """Yield the rows of an array as float64, at most a MiB at once; elements where it has one dimension.
 
         An array in Fortran's order, which has no rows, is read whole.
 

@@ -1,7 +1,7 @@
 """Scans to the arrays of an .npz file, as npz_reader.py describes them; nothing is lost.
 
-The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges that are all
-exact in float32, as those of ROS are, are stored so, in half the space.
+The log is read once to learn its size, and once for each large array, so that one scan is in memory at a time. Ranges
+that are all exact in float32, as those of ROS are, are stored so, in half the space.
 """
 
 from __future__ import annotations

@@ -24,20 +24,11 @@ NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
 
 class Record(NamedTuple):
-    """One scan as a file gives it.
+    """One scan as a file gives it."""
 
-    Attributes
-    ----------
-    scan : LaserScan
-        The scan.
-    pose : PoseRow
-        Wheel odometry: pose of the laser in the odometry's frame.
-    place : tuple of int
-        What finds the scan again; as many numbers for each scan of a source, none where it cannot be found alone.
-    """
-
-    scan: LaserScan
-    pose: PoseRow = NO_POSE
+    scan: LaserScan  # the scan
+    pose: PoseRow = NO_POSE  # wheel odometry: pose of the laser in the odometry's frame
+    # what finds the scan again; as many numbers for each scan of a source, none where it cannot be found alone
     place: tuple[int, ...] = ()
 
 

@@ -34,33 +34,18 @@ OTHER_TAGS = "(other)"
 
 @dataclass
 class Series:
-    """What is kept of the sweeps of one message name: 64 bytes a sweep.
+    """What is kept of the sweeps of one message name: 64 bytes a sweep."""
 
-    Attributes
-    ----------
-    stamps : array of float
-        One a sweep, seconds.
-    poses : array of float
-        Three a sweep: x, y, theta of the laser, or of the robot where the lines do not distinguish them; NaN
-        where unknown.
-    robot_poses : array of float
-        Three a sweep, of the robot.
-    offsets : array of int
-        One a sweep: where its line begins; see :func:`curvescan.io.files.lines.read_line_at`.
-    is_beyond_mm_scale : bool
-        Whether a finite reading exceeds SICK_MM_END.
-    has_own_limit : bool
-        Whether each line gave its own range limit.
-    signs : PlsSigns
-        What the readings say of the laser, where the lines do not give its limit.
-    """
-
-    stamps: array[float] = field(default_factory=lambda: array("d"))
+    stamps: array[float] = field(default_factory=lambda: array("d"))  # one a sweep, seconds
+    # three a sweep: x, y, theta of the laser, or of the robot where the lines do not distinguish them; NaN where
+    # unknown
     poses: array[float] = field(default_factory=lambda: array("d"))
-    robot_poses: array[float] = field(default_factory=lambda: array("d"))
+    robot_poses: array[float] = field(default_factory=lambda: array("d"))  # three a sweep, of the robot
+    # one a sweep: where its line begins; see :func:`curvescan.io.files.lines.read_line_at`
     offsets: array[int] = field(default_factory=lambda: array("q"))
-    is_beyond_mm_scale: bool = False
-    has_own_limit: bool = True
+    is_beyond_mm_scale: bool = False  # whether a finite reading exceeds SICK_MM_END
+    has_own_limit: bool = True  # whether each line gave its own range limit
+    # what the readings say of the laser, where the lines do not give its limit
     signs: PlsSigns = field(default_factory=PlsSigns)
 
     def add(self, sweep: ScanRecord, robot_pose: PoseRow, offset: int) -> None:
@@ -79,24 +64,14 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Index:
-    """What one pass over a CARMEN log found.
+    """What one pass over a CARMEN log found."""
 
-    Attributes
-    ----------
-    series : dict of bytes to Series
-        By message name, in the order of SWEEP_PARSERS; only names with a sound sweep.
-    max_range : float or None
-        Range limit of the last PARAM line that gives one, metres.
-    tag_counts : dict of str to int
-        Lines by message name, sound or not, in order of appearance; ``"#"`` are comments.
-    read_errors : tuple of ReadError
-        Most frequent first.
-    """
-
+    # dict of bytes to Series: by message name, in the order of SWEEP_PARSERS; only names with a sound sweep
     series: dict[bytes, Series]
-    max_range: float | None
+    max_range: float | None  # range limit of the last PARAM line that gives one, metres
+    # dict of str to int: lines by message name, sound or not, in order of appearance; ``"#"`` are comments
     tag_counts: dict[str, int]
-    read_errors: tuple[ReadError, ...]
+    read_errors: tuple[ReadError, ...]  # most frequent first
 
 
 def build_index(path: Path) -> Index:

@@ -38,34 +38,17 @@ class BrokenLineError(LogFormatError):
 
 
 class ScanRecord(NamedTuple):
-    """One sweep as its line gives it.
+    """One sweep as its line gives it."""
 
-    Attributes
-    ----------
-    stamp : float
-        Seconds, finite.
-    ranges : (n,) float64
-        Metres, n >= 1; any value, NaN and infinities included.
-    angle_min, angle_increment : float
-        Radians; the increment is positive.
-    range_max : float
-        Metres, positive; NaN where the line gives none.
-    intensities : (n,) float64 or None
-        Remissions.
-    pose : tuple of 3 float, or None
-        Pose of the laser in the odometry's frame, finite; None where the line gives none.
-    robot_pose : tuple of 3 float, or None
-        Pose of the robot likewise.
-    """
-
-    stamp: float
-    ranges: Floats
+    stamp: float  # seconds, finite
+    ranges: Floats  # (n,): metres, n >= 1; any value, NaN and infinities included
+    # radians; the increment is positive
     angle_min: float
     angle_increment: float
-    range_max: float
-    intensities: Floats | None
-    pose: PoseRow | None
-    robot_pose: PoseRow | None
+    range_max: float  # metres, positive; NaN where the line gives none
+    intensities: Floats | None  # (n,): remissions
+    pose: PoseRow | None  # pose of the laser in the odometry's frame, finite; None where the line gives none
+    robot_pose: PoseRow | None  # pose of the robot likewise
 
 
 def tag_of(line: bytes) -> bytes:

@@ -1,7 +1,7 @@
-"""Whether the readings of a log are those of a SICK PLS: its slow mirror gives the times of the beams, which FLASER lines do not.
+"""Whether a log is of a SICK PLS: its slow mirror gives the times of the beams, which FLASER lines lack.
 
-The mirror of a PLS turns 25 times a second, so that half a turn, a sweep, takes 20 ms: a robot that turns by 45 degrees a second
-is 0.9 degrees farther at its end. A PLS counts in steps of 5 cm, up to 51.15 m.
+The mirror of a PLS turns 25 times a second, so that half a turn, a sweep, takes 20 ms: a robot that turns by 45 degrees
+a second is 0.9 degrees farther at its end. A PLS counts in steps of 5 cm, up to 51.15 m.
 """
 
 from __future__ import annotations
@@ -25,24 +25,17 @@ _N_READINGS = 1_000
 """So many readings show on which steps they lie."""
 
 _MOST_BY_CHANCE = 0.6
-"""Share of the readings on the two commonest of the five centimetres of a step: 0.40 to 0.42 in six logs of an LMS, which counts centimetres,
-0.76 to 0.88 in three of a PLS."""
+"""Share of the readings on the two commonest of the five centimetres of a step: 0.40 to 0.42 in six logs of an LMS,
+which counts centimetres, 0.76 to 0.88 in three of a PLS."""
 
 
 @dataclass
 class PlsSigns:
-    """What the readings of a log's sweeps say of their laser.
+    """What the readings of a log's sweeps say of their laser."""
 
-    Attributes
-    ----------
-    by_centimetre : (5,) int64
-        Readings by their centimetre within a step of a PLS.
-    longest : float
-        The longest finite reading, metres.
-    """
-
+    # (5,): readings by their centimetre within a step of a PLS
     by_centimetre: Ints = field(default_factory=lambda: np.zeros(5, dtype=np.int64))
-    longest: float = 0.0
+    longest: float = 0.0  # the longest finite reading, metres
     _n_sweeps: int = 0
 
     def add(self, ranges: Floats) -> None:

@@ -93,7 +93,7 @@ class CarmenLog(ScanAccess):
         return _trajectory(self._series.stamps, self._series.poses)
 
     def robot_odometry(self) -> Trajectory | None:
-        """Return the pose of the robot at each sweep, where the log distinguishes it from the laser's; else ``odometry``."""
+        """Return the robot's pose at each sweep if the log has it besides the laser's; else ``odometry``."""
         return _trajectory(self._series.stamps, self._series.robot_poses) or self.odometry
 
     def hangs_upside_down(self) -> bool:

@@ -1,12 +1,13 @@
 """Scans to CARMEN logs, a line each.
 
-ROBOTLASER1 is the line that says most of a scan: its first angle, its increment and its limit, where FLASER leaves all three to
-convention. It has a pose; where the log has no odometry for every scan the lines are RAWLASER1, which has none, with an ODOM
-line before each scan whose pose is known.
+ROBOTLASER1 is the line that says most of a scan: its first angle, its increment and its limit, where FLASER leaves all
+three to convention. It has a pose; where the log has no odometry for every scan the lines are RAWLASER1, which has
+none, with an ODOM line before each scan whose pose is known.
 
-Numbers have as many digits as it takes to read the same float64 again. Lost are range_min (readings below it are written as 0, so
-that they stay *no reading*), the times of beams and sweeps, and the direction of the sweep: lines run counter-clockwise, so that a clockwise scan is mirrored, its beams in opposite order at the
-same angles. No limit (inf) becomes the largest float64. Beams that are not evenly spaced cannot be said.
+Numbers have as many digits as it takes to read the same float64 again. Lost are range_min (readings below it are
+written as 0, so that they stay *no reading*), the times of beams and sweeps, and the direction of the sweep: lines run
+counter-clockwise, so that a clockwise scan is mirrored, its beams in opposite order at the same angles. No limit (inf)
+becomes the largest float64. Beams that are not evenly spaced cannot be said.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[s
 def _line(scan: LaserScan, pose: Pose | None) -> str:
     if not scan.has_uniform_angles:
         raise OutputError(
-            f"cannot write the scan at {scan.stamp} s to a CARMEN log: its lines have evenly spaced beams, these are not; "
+            f"cannot write the scan at {scan.stamp} s to a CARMEN log: its lines have evenly spaced beams, these are "
+            f"not; "
             "CSV and NPZ keep them"
         )
     ranges, strengths = scan.ranges, scan.intensities

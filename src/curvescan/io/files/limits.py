@@ -1,4 +1,4 @@
-"""CheckedPath: files whose readers cannot be made to reserve memory by a length that the file only claims, nor to read for ever.
+"""CheckedPath: no length that a file claims makes its reader reserve memory or read for ever.
 
 ``read(n)`` of an ordinary file reserves n bytes before it reads. A damaged or hostile file may claim any n.
 """

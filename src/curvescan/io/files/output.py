@@ -1,7 +1,7 @@
 """output_folder and output_file: results are written beside their place and renamed, whole or not at all.
 
-The temporary folder is hidden, on the file system of the target, and locked while its process lives: what a killed process left is
-removed by the next output to that place.
+The temporary folder is hidden, on the file system of the target, and locked while its process lives: what a killed
+process left is removed by the next output to that place.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ _WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.PathLike[str]] = ()) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to `path` when the block ends without an error.
 
-    It is made before the block runs, so that a place that cannot be written costs no work. A target that was missing appears with
-    all its files in one step. In one that exists, files of the same name are replaced, and so are those of an earlier run that its
-    run.json or results.json lists; other files stay. It never holds files of two runs: the old ones are moved out before the new
-    ones are moved in, the record first and last. After an error the target is as before, and parent folders that were made for it
-    are gone. A process that is killed leaves files of one run; where that was in the middle of the move, all others are in the
-    hidden folder, which then stays.
+    It is made before the block runs, so that a place that cannot be written costs no work. A target that was missing
+    appears with all its files in one step. In one that exists, files of the same name are replaced, and so are those of
+    an earlier run that its run.json or results.json lists; other files stay. It never holds files of two runs: the old
+    ones are moved out before the new ones are moved in, the record first and last. After an error the target is as
+    before, and parent folders that were made for it are gone. A process that is killed leaves files of one run; where
+    that was in the middle of the move, all others are in the hidden folder, which then stays.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def _temporary(
 
 @contextmanager
 def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say as an OutputError why results cannot be written to `path`; a disk may also be full in the middle of a file."""
+    """Say as an OutputError why results cannot be written to `path`; the disk may also become full."""
     try:
         if "\0" in os.fspath(path):
             raise OSError(errno.EINVAL, "embedded null character in path")
@@ -153,7 +153,7 @@ def _remove(made: list[Path]) -> None:
 
 @contextmanager
 def _hidden_folder(parent: Path) -> Iterator[Path]:
-    """Yield a new hidden folder, locked, and remove it at the end; those that killed processes left are removed first."""
+    """Yield a new hidden folder, locked, and remove it at the end; first those of killed processes are removed."""
     _sweep(parent)
     path, lock = _make_locked(parent)
     try:
@@ -214,8 +214,8 @@ def _lock(folder: Path, *, is_waiting: bool) -> int | None:
 def replace(source: Path, goal: Path) -> None:
     """Move a file or folder to where a file may be, in one step.
 
-    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a second. Raises
-    OSError.
+    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a
+    second. Raises OSError.
     """
     for wait in _WAITS_S if IS_WINDOWS else ():
         try:

@@ -22,24 +22,13 @@ _USUAL_BASES = ("base_link", "base_footprint")
 
 @dataclass(frozen=True, kw_only=True)
 class BagOdometry:
-    """The odometry in a bag.
+    """The odometry in a bag."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory or None
-        Pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any.
-    robot : Trajectory or None
-        Pose of the robot's base likewise.
-    notes : tuple of str
-        Where it is from and what was assumed of the mount.
-    why_estimated : str
-        What says that SLAM, localization or laser odometry gave it; empty for none.
-    """
-
+    # pose of the laser at each scan in the odometry's frame; NaN where not covered. None without any
     trajectory: Trajectory | None = None
-    robot: Trajectory | None = None
-    notes: tuple[str, ...] = ()
-    why_estimated: str = ""
+    robot: Trajectory | None = None  # pose of the robot's base likewise
+    notes: tuple[str, ...] = ()  # where it is from and what was assumed of the mount
+    why_estimated: str = ""  # what says that SLAM, localization or laser odometry gave it; empty for none
 
 
 @dataclass
@@ -91,7 +80,7 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
 
 
 def _why_estimated(edge: Edge, laser: str, source: str, *, has_covariance: bool) -> str:
-    """Return what says that an odometry was estimated from the scans: its frames, and a covariance that only an estimate has."""
+    """Return the sign that an odometry was estimated from scans: its frames, or an estimated covariance."""
     parent, child = edge
     if parent.rpartition("/")[2] == "map":
         return f"{source} is in frame map, which SLAM and localization give"

@@ -30,18 +30,11 @@ _SAME = 1e-4
 
 @dataclass
 class FrameTree:
-    """The first transform of each pair of frames, and whether it ever changed.
+    """The first transform of each pair of frames, and whether it ever changed."""
 
-    Attributes
-    ----------
-    transforms : dict of Edge to Transform
-        All numbers finite, none beyond FARTHEST.
-    moving : set of Edge
-        Those that changed.
-    """
-
+    # dict of Edge to Transform: all numbers finite, none beyond FARTHEST
     transforms: dict[Edge, Transform] = field(default_factory=dict)
-    moving: set[Edge] = field(default_factory=set)
+    moving: set[Edge] = field(default_factory=set)  # those that changed
 
     def add(self, edge: Edge, transform: Transform) -> None:
         """Take note of a transform; one with a number beyond FARTHEST, or none, is left out."""

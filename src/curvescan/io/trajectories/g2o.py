@@ -1,8 +1,8 @@
 """Pose graphs as g2o's text, for a back end that closes loops: VERTEX_SE2, EDGE_SE2, FIX.
 
-g2o (Kuemmerle et al., "g2o: a general framework for graph optimization", 2011) takes the error of an edge in the frame of the measured
-pose: delta = measurement^-1 (x_i^-1 x_j). Our covariances are of x, y, theta in the frame of scan i, so each is turned by -theta before
-it is inverted to the information matrix.
+g2o (Kuemmerle et al., "g2o: a general framework for graph optimization", 2011) takes the error of an edge in the frame
+of the measured pose: delta = measurement^-1 (x_i^-1 x_j). Our covariances are of x, y, theta in the frame of scan i, so
+each is turned by -theta before it is inverted to the information matrix.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def information_of(edge: PoseEdge) -> Cov:
         lower = np.linalg.cholesky(turn @ edge.covariance @ turn.T)
     except np.linalg.LinAlgError:
         raise InvalidArgumentError(
-            f"the covariance of an edge must be positive definite, got {edge.covariance.tolist()} from {edge.i} to {edge.j}"
+            f"the covariance of an edge must be positive definite, got {edge.covariance.tolist()} from {edge.i} to "
+            f"{edge.j}"
         ) from None
     inverse = np.linalg.inv(lower)
     return inverse.T @ inverse

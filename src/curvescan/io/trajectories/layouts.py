@@ -1,9 +1,9 @@
 """Trajectories as text and back: one table of layouts.
 
-TUM (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012): ``stamp x y z qx qy qz qw`` a line. KITTI: the first
-three rows of each pose's matrix, twelve numbers a line. CSV: the columns of CSV_HEADER, or any that have the names stamp (or
-timestamp), x, y and theta. Numbers have as many digits as it takes to read the same float64 again: in CSV everything comes back to the
-bit; in the others the angle comes back within 1e-15 rad.
+TUM (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", 2012): ``stamp x y z qx qy qz qw`` a line.
+KITTI: the first three rows of each pose's matrix, twelve numbers a line. CSV: the columns of CSV_HEADER, or any that
+have the names stamp (or timestamp), x, y and theta. Numbers have as many digits as it takes to read the same float64
+again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class _Poses(Protocol):
 
 
 class _Layout(NamedTuple):
-    """Lines of numbers: how many, what a line is in words, and how it is read: (stamp, x, y, theta), NaN without a stamp."""
+    """Lines of numbers: how many, what a line is in words, and its reader: (stamp, x, y, theta), NaN without stamp."""
 
     n_fields: int
     line: str
@@ -94,8 +94,8 @@ def write_tum(path: str | os.PathLike[str], trajectory: _Poses) -> None:
 def write_kitti(path: str | os.PathLike[str], trajectory: _Poses) -> None:
     """Write the poses of a trajectory, one line each; the stamps are not in it.
 
-    The plane of motion is x, y; z is up and 0 (KITTI's own cameras look along z: no axis is turned here). Numbers have as many
-    digits as it takes to read the same float64 again.
+    The plane of motion is x, y; z is up and 0 (KITTI's own cameras look along z: no axis is turned here). Numbers have
+    as many digits as it takes to read the same float64 again.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def csv_rows(path: str | os.PathLike[str]) -> tuple[PoseRows, tuple[str, ...]]:
 
 
 def _column_rows(path: Path) -> PoseRows:
-    """Return the poses of CSV of anybody's making, whose first line that is neither blank nor a comment names the columns."""
+    """Return the poses of any CSV whose first line, blanks and comments left out, names the columns."""
     names: list[str] = []
     rows: list[list[float]] = []
     with _reading_text(path) as file:

@@ -77,8 +77,8 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     LogFileError
         When the file cannot be opened.
     LogFormatError
-        When a line does not hold 8 finite numbers or leaves the plane by more than 5 deg, the file is damaged, or there is
-        no line.
+        When a line does not hold 8 finite numbers or leaves the plane by more than 5 deg, the file is damaged, or there
+        is no line.
     """
     rows = array("d")
     read_errors = ReadErrorCounter()

@@ -103,7 +103,8 @@ class HokuyoSource:
 class _Socket:
     """A socket that raises when the other side has closed it, and hands out one reply at a time.
 
-    The package would read the end of a closed one for ever, and takes two replies that came together, after a hiccup, for one.
+    The package would read the end of a closed one for ever, and takes two replies that came together, after a hiccup,
+    for one.
     """
 
     def __init__(self, opened: Any) -> None:

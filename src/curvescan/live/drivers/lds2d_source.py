@@ -1,7 +1,7 @@
 """Lds2dSource: the lasers of the package lds2d (Apache-2.0): LDROBOT, YDLIDAR, RPLIDAR, 3irobotix, Neato and others.
 
-lds2d parses packets into points. It gives no times, its turns begin anywhere, and one of its turn splitters never splits
-what counts backwards; so turns are cut here from the packets, and stamped when their last point has come.
+lds2d parses packets into points. It gives no times, its turns begin anywhere, and one of its turn splitters never
+splits what counts backwards; so turns are cut here from the packets, and stamped when their last point has come.
 """
 
 from __future__ import annotations

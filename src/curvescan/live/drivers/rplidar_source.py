@@ -122,7 +122,7 @@ class _Line:
         self._held = bytearray()
 
     def inWaiting(self) -> int:  # noqa: N802 - pyserial's name
-        """Return how many bytes are held; never waits: the package calls this before it has sent the laser any command."""
+        """Return how many bytes are held; never waits, as the package asks before it has sent a command."""
         return len(self._held)
 
     def read(self, size: int) -> bytes:

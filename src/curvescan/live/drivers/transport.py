@@ -1,7 +1,7 @@
 """Transport: the bytes of a laser, from a serial port, a network or a recording; silence and absence are errors.
 
-The drivers' packages read from an object with ``read``, ``write`` and ``close``, and wait for ever on a port that has fallen
-silent. This one says so: every fault of the line ends in a :class:`curvescan.SourceError` with one sentence.
+The drivers' packages read from an object with ``read``, ``write`` and ``close``, and wait for ever on a port that has
+fallen silent. This one says so: every fault of the line ends in a :class:`curvescan.SourceError` with one sentence.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Association: which reading of the other scan a reading falls on, and how far from the line there (projective association).
+"""Association: which reading of the other scan a reading falls on, and how far from its line (projective).
 
 The one place where a reading of one scan meets the other scan; every stage sets its own tolerance on the distances.
 """
@@ -29,44 +29,26 @@ FORWARD, BACKWARD = 1.0, -1.0
 
 
 class Motion(NamedTuple):
-    """A pose of the current scan in the reference, as the readings of one of them are moved by it.
+    """A pose of the current scan in the reference, as the readings of one of them are moved by it."""
 
-    Attributes
-    ----------
-    c, s : float
-        Cosine and sine of its rotation.
-    x, y : float
-        Metres.
-    way : float
-        FORWARD or BACKWARD (no bool: for each constant one Numba would compile anew).
-    """
-
+    # cosine and sine of its rotation
     c: float
     s: float
+    # metres
     x: float
     y: float
-    way: float
+    way: float  # FORWARD or BACKWARD (no bool: for each constant one Numba would compile anew)
 
 
 class Association(NamedTuple):
-    """A reading in the other scan.
+    """A reading in the other scan."""
 
-    Attributes
-    ----------
-    j : int
-        Reading of the other scan in its direction, or a negative number as in the azimuth table.
-    place : float
-        Where it stands in the azimuth table, slots.
-    x, y : float
-        The reading in the frame of the other scan, metres.
-    across, along : float
-        From the centre of the line of reading `j` to it, across the line and along it, metres; 0 where there is none.
-    """
-
-    j: int
-    place: float
+    j: int  # reading of the other scan in its direction, or a negative number as in the azimuth table
+    place: float  # where it stands in the azimuth table, slots
+    # the reading in the frame of the other scan, metres
     x: float
     y: float
+    # from the centre of the line of reading `j` to it, across the line and along it, metres; 0 where there is none
     across: float
     along: float
 

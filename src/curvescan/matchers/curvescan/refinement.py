@@ -42,12 +42,12 @@ from curvescan.se2.angles import wrap_angle
 from curvescan.types import Floats
 
 TURN_SIGMA = 0.3
-"""Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation is
-known beside a translation, radians a metre."""
+"""Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation
+is known beside a translation, radians a metre."""
 
 _KNEE_CHI2, _OUTLIER_CHI2 = 4.0, 16.0
-"""Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on not at
-all; between them less and less, so that no iteration jumps."""
+"""Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on
+not at all; between them less and less, so that no iteration jumps."""
 
 _REACH, _REACH_SIGMAS, _REACH_SLOPE = 0.1, 3.0, 0.1
 """How far along its line a reading may lie from the line's centre: metres, standard deviations of what the pose may be
@@ -82,7 +82,8 @@ def accumulate(
     surfels_a, view_b
         Readings of scan a, the range image of scan b.
     pose, way : (3,) float64, float
-        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where it is the reference.
+        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where it is the
+        reference.
     sigma_extra, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64
@@ -177,7 +178,7 @@ def refine(poses: Floats, ref: RangeImage, cur: RangeImage, sigmas: Floats) -> F
 
 @kernel
 def refine_fully(poses: Floats, ref: RangeImage, cur: RangeImage, closer: Floats, full: Floats) -> Floats:
-    """Return (h, 3) poses refined on the samples of two range images, then on all of their readings; schedules as `refine` takes."""
+    """Return (h, 3) poses refined on samples of two range images, then on all readings; see `refine`."""
     all_ref = RangeImage(samples=ref.surfels, surfels=ref.surfels, azimuth=ref.azimuth, table=ref.table)
     all_cur = RangeImage(samples=cur.surfels, surfels=cur.surfels, azimuth=cur.azimuth, table=cur.table)
     return refine(refine(poses, ref, cur, closer), all_ref, all_cur, full)

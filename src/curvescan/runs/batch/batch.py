@@ -78,12 +78,12 @@ def run_batch(
     """Run a job over many logs, a worker on each core; one bad log stops no other.
 
     The folder gets a folder of results for each log; manifest.jsonl, a line for each log as soon as it is done;
-    fleet.csv, the same as a table, when all are; and workers.log, what the workers say. A log that breaks its worker, or
-    takes too long, has failed; the worker is started anew. Ctrl-C ends the workers; what is in the manifest stands.
+    fleet.csv, the same as a table, when all are; and workers.log, what the workers say. A log that breaks its worker,
+    or takes too long, has failed; the worker is started anew. Ctrl-C ends the workers; what is in the manifest stands.
 
-    Logs and results may be in buckets: ``s3://BUCKET/KEY``, ``gs://`` and ``az://``. A log is then fetched to a temporary
-    file before it is run, and its results are sent when all are there. Several batches may fill one folder of a bucket:
-    each log is run by one of them, and all of them end when all logs are done.
+    Logs and results may be in buckets: ``s3://BUCKET/KEY``, ``gs://`` and ``az://``. A log is then fetched to a
+    temporary file before it is run, and its results are sent when all are there. Several batches may fill one folder of
+    a bucket: each log is run by one of them, and all of them end when all logs are done.
 
     Parameters
     ----------

@@ -14,24 +14,12 @@ from curvescan.runs.plain import as_plain
 
 @dataclass(frozen=True, kw_only=True)
 class JobResult:
-    """What came of one log.
+    """What came of one log."""
 
-    Attributes
-    ----------
-    is_trusted : bool
-        Whether the trajectory can be trusted.
-    sentence : str
-        Why, or why not.
-    n_scans : int
-        How many scans it has.
-    length : float
-        Length of the path, metres.
-    """
-
-    is_trusted: bool
-    sentence: str
-    n_scans: int
-    length: float
+    is_trusted: bool  # whether the trajectory can be trusted
+    sentence: str  # why, or why not
+    n_scans: int  # how many scans it has
+    length: float  # length of the path, metres
 
 
 class Job(Protocol):

@@ -21,24 +21,12 @@ BAG_MARK = "metadata.yaml"
 
 @dataclass(frozen=True, kw_only=True)
 class LogState:
-    """What identifies a log as the one that was run.
+    """What identifies a log as the one that was run."""
 
-    Attributes
-    ----------
-    input : str
-        Absolute path of the file or folder, or its URL.
-    bytes : int
-        Its size.
-    mtime_ns : int
-        When it was changed last, nanoseconds; 0 in a bucket.
-    etag : str
-        What identifies its content in a bucket; else empty.
-    """
-
-    input: str
-    bytes: int
-    mtime_ns: int
-    etag: str = ""
+    input: str  # absolute path of the file or folder, or its URL
+    bytes: int  # its size
+    mtime_ns: int  # when it was changed last, nanoseconds; 0 in a bucket
+    etag: str = ""  # what identifies its content in a bucket; else empty
 
     @classmethod
     def of(cls, log: Path) -> LogState:

@@ -1,4 +1,4 @@
-"""A log from a bucket runs as a file of this machine: it is fetched first, and its results are sent when all are there."""
+"""A log from a bucket is fetched first, and its results are sent when all are there."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def download(url: str, folder: Path) -> Path:
 
 
 def upload(folder: Path, url: str) -> None:
-    """Make a folder of a bucket hold the files of a folder, and no others; run.json, which describes them, comes last."""
+    """Make a folder of a bucket hold the files of a folder and no others; run.json comes last."""
     address, prefix = split_url(url)
     bucket = Bucket(address)
     files = [path for path in folder.rglob("*") if path.is_file()]

@@ -24,31 +24,17 @@ from curvescan.runs.batch.transfer import run_job
 
 @dataclass(frozen=True)
 class Ready:
-    """The job is loaded.
+    """The job is loaded."""
 
-    Attributes
-    ----------
-    version : str
-        Of the worker's curvescan.
-    """
-
-    version: str = __version__
+    version: str = __version__  # of the worker's curvescan
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One log for a worker.
+    """One log for a worker."""
 
-    Attributes
-    ----------
-    log : str
-        Path or URL of the file or folder.
-    folder : str
-        Path or URL of the folder where its results go.
-    """
-
-    log: str
-    folder: str
+    log: str  # path or URL of the file or folder
+    folder: str  # path or URL of the folder where its results go
 
     @property
     def name(self) -> str:
@@ -58,18 +44,10 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """There are no results.
+    """There are no results."""
 
-    Attributes
-    ----------
-    sentence : str
-        Why.
-    traceback : str
-        Where in the program, when nobody expected it; else empty.
-    """
-
-    sentence: str
-    traceback: str = ""
+    sentence: str  # why
+    traceback: str = ""  # where in the program, when nobody expected it; else empty
 
 
 Reply: TypeAlias = "Ready | JobResult | Failure"

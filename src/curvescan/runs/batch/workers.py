@@ -76,21 +76,11 @@ class WorkerPool(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Done:
-    """What became of a task.
+    """What became of a task."""
 
-    Attributes
-    ----------
-    task : Task
-        The task.
-    result : JobResult or str
-        What came of it, or the sentence why nothing did.
-    seconds : float
-        Time since it was given to a worker.
-    """
-
-    task: Task
-    result: JobResult | str
-    seconds: float
+    task: Task  # the task
+    result: JobResult | str  # what came of it, or the sentence why nothing did
+    seconds: float  # time since it was given to a worker
 
 
 @dataclass(eq=False)

@@ -1,1 +1,1 @@
-"""Localization in a saved map: the map as a field of distances, the search without a guess, the matches that measure the pose."""
+"""Localization in a saved map: distance field, search without a guess, matches that measure the pose."""

@@ -1,8 +1,9 @@
 """Correlative search: the poses of a whole map at which a scan ends on walls, with no guess.
 
-After Olson, "Real-time correlative scan matching", ICRA 2009: every place where the sensor can be and every heading is tried on a field of
-distances, coarsely; the best are refined on the field. It needs no keypoints and no overlap with any one keyframe, so that a place seen from the
-other direction, in pieces, is found as well. A pose that cannot become good is left after a quarter of its readings.
+After Olson, "Real-time correlative scan matching", ICRA 2009: every place where the sensor can be and every heading is
+tried on a field of distances, coarsely; the best are refined on the field. It needs no keypoints and no overlap with
+any one keyframe, so that a place seen from the other direction, in pieces, is found as well. A pose that cannot become
+good is left after a quarter of its readings.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def _steps(points: Points) -> Floats:
 
 
 def likely_poses(field: DistanceField, places: Points, points: Points, n_most: int) -> Pose:
-    """Return (k, 3) poses at which a scan ends on walls of the map, the best first, half a metre or 15 deg from each other.
+    """Return (k, 3) poses at which a scan ends on walls, best first, half a metre or 15 deg apart.
 
     places (n, 2); points (m, 2).
     """

@@ -1,8 +1,8 @@
 """DistanceField: the map as cells that know how far the next wall is, made of its keyframes.
 
-What a scan says of any pose in the map is looked up here: readings that end on a wall, readings that end in space that was seen to be free,
-and beams that pass through a wall (the likelihood field of Thrun, Burgard and Fox, "Probabilistic Robotics", 2005, section 6.4, with the
-free space that it leaves out).
+What a scan says of any pose in the map is looked up here: readings that end on a wall, readings that end in space that
+was seen to be free, and beams that pass through a wall (the likelihood field of Thrun, Burgard and Fox, "Probabilistic
+Robotics", 2005, section 6.4, with the free space that it leaves out).
 """
 
 from __future__ import annotations
@@ -34,14 +34,16 @@ _BEFORE_M = 0.4
 """A beam passes through a wall that stands this far before its end, metres."""
 
 _WORN = 0.45
-"""A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough clutter are hit by some beams
-and missed by others. What an occupancy map still shows, where fewer look through, is solid."""
+"""A reading shows a wall until about four keyframes look through it for each that sees it there: legs, rims and rough
+clutter are hit by some beams and missed by others. What an occupancy map still shows, where fewer look through, is
+solid."""
 
 _FREE = 0.48
 """One look through a cell where nothing ends shows it free."""
 
 N_EVIDENCE = 3
-"""Columns of the evidence of a pose: shares of the readings that end on walls, end in free space, and pass through walls."""
+"""Columns of the evidence of a pose: shares of the readings that end on walls, end in free space, and pass through
+walls."""
 
 
 class Agreement(NamedTuple):
@@ -64,27 +66,13 @@ class Agreement(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistanceField:
-    """Cells of a map.
+    """Cells of a map."""
 
-    Attributes
-    ----------
-    distance : (n_rows, n_columns) float32
-        Distance from the nearest cell where readings end, metres.
-    is_free : (n_rows, n_columns) bool
-        Whether a cell was seen to be empty.
-    is_solid : (n_rows, n_columns) bool
-        Whether a cell stops the beams that come to it.
-    origin : (2,) float64
-        Lower left corner, metres.
-    resolution : float
-        Side of a cell, metres.
-    """
-
-    distance: NDArray[np.float32]
-    is_free: Bools
-    is_solid: Bools
-    origin: Floats
-    resolution: float
+    distance: NDArray[np.float32]  # (n_rows, n_columns): distance from the nearest cell where readings end, metres
+    is_free: Bools  # (n_rows, n_columns): whether a cell was seen to be empty
+    is_solid: Bools  # (n_rows, n_columns): whether a cell stops the beams that come to it
+    origin: Floats  # (2,): lower left corner, metres
+    resolution: float  # side of a cell, metres
 
     def places(self, step: float, clearance: float) -> Points:
         """Return (n, 2) places where a sensor can be: free, on a grid, clear of walls."""

@@ -1,8 +1,8 @@
 """MapPrecision: how well a map knows where its keyframes lie, seen from each other.
 
-A map bends where few matches tie its keyframes: a sensor that goes on from one of them to the next then comes to lie beside where the first one has
-it. Along the best way through the graph, its edges' variances are added: other ways between the two would lower the sum, so that it is never
-too small.
+A map bends where few matches tie its keyframes: a sensor that goes on from one of them to the next then comes to lie
+beside where the first one has it. Along the best way through the graph, its edges' variances are added: other ways
+between the two would lower the sum, so that it is never too small.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class MapPrecision:
 def _best_edges(
     n: int, ends: Ints, position: Floats, rotation: Floats
 ) -> tuple[dict[tuple[int, int], tuple[float, float]], csr_array]:
-    """Return the variances of the best edge of each pair of keyframes, and the graph of all of them weighed by how little they say."""
+    """Return the variance of the best edge of each pair of keyframes, and the graph weighed by them."""
     weights = position + _LEVER_M**2 * rotation
     variances: dict[tuple[int, int], tuple[float, float]] = {}
     for k in np.argsort(-weights, kind="stable").tolist():  # the best one last

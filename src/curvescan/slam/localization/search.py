@@ -1,9 +1,10 @@
 """MapSearch: where in a map the sensor may be, over the scans since it began to look.
 
-Each view, half a metre or half a radian after the last, brings poses at which its scan ends on walls, and earlier ones carried on by the odometry.
-A pose gathers support by what the scan says of it: readings on walls speak for it, readings in free space and beams through walls against it. One
-view is enough where it leaves next to nothing open and no other place comes near, or where it stands out: a place that the map does not show ends
-on walls about as well in many others. Else several must add up.
+Each view, half a metre or half a radian after the last, brings poses at which its scan ends on walls, and earlier ones
+carried on by the odometry. A pose gathers support by what the scan says of it: readings on walls speak for it, readings
+in free space and beams through walls against it. One view is enough where it leaves next to nothing open and no other
+place comes near, or where it stands out: a place that the map does not show ends on walls about as well in many others.
+Else several must add up.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _N_LIKELY = 4
 """So many times more poses are looked at by their walls than are followed."""
 
 _NEUTRAL = 0.6
-"""Agreement, in [-1, 1], from which on a view speaks for a pose: poses in places that the map does not show reach as much."""
+"""Agreement, in [-1, 1], from which on a view speaks for a pose: poses in places that the map does not show reach as
+much."""
 
 _MOST_FOR, _MOST_AGAINST = 0.4, 0.15
 """The most that one view says."""
@@ -41,14 +43,15 @@ _CONTOUR_M = 10.0
 """A view of a shorter contour says less, in proportion, metres: three sides of a booth fit in many places."""
 
 _ONE_VIEW, _EXPLAINED = 0.3, 0.2
-"""Support that one view alone needs: 90 of 100 readings end on walls and none elsewhere in the map; 80 where matches say the same."""
+"""Support that one view alone needs: 90 of 100 readings end on walls and none elsewhere in the map; 80 where matches
+say the same."""
 
 _SEVERAL_VIEWS = 1.0
 """Support that several views need together."""
 
 _MATCHED, _RIVAL = 0.5, 0.3
-"""What matches without a guess say of a place that they know, and the most that they say then of any other, as a share of it: in a row of rooms
-that are alike they say something of several."""
+"""What matches without a guess say of a place that they know, and the most that they say then of any other, as a share
+of it: in a row of rooms that are alike they say something of several."""
 
 _CHANGED = 1.1
 """What they say of a place together where the map has changed."""
@@ -57,11 +60,12 @@ _LEAST = 0.4
 """Support that it needs then: the views may speak against it, and not outweigh the matches."""
 
 _STANDS_OUT, _MOST_AHEAD = 1.2, 0.6
-"""Agreement of one view and its lead over any other place, together, that are enough, and the most that the lead counts: of 1,300 scans of Intel and ACES
-none agrees with a wrong place by more than 1.14 that keyframes confirm."""
+"""Agreement of one view and its lead over any other place, together, that are enough, and the most that the lead
+counts: of 1,300 scans of Intel and ACES none agrees with a wrong place by more than 1.14 that keyframes confirm."""
 
 _MARGIN, _MARGIN_SHARE = 0.1, 0.25
-"""The support of any other place is less by so much, and by so large a share: of views that say the same of two places more do not help."""
+"""The support of any other place is less by so much, and by so large a share: of views that say the same of two places
+more do not help."""
 
 _LEAD = 0.15
 """A pose that is expected agrees better with the map than any other, by this share of the readings."""
@@ -72,27 +76,13 @@ _SAME_M, _SAME_RAD = 0.5, 0.26
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Place:
-    """A pose of the sensor that the scans so far speak for.
+    """A pose of the sensor that the scans so far speak for."""
 
-    Attributes
-    ----------
-    pose : (3,) float64
-        In the map.
-    fit : float
-        How well the map agrees with the last view there, in [-2, 1].
-    view : float
-        By the last view alone.
-    support : float
-        Sum over the views, with what matches say.
-    matched : float
-        What matches without a guess say of it.
-    """
-
-    pose: Pose
-    fit: float
-    view: float
-    support: float
-    matched: float = 0.0
+    pose: Pose  # (3,): in the map
+    fit: float  # how well the map agrees with the last view there, in [-2, 1]
+    view: float  # by the last view alone
+    support: float  # sum over the views, with what matches say
+    matched: float = 0.0  # what matches without a guess say of it
 
     @property
     def walls(self) -> float:
@@ -170,7 +160,7 @@ class MapSearch:
 
     @property
     def winner(self) -> Place | None:
-        """The place that the last view alone, or all views together, speak for enough and clearly more than for any other."""
+        """The place for which the last view, or all views together, speak clearly more than for any other."""
         by_view = sorted(self._found, key=lambda place: -place.view)
         for best in (*by_view[:1], *self._found[:1]):
             if self.is_clear(best):
@@ -178,7 +168,7 @@ class MapSearch:
         return None
 
     def is_clear(self, best: Place) -> bool:
-        """Return whether the last view alone, or all views together, speak for a place enough and clearly more than for any other."""
+        """Return whether the last view, or all together, speak for a place clearly more than for any other."""
         others = [place for place in self._found if not is_same(place.pose, best.pose)]
         rival = max((place.matched for place in others), default=0.0)
         is_alone = rival <= _RIVAL * best.matched
@@ -200,14 +190,14 @@ class MapSearch:
         return is_changed and is_alone and not is_tied
 
     def _stands_out(self, best: Place, others: Sequence[Place]) -> bool:
-        """Return whether the last view agrees with a place well, and far better than with any other: each makes up for the other."""
+        """Return whether the last view agrees with a place well, and far better than with any other."""
         ahead = best.fit - max((place.fit for place in others), default=-1.0)
         if self._contour < _CONTOUR_M or ahead < _MARGIN:
             return False
         return best.fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
 
     def is_best(self, pose: Pose, fit: float) -> bool:
-        """Return whether the map agrees with the last view clearly better at a pose, as well as `fit` says, than at any other one found."""
+        """Return whether the map agrees with the last view clearly better at a pose than at any other found."""
         others = [place.fit for place in self._found if not is_same(place.pose, pose)]
         return fit >= max(others, default=-1.0) + _LEAD
 
@@ -224,7 +214,7 @@ class MapSearch:
 
 
 def said(contour: float, fit: float) -> float:
-    """Return how much one scan speaks for a pose, by the length of its contour, metres, and how well the map agrees with it there."""
+    """Return how much a scan speaks for a pose by its contour, metres, and by how well the map agrees there."""
     weight = min(contour / _CONTOUR_M, 1.0)
     return weight * float(np.clip(fit - _NEUTRAL, -_MOST_AGAINST, _MOST_FOR))
 

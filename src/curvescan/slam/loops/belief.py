@@ -1,6 +1,7 @@
 """What the graph knows at one time: poses, their marginal covariances, and how the newest keyframe lies to each.
 
-Made by an optimization and used until the next: keyframes that came since hang on the last one it knew by the odometry alone.
+Made by an optimization and used until the next: keyframes that came since hang on the last one it knew by the odometry
+alone.
 """
 
 from __future__ import annotations

@@ -16,18 +16,10 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 
 class Chain(NamedTuple):
-    """Keyframes, and the chain of motions that leads along them.
+    """Keyframes, and the chain of motions that leads along them."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        Of the keyframes.
-    gathered : (n, 3, 3) float64
-        Covariance that the motions have gathered by each; see :func:`gathered_covariances`.
-    """
-
-    poses: Pose
-    gathered: Cov
+    poses: Pose  # (n, 3): of the keyframes
+    gathered: Cov  # (n, 3, 3): covariance that the motions have gathered by each; see :func:`gathered_covariances`
 
     @classmethod
     def of(cls, poses: Pose, motions: Cov) -> Chain:
@@ -58,8 +50,8 @@ def cycle_distances(
     step : float
         Length of an edge, metres: so many are between two keyframes as their distance takes.
     known : float
-        Standard deviation up to which the motions of a way count, metres. One known no better is taken to err as edges usually do: the next
-        room would agree with it as well.
+        Standard deviation up to which the motions of a way count, metres. One known no better is taken to err as edges
+        usually do: the next room would agree with it as well.
     """
     n = len(ends)
     found = np.zeros((n, n))
@@ -88,7 +80,7 @@ def _n_edges(x: float, y: float, step: float, is_same: bool) -> float:
 def _by_chain(
     gathered: Cov, a: int, b: int, x: float, y: float, heading: float, known: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return what the motions between keyframes a and b move (x, y) by: covariance xx, xy, yy, xt, yt, tt, seen by a frame of a heading."""
+    """Return the covariance (xx, xy, yy, xt, yt, tt) of the motions from a to b, seen by a frame of a heading."""
     way = gathered[max(a, b)] - gathered[min(a, b)]
     h0, h1, tt = way[0, 2] - y * way[2, 2], way[1, 2] + x * way[2, 2], way[2, 2]
     xx = way[0, 0] - y * (way[0, 2] + h0)
@@ -160,7 +152,7 @@ def _cycle_distance(
 
 
 def gathered_covariances(poses: Pose, motions: Cov) -> Cov:
-    """Return (n, 3, 3) covariance that the errors of a chain of motions have gathered by each pose, as a motion of the whole plane.
+    """Return the (n, 3, 3) covariance that a chain of motions gathers by each pose, moving the whole plane.
 
     The difference of two of them is that of the way between: what it makes of the origin, (x, y, theta) in the frame
     of the poses.

@@ -1,7 +1,7 @@
 """Overlap: how much of what one keyframe sees another sees too, foretold from coarse range profiles.
 
-Matching two scans that have nothing in common is what costs most. A profile holds the mean range of each sector; its ends, carried to
-the other keyframe, are seen there if they lie in its field of view and not behind what it sees.
+Matching two scans that have nothing in common is what costs most. A profile holds the mean range of each sector; its
+ends, carried to the other keyframe, are seen there if they lie in its field of view and not behind what it sees.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def range_profile(scan: LaserScan) -> Floats:
 
 @kernel
 def foretold_overlap(profiles: Floats, rows: Ints, relative: Pose, newest: Floats) -> Floats:
-    """Return (k,) share of the newest profile that each keyframe sees and of each that the newest sees, the smaller one.
+    """Return the (k,) smaller of the shares that each keyframe sees of the newest, and the newest of it.
 
     profiles (n, 2, N_SECTORS); rows (k,); relative (k, 3); newest (2, N_SECTORS).
     """

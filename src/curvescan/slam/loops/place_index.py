@@ -1,9 +1,10 @@
 """Place index: which of very many keyframes look like a scan, without any idea of where it was taken.
 
-After Himstedt, Frost, Hellbach, Böhme and Maehle, "Large scale place recognition in 2D LIDAR scans using geometrical landmark
-relations" (GLARE), IROS 2014: a scan is described by a histogram over pairs of its keypoints, of their distance and of the bearing of
-one from the other's own direction. Both stay as they are when the sensor moves or turns. Histograms are compared by their cosine after a
-square root (Arandjelovic and Zisserman 2012), which is one product with a matrix: milliseconds for 100,000 keyframes.
+After Himstedt, Frost, Hellbach, Böhme and Maehle, "Large scale place recognition in 2D LIDAR scans using geometrical
+landmark relations" (GLARE), IROS 2014: a scan is described by a histogram over pairs of its keypoints, of their
+distance and of the bearing of one from the other's own direction. Both stay as they are when the sensor moves or turns.
+Histograms are compared by their cosine after a square root (Arandjelovic and Zisserman 2012), which is one product with
+a matrix: milliseconds for 100,000 keyframes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Pairwise consistency: which of many closures agree with each other.
 
-Two closures (i, j) and (k, l) and the graph's own relative poses i-k and j-l make a cycle; it must close within its covariance
-(Mangelson et al. 2018, eq. 3). The largest set in which all pairs agree is a maximum clique.
+Two closures (i, j) and (k, l) and the graph's own relative poses i-k and j-l make a cycle; it must close within its
+covariance (Mangelson et al. 2018, eq. 3). The largest set in which all pairs agree is a maximum clique.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def largest_clique(agrees: Bools, ranks: Ints | None = None) -> Ints:
 
 @kernel
 def _clique(links: Bools, max_nodes: int) -> Ints:
-    """Return a maximum clique by branch and bound, the best one seen after max_nodes branches (Carraghan and Pardalos 1990)."""
+    """Return a maximum clique, or the best after max_nodes branches (Carraghan and Pardalos 1990)."""
     n = len(links)
     best = np.empty(n, dtype=np.int64)
     n_best = 0

@@ -1,7 +1,7 @@
 """Marginal covariances of a pose graph: how well each pose is known, and how well two are known to each other.
 
-The joint covariance is the inverse of the information matrix, and dense. Of it are needed the diagonal blocks, which the recursion of
-Takahashi, Fagan and Chen (1973) takes from the factorization without ever forming the rest.
+The joint covariance is the inverse of the information matrix, and dense. Of it are needed the diagonal blocks, which
+the recursion of Takahashi, Fagan and Chen (1973) takes from the factorization without ever forming the rest.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def seen_from(poses: Pose, covariances: Cov, k: int) -> tuple[Pose, Cov]:
 def closed_factor(indptr: Ints, indices: Ints, lower: Floats, order: Ints) -> tuple[Ints, Ints, Floats]:
     """Return L in CSC with the entries that are zero by chance, which SciPy drops and the recursion needs.
 
-    If rows i > p > j stand in column j, p its first below the diagonal, then row i stands in column p. The 3 by 3 blocks on the
-    diagonal of A stand, too.
+    If rows i > p > j stand in column j, p its first below the diagonal, then row i stands in column p. The 3 by 3
+    blocks on the diagonal of A stand, too.
     """
     size = len(indptr) - 1
     head, following = np.full(size, -1, dtype=np.int64), np.full(size, -1, dtype=np.int64)

@@ -1,7 +1,8 @@
 """Least squares over a pose graph: Gauss-Newton on the sparse normal equations.
 
-Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based SLAM", 2010. The error of an edge is taken where the matcher's
-covariance lives, in the frame of its first pose: e = [R_i^T (t_j - t_i) - t_ij; theta_j - theta_i - theta_ij].
+Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based SLAM", 2010. The error of an edge is taken where
+the matcher's covariance lives, in the frame of its first pose: e = [R_i^T (t_j - t_i) - t_ij; theta_j - theta_i -
+theta_ij].
 """
 
 from __future__ import annotations
@@ -18,21 +19,11 @@ from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 
 class Edges(NamedTuple):
-    """The edges of a problem.
+    """The edges of a problem."""
 
-    Attributes
-    ----------
-    ends : (m, 2) int64
-        Poses i and j of each.
-    measured : (m, 3) float64
-        Measured pose of j in the frame of i.
-    information : (m, 3, 3) float64
-        Inverse covariance of the measured pose.
-    """
-
-    ends: Ints
-    measured: Pose
-    information: Cov
+    ends: Ints  # (m, 2): poses i and j of each
+    measured: Pose  # (m, 3): measured pose of j in the frame of i
+    information: Cov  # (m, 3, 3): inverse covariance of the measured pose
 
     @classmethod
     def of(cls, ends: Ints, measured: Pose, covariances: Cov) -> Edges:
@@ -46,21 +37,11 @@ class Edges(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Optimum:
-    """Where least squares ended.
+    """Where least squares ended."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64
-        The poses.
-    n_iterations : int
-        Factorizations it took.
-    cost : float
-        Weighted sum of the edges' squared Mahalanobis distances.
-    """
-
-    poses: Pose
-    n_iterations: int
-    cost: float
+    poses: Pose  # (n, 3): the poses
+    n_iterations: int  # factorizations it took
+    cost: float  # weighted sum of the edges' squared Mahalanobis distances
 
 
 def optimize(

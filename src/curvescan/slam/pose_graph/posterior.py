@@ -1,11 +1,12 @@
-"""Covariances of the poses after the optimum is known: what the edges' residuals say of them, and that edges share their keyframes.
+"""Covariances of the poses in the optimum, by the residuals, with noise that edges share.
 
-The marginals of the information matrix are too small where a keyframe has many edges: the noise of its scan is in all of them. The errors
-of its K matches have a correlation r, so the variance of their mean is (1 + (K - 1) r) / K of that of one (the design effect of surveys,
-Kish 1965), and the covariance of each is to be multiplied by 1 + (K - 1) r. And the edges' covariances may be too large or too small as a
-whole: their residuals in the optimum tell (the variance of unit weight, as in geodesy). The floor that an edge has so that matches which
-claim too much do not rule the optimum is no part of it: of clean scans it is several times their error. Last, the noise of a keyframe's
-own scan moves it against all others alike, and shows in no residual.
+The marginals of the information matrix are too small where a keyframe has many edges: the noise of its scan is in all
+of them. The errors of its K matches have a correlation r, so the variance of their mean is (1 + (K - 1) r) / K of that
+of one (the design effect of surveys, Kish 1965), and the covariance of each is to be multiplied by 1 + (K - 1) r. And
+the edges' covariances may be too large or too small as a whole: their residuals in the optimum tell (the variance of
+unit weight, as in geodesy). The floor that an edge has so that matches which claim too much do not rule the optimum is
+no part of it: of clean scans it is several times their error. Last, the noise of a keyframe's own scan moves it against
+all others alike, and shows in no residual.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def without_floor(covariances: Cov, floor: Cov) -> Cov:
 
 
 def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float) -> Floats:
-    """Return (m,) by what the covariance of each edge is to be multiplied because other matches of its two scans err alike.
+    """Return the (m,) factors of covariances of edges, as other matches of their scans err alike.
 
     ends (m, 2); is_match (m,).
     """
@@ -43,7 +44,7 @@ def design_effect(ends: Ints, is_match: Bools, n_poses: int, correlation: float)
 
 
 def variance_factor(distances: Floats, n_poses: int) -> float:
-    """Return by what the covariances of matches are to be multiplied, from their squared Mahalanobis distances in the optimum.
+    """Return the factor of the matches' covariances by their squared Mahalanobis distances in the optimum.
 
     distances (m,).
     """

@@ -1,7 +1,7 @@
 """Sparse symmetric systems: the pattern of a pose graph's normal equations, and their factorization.
 
-The pattern is built once for a set of edges; each iteration only fills in numbers. SciPy's SuperLU factorizes; where the package
-`qdldl` is installed its LDL^T does, in about half the time.
+The pattern is built once for a set of edges; each iteration only fills in numbers. SciPy's SuperLU factorizes; where
+the package `qdldl` is installed its LDL^T does, in about half the time.
 """
 
 from __future__ import annotations
@@ -26,28 +26,17 @@ class Factor(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BlockPattern:
-    """Where the (b, b) blocks of a symmetric matrix lie in the arrays of a CSC matrix.
+    """Where the (b, b) blocks of a symmetric matrix lie in the arrays of a CSC matrix."""
 
-    Attributes
-    ----------
-    size : int
-        Side b of a block.
-    indptr, indices : (n b + 1,), (nnz,) int64
-        Of the CSC matrix; both triangles are stored.
-    diagonal : (n,) int64
-        Number of the diagonal block of each node.
-    upper, lower : (m,) int64
-        Number of block (i, j) and of block (j, i) of each edge.
-    first, stride : (n_blocks,) int64
-        A block's entry (r, c) is ``data[first + c * stride + r]``.
-    """
-
-    size: int
+    size: int  # side b of a block
+    # of the CSC matrix; both triangles are stored
     indptr: Ints
     indices: Ints
-    diagonal: Ints
+    diagonal: Ints  # (n,): number of the diagonal block of each node
+    # (m,): number of block (i, j) and of block (j, i) of each edge
     upper: Ints
     lower: Ints
+    # (n_blocks,): A block's entry (r, c) is ``data[first + c * stride + r]``
     first: Ints
     stride: Ints
 

@@ -1,7 +1,8 @@
 """Limits for rosbags' readers of ROS 1 bags and of MCAP, which trust the sizes that a file claims.
 
-What is checked: what chunks unpack to (see unpacking.py), how much index a ROS 1 bag has, how many chunks of an MCAP file have to be
-held at once, and the YAML that both kinds of ROS 2 bags carry, in which a few hundred bytes can stand for hours of work.
+What is checked: what chunks unpack to (see unpacking.py), how much index a ROS 1 bag has, how many chunks of an MCAP
+file have to be held at once, and the YAML that both kinds of ROS 2 bags carry, in which a few hundred bytes can stand
+for hours of work.
 """
 
 from __future__ import annotations
@@ -157,9 +158,10 @@ class CheckedMcapReader(McapReader):
 def as_ros2(kind: int, record: bytes) -> bytes:
     """Return a record of an MCAP file as rosbags takes it, of the same length.
 
-    A file says by its profile for whom it was written, and by each channel how its messages are encoded. rosbags reads the
-    profile "ros2" alone, though the mcap package, Foxglove and exporters write others, or none, around the same messages; and
-    it stumbles over schemas that are not ROS 2's, of channels that nobody reads. The channels decide instead.
+    A file says by its profile for whom it was written, and by each channel how its messages are encoded. rosbags reads
+    the profile "ros2" alone, though the mcap package, Foxglove and exporters write others, or none, around the same
+    messages; and it stumbles over schemas that are not ROS 2's, of channels that nobody reads. The channels decide
+    instead.
     """
     if kind == _HEADER:
         return b"\x04\x00\x00\x00ros2".ljust(len(record), b"\x00")

@@ -1,7 +1,7 @@
 """What is left of a bag whose end is missing: its messages up to the break, written as a whole bag.
 
-A recorder that was killed, or a disk that was full, leaves a bag without the index that stands at its end. The messages before
-it are sound. They are copied to a temporary bag, which the ordinary readers take with all their checks.
+A recorder that was killed, or a disk that was full, leaves a bag without the index that stands at its end. The messages
+before it are sound. They are copied to a temporary bag, which the ordinary readers take with all their checks.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ from curvescan.types import Cov, Pose
 SCAN_TOPIC, ODOM_TOPIC, TF_TOPIC = "/scan", "/odom", "/tf"
 
 _METADATA_VERSION: Literal[8, 9] = 8
-"""Of metadata.yaml: the last whose quality of service is a text, as all releases since Foxy read it; 9 gives a list, over which
-Humble and Iron stumble."""
+"""Of metadata.yaml: the last whose quality of service is a text, as all releases since Foxy read it; 9 gives a list,
+over which Humble and Iron stumble."""
 
 _PLUGINS = {BagKind.SQLITE: StoragePlugin.SQLITE3, BagKind.MCAP: StoragePlugin.MCAP}
 
@@ -109,7 +109,7 @@ class BagWriter:
         return is_same
 
     def add_odometry(self, stamp: float, pose: Pose, covariance: Cov | None = None) -> None:
-        """Write a pose of the laser in the odometry's frame to /odom, nav_msgs/Odometry; its speed is said to be unknown."""
+        """Write a pose of the laser in the odometry's frame to /odom, nav_msgs/Odometry, its speed unknown."""
         self.write(ODOM_TOPIC, ODOMETRY, self.builder.odometry(stamp, pose, covariance), stamp)
 
     def add_transform(self, stamp: float, pose: Pose) -> None:

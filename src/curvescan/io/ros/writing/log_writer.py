@@ -1,8 +1,8 @@
 """Logs to ROS bags: the scans on /scan, frame ``laser``; odometry on /odom, pose of the laser in frame ``odom``.
 
-What a LaserScan message cannot hold: digits beyond float32 of ranges, angles and limits, digits of a stamp beyond the nanosecond, beams
-that are not evenly spaced. A scan read from a bag comes back to the bit. Odometry with gaps is interpolated in them when it
-is read again, and of scans with the same stamp the first one's pose counts.
+What a LaserScan message cannot hold: digits beyond float32 of ranges, angles and limits, digits of a stamp beyond the
+nanosecond, beams that are not evenly spaced. A scan read from a bag comes back to the bit. Odometry with gaps is
+interpolated in them when it is read again, and of scans with the same stamp the first one's pose counts.
 """
 
 from __future__ import annotations

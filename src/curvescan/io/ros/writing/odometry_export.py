@@ -17,8 +17,8 @@ from curvescan.scan import LaserScan
 def write_odometry_mcap(path: str | os.PathLike[str], trajectory: Trajectory, scans: Iterable[LaserScan]) -> None:
     """Write the poses of a sensor and what it saw there.
 
-    Topics: ``/odom`` (nav_msgs/Odometry; covariance of x, y, yaw in frame ``odom``, of z, roll and pitch 0: they do not move), ``/tf``
-    (``odom`` to ``laser``) and ``/scan`` (sensor_msgs/LaserScan, frame ``laser``).
+    Topics: ``/odom`` (nav_msgs/Odometry; covariance of x, y, yaw in frame ``odom``, of z, roll and pitch 0: they do not
+    move), ``/tf`` (``odom`` to ``laser``) and ``/scan`` (sensor_msgs/LaserScan, frame ``laser``).
 
     Parameters
     ----------

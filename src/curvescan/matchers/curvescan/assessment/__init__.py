@@ -1,1 +1,1 @@
-"""What speaks for a refined pose: a label for each reading, the information of the matched lines, and the confidence."""
+"""What speaks for a refined pose: labels of readings, information of matched lines, confidence."""

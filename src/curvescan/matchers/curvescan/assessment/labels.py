@@ -24,7 +24,8 @@ OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
 
 _AGREEING_SIGMAS = 3.0
-"""Standard deviations of the noise of both readings by which two of one surface may lie apart: 99.7 % of them do not more."""
+"""Standard deviations of the noise of both readings by which two of one surface may lie apart: 99.7 % of them do not
+more."""
 
 _REACH, _REACH_SLOPE = 0.1, 0.1
 """How far along its line a reading may lie from the line's centre: metres, and metres for each metre of range."""
@@ -33,7 +34,8 @@ _POINT_LIMIT = 0.05
 """The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
 
 IN_FRONT = 0.05
-"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another thing."""
+"""Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
+thing."""
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
@@ -41,7 +43,7 @@ _MIN_PARTNERS = 4
 
 @kernel
 def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float) -> tuple[float, float]:
-    """Return how far a reading may lie across and along the line of one of the other scan to be of the same surface, metres."""
+    """Return how far across and along the other's line a reading of the same surface may lie, metres."""
     if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
         return _POINT_LIMIT + margin, _REACH
     variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]

@@ -26,7 +26,7 @@ _N_LINE = len(_LINE_COLUMNS)
 
 @kernel
 def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
-    """Return the length of surface that agrees besides the two walls, not parallel, that agree most, and of that besides those that face them, metres.
+    """Return the lengths of agreeing surface beyond the two best walls, and beyond those and the facing ones, metres.
 
     A wall is what lies within 0.12 m of a line and faces like it within 0.2 rad; it is looked for through some
     readings, and of many only some are taken.
@@ -62,7 +62,7 @@ def excess_lengths(surfels: Floats, codes: Codes) -> tuple[float, float]:
 
 @kernel
 def readings_on_walls(lines: Floats, count: int) -> Bools:
-    """Return (n_seeds, count) which readings lie on the line through each seed and face like it; seed k is reading k * step."""
+    """Return (n_seeds, count) which readings lie on the line through reading k * step, and face like it."""
     step = max(count // _N_SEEDS, 1)
     on_wall = np.empty(((count + step - 1) // step, count), dtype=np.bool_)
     for seed in range(on_wall.shape[0]):

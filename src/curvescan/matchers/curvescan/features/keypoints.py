@@ -1,4 +1,4 @@
-"""Oriented keypoints: characteristic points at three arm lengths, and physical ends of surfaces; hypotheses are made of them.
+"""Oriented keypoints: characteristic points at three arm lengths, and ends of surfaces, for hypotheses.
 
 A characteristic point is where a surface turns, as in CF-SMA (eq. 7), but measured between the two lines
 that leave it with arms of a fixed length, so that noise at close range makes no corners. It carries a
@@ -32,7 +32,8 @@ _MEETING2 = 0.25
 """Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm."""
 
 _TILT2 = 12.0
-"""Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one metre."""
+"""Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one
+metre."""
 
 _TURN_SIGMAS = 3.0
 """Standard deviations of the directions of both arms that a corner must turn by."""
@@ -60,7 +61,7 @@ def arm_direction(sums: Floats, low: int, high: int, dx: float, dy: float) -> tu
 def measure_bends(
     surfels: Floats, sums: Floats, bounds: Ints, arm: float, straight: float, bend: Floats, lows: Ints, highs: Ints
 ) -> None:
-    """Write how much the surface turns at each reading, one less the cosine, and the first and last reading of its arms.
+    """Write how much the surface turns at each reading (1 - cosine), and the ends of its arms.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ def find_corners(
 def with_ends(
     corners: Floats, surfels: Floats, sums: Floats, bounds: Ints, arm: float, is_closed: bool, max_ends: int
 ) -> Floats:
-    """Return (k, 5) corners and after them physical ends of surfaces: those that hide nothing nearer than themselves."""
+    """Return (k, 5) corners, then physical ends of surfaces, which hide nothing nearer than themselves."""
     m, n_found = surfels.shape[0], corners.shape[0]
     found = np.empty((n_found + max_ends, 5))
     for i in range(n_found):  # one by one: assigning a slice takes more than a second to compile

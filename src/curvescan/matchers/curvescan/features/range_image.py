@@ -12,25 +12,14 @@ from curvescan.types import Floats, Ints
 
 
 class RangeImage(NamedTuple):
-    """One scan as the kernels that compare two scans take it.
+    """One scan as the kernels that compare two scans take it."""
 
-    Attributes
-    ----------
-    samples : (p, 11) float64
-        Surfels that are compared with the other scan: a few that stand for all, or all.
-    surfels : (m, 11) float64
-        Surfels that the other scan is compared with: all.
-    azimuth : (4,) float64
-        Direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
-        neighbouring beams: AZIMUTH_MIN to SLOTS_A_BEAM.
-    table : (n_slots,) int64
-        Reading in each direction, see :func:`azimuth_table`.
-    """
-
-    samples: Floats
-    surfels: Floats
+    samples: Floats  # (p, 11): surfels that are compared with the other scan: a few that stand for all, or all
+    surfels: Floats  # (m, 11): surfels that the other scan is compared with: all
+    # (4,): direction of slot 0 of the table, radians in (-pi, pi], slots a radian, range noise, metres, slots between
+    # neighbouring beams: AZIMUTH_MIN to SLOTS_A_BEAM
     azimuth: Floats
-    table: Ints
+    table: Ints  # (n_slots,): reading in each direction, see :func:`azimuth_table`
 
 
 AZIMUTH_MIN, SLOTS_A_RADIAN, SIGMA, SLOTS_A_BEAM = range(4)
@@ -42,7 +31,8 @@ _SLOTS_A_STEP = 4
 _MAX_SLOTS = 1 << 16
 
 _GAP_STEPS = 1.5
-"""Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may be."""
+"""Median steps from the nearest beam from which on a direction is a hole: half a step and as much jitter as there may
+be."""
 
 _ONE_TURN = 1e-9  # radians: rounding of a beam that stands a full turn after the first
 

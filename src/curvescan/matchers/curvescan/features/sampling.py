@@ -18,8 +18,8 @@ _GOLDEN_SECTION = 0.618
 def choose_samples(surfels: Floats, n_samples: int) -> Floats:
     """Return n_samples surfels, or none if there are no lines, spread evenly over the lengths of the surfaces.
 
-    A reading that stands for much may be chosen more than once. The first few of the samples are spread as evenly as all
-    of them.
+    A reading that stands for much may be chosen more than once. The first few of the samples are spread as evenly as
+    all of them.
     """
     m = surfels.shape[0]
     total = 0.0

@@ -16,7 +16,8 @@ from curvescan._jit import kernel
 from curvescan.types import Bools, Floats, Ints, Points
 
 _MAX_BRIDGED2 = 1.0
-"""Square of the longest gap that is bridged, square metres: over longer ones a wall is not distinguishable from chance."""
+"""Square of the longest gap that is bridged, square metres: over longer ones a wall is not distinguishable from
+chance."""
 
 _LEAST_INCIDENCE2 = 0.0016
 """Square of the least angle at which a wall is seen, 0.04 rad."""

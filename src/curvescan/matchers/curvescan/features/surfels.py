@@ -1,7 +1,8 @@
 """Surfels: the readings of a sweep, each with the line through it.
 
 The line through a reading is fitted to the readings around it; near a corner the fit that has its centre to one side is
-taken when it is the better one, so that lines do not bend around corners (the idea of Kuwahara's edge-preserving filter).
+taken when it is the better one, so that lines do not bend around corners (the idea of Kuwahara's edge-preserving
+filter).
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ SUM_X, SUM_Y, SUM_XX, SUM_XY, SUM_YY = range(5)
 """Columns of the running sums of `moments`."""
 
 FIT_X, FIT_Y, FIT_UX, FIT_UY, FIT_VARIANCE, FIT_ALONG, FIT_LOW, FIT_HIGH = range(8)
-"""Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings from it,
-sum of squares along it, first and last reading."""
+"""Columns of the line fitted around a reading: its centre and unit direction, mean squared distance of its readings
+from it, sum of squares along it, first and last reading."""
 
 OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
@@ -44,7 +45,8 @@ _QUANTILE = 0.4
 """Share of the variances that lie below the noise: clutter raises many of the others."""
 
 _BENT = 1.5
-"""Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked for."""
+"""Multiple of the variance that noise explains from which on a line goes around a corner, and a better one is looked
+for."""
 
 _BETTER = 1.3
 """A line is better when its variance is less by this factor: of two that are as good the reading's own is kept."""

@@ -1,1 +1,1 @@
-"""Poses that two scans may have without a guess: hypotheses of rotation and translation, scored, the best ones refined."""
+"""Poses without a guess: hypotheses of rotation and translation, scored, the best ones refined."""

@@ -1,7 +1,7 @@
 """Hypotheses: where the current scan may have been taken, from pairs of keypoints, the most voted first.
 
-Two oriented keypoints of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones scatter. So
-a pose gets the votes of all poses in its cell of a coarse grid, in the manner of Hough's transform.
+Two oriented keypoints of one kind, one of each scan, fix a pose. True pairs fix the same one, over and over; false ones
+scatter. So a pose gets the votes of all poses in its cell of a coarse grid, in the manner of Hough's transform.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Hypotheses for scenes without corners: rotations from the histogram of surface directions, and a search along degenerate directions.
+"""Hypotheses without corners: rotations from surface directions, a search along degenerate directions.
 
-The histogram of the directions of all surfaces turns with the sensor; where those of two scans
-correlate is a rotation (Weiss and von Puttkamer 1995). Where walls fix the pose across but not along, as a corridor does,
-poses along it are tried one by one: some door frame may decide.
+The histogram of the directions of all surfaces turns with the sensor; where those of two scans correlate is a rotation
+(Weiss and von Puttkamer 1995). Where walls fix the pose across but not along, as a corridor does, poses along it are
+tried one by one: some door frame may decide.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def rotation_hypotheses(histogram_ref: Floats, histogram_cur: Floats, n_rotation
 
 @kernel
 def dominant_axis(surfels: Floats) -> float:
-    """Return the direction that most surfaces face or run along, radians: the mean of all, right angles counted as one."""
+    """Return the direction of most surfaces, right angles counted as one, radians."""
     x, y = 0.0, 0.0
     for i in range(surfels.shape[0]):
         angle = _RIGHT_ANGLES * bearing(surfels[i, NX], surfels[i, NY])
@@ -81,8 +81,8 @@ def wall_offsets(
 ) -> Floats:
     """Return (k,) how far to move a pose along an axis for walls across it to coincide, the most coinciding first.
 
-    Each pair of walls of both scans that face alike votes for the distance between them (the projections of Weiss and von
-    Puttkamer 1995, from a few surfels); 0 where none does.
+    Each pair of walls of both scans that face alike votes for the distance between them (the projections of Weiss and
+    von Puttkamer 1995, from a few surfels); 0 where none does.
     """
     half = int(reach / bin_width + 0.5)
     votes = np.zeros(2 * half + 3)

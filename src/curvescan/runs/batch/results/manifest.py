@@ -22,49 +22,23 @@ MANIFEST = "manifest.jsonl"
 
 @dataclass(frozen=True, kw_only=True)
 class BatchRecord:
-    """What became of one log of a batch: a line of manifest.jsonl and of fleet.csv.
+    """What became of one log of a batch: a line of manifest.jsonl and of fleet.csv."""
 
-    Attributes
-    ----------
-    input : str
-        Absolute path of the log, or its URL.
-    bytes, mtime_ns : int
-        Its size, and when it was changed last (nanoseconds), before it was run.
-    options : str
-        Digest of the job and its options.
-    version : str
-        Of curvescan.
-    folder : str
-        Where its results are, in the batch's folder.
-    exit : int
-        0: done, 1: failed, 3: done, and the trajectory is not to be trusted; as a command of its own would exit.
-    verdict : str
-        ``"trusted"``, ``"not trusted"`` or ``"failed"``.
-    sentence : str
-        Why.
-    seconds : float
-        How long it took.
-    scans : int
-        How many scans the log has; 0 when it failed.
-    metres : float
-        Length of the path.
-    etag : str
-        What identified the log's content in a bucket; else empty.
-    """
-
-    input: str
+    input: str  # absolute path of the log, or its URL
+    # its size, and when it was changed last (nanoseconds), before it was run
     bytes: int
     mtime_ns: int
-    options: str
-    version: str
-    folder: str
+    options: str  # digest of the job and its options
+    version: str  # of curvescan
+    folder: str  # where its results are, in the batch's folder
+    # 0: done, 1: failed, 3: done, and the trajectory is not to be trusted; as a command of its own would exit
     exit: int
-    verdict: str
-    sentence: str
-    seconds: float
-    scans: int = 0
-    metres: float = 0.0
-    etag: str = ""
+    verdict: str  # ``"trusted"``, ``"not trusted"`` or ``"failed"``
+    sentence: str  # why
+    seconds: float  # how long it took
+    scans: int = 0  # how many scans the log has; 0 when it failed
+    metres: float = 0.0  # length of the path
+    etag: str = ""  # what identified the log's content in a bucket; else empty
 
     @property
     def is_failed(self) -> bool:
@@ -129,7 +103,7 @@ def open_manifest(folder: Path) -> Iterator[Manifest]:
 
 
 def read_manifest(path: Path) -> dict[str, BatchRecord]:
-    """Return the last record of each log, by its path, in the order of the lines; lines that are broken are left out."""
+    """Return the last record of each log by its path, in the order of the lines; broken lines are left out."""
     records: dict[str, BatchRecord] = {}
     with suppress(FileNotFoundError), path.open("rb") as file:
         for line in file:

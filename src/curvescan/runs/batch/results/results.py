@@ -1,4 +1,4 @@
-"""Results: what a batch asks of the place that its results go to, and the names and the table that every such place has."""
+"""Results: what a batch asks of the place of its results, with the names and the table of every place."""
 
 from __future__ import annotations
 

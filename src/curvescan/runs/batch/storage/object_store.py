@@ -1,7 +1,8 @@
-"""Buckets of object stores (S3, Google Cloud Storage, Azure Blob Storage) by obstore, which the extra ``cloud`` installs.
+"""Buckets (S3, Google Cloud Storage, Azure Blob Storage) by obstore, of the extra ``cloud``.
 
-Credentials, region and endpoint are those of the environment, as the stores' own tools name them: ``AWS_ACCESS_KEY_ID``,
-``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ``AZURE_STORAGE_ACCOUNT_NAME`` and their like.
+Credentials, region and endpoint are those of the environment, as the stores' own tools name them:
+``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ``AZURE_STORAGE_ACCOUNT_NAME`` and
+their like.
 """
 
 from __future__ import annotations
@@ -27,21 +28,11 @@ _PART_BYTES = 8 << 20
 
 @dataclass(frozen=True, kw_only=True)
 class StoredObject:
-    """An object as its bucket lists it.
+    """An object as its bucket lists it."""
 
-    Attributes
-    ----------
-    key : str
-        Its name in the bucket.
-    size : int
-        Bytes.
-    tag : str
-        ETag: another content has another one.
-    """
-
-    key: str
-    size: int
-    tag: str
+    key: str  # its name in the bucket
+    size: int  # bytes
+    tag: str  # ETag: another content has another one
 
 
 def is_url(path: str | os.PathLike[str]) -> bool:
