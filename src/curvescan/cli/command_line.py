@@ -25,8 +25,9 @@ from curvescan.cli.commands.live import live
 from curvescan.cli.commands.localize import localize
 from curvescan.cli.commands.match import match
 from curvescan.cli.commands.odometry import odometry
+from curvescan.cli.commands.results.map import edit_map
+from curvescan.cli.commands.results.view import view
 from curvescan.cli.commands.slam import slam
-from curvescan.cli.commands.view import view
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
@@ -45,6 +46,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "batch": batch,
     "live": live,
     "view": view,
+    "map": edit_map,
     "match": match,
     "evaluate": evaluate,
     "experiments": experiments,

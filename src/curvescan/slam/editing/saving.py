@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,14 +18,28 @@ from curvescan.slam.editing.edits import Edit, write_edits
 from curvescan.slam.map import SlamMap
 
 
-def save_map_folder(out: str | os.PathLike[str], slam_map: SlamMap, edits: Sequence[Edit]) -> tuple[str, ...]:
-    """Write map.csmap, graph.g2o, map.pgm with map.yaml, and the edits, and return the names of the files."""
-    with output_folder(out) as folder:
+@contextmanager
+def map_folder(
+    out: str | os.PathLike[str], slam_map: SlamMap, *, inputs: Sequence[str | os.PathLike[str]] = ()
+) -> Iterator[Path]:
+    """Write map.csmap, graph.g2o, map.pgm with map.yaml into a folder, and yield it for what else there is."""
+    with output_folder(out, inputs=inputs) as folder:
         grid = slam_map.occupancy()
         replace(slam_map, grid=grid).save(folder / "map.csmap")
-        keyframes = Trajectory(stamps=np.array([scan.stamp for scan in slam_map.scans]), poses=slam_map.poses)
-        write_g2o(folder / "graph.g2o", keyframes, slam_map.edges)
+        write_g2o(folder / "graph.g2o", keyframe_trajectory(slam_map), slam_map.edges)
         if grid.log_odds.size:
             write_map(folder, grid)
+        yield folder
+
+
+def save_map_folder(out: str | os.PathLike[str], slam_map: SlamMap, edits: Sequence[Edit]) -> tuple[str, ...]:
+    """Write a map into a folder with its edits, and return the names of the files."""
+    with map_folder(out, slam_map) as folder:
         write_edits(folder / "edits.json", edits)
         return tuple(sorted(file.name for file in folder.iterdir()))
+
+
+def keyframe_trajectory(slam_map: SlamMap) -> Trajectory:
+    """Return the keyframes of a map as a trajectory."""
+    stamps = np.array([scan.stamp for scan in slam_map.scans])
+    return Trajectory(stamps=stamps, poses=slam_map.poses, covariances=slam_map.covariances)

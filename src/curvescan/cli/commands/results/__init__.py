@@ -1,0 +1,1 @@
+"""Commands on what other commands wrote: look at results, change maps."""

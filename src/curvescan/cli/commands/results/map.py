@@ -1,0 +1,124 @@
+"""curvescan map: a saved map turned, cropped, rubbed out, merged, compared, or in other formats."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import tyro
+
+from curvescan.cli.options import Flag, OutFolder
+from curvescan.io.exports import ExportName
+
+if TYPE_CHECKING:
+    from curvescan.slam import SlamMap
+    from curvescan.slam.editing.operations import Change
+
+Box: TypeAlias = tuple[float, float, float, float]
+MapFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+_BOX = tyro.conf.arg(metavar="X0 Y0 X1 Y1")
+
+
+def edit_map(
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")],
+    /,
+    *,
+    out: OutFolder,
+    merge: MapFile = None,
+    turn: float = 0.0,
+    level: Flag = False,
+    crop: Annotated[Box | None, _BOX] = None,
+    rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = (),
+    resolution: float | None = None,
+    compare: MapFile = None,
+    points: tuple[Literal["ply", "pcd"], ...] = (),
+    export: tuple[ExportName, ...] = (),
+) -> int:
+    """Change a saved map, compare it with another, or write it in other formats.
+
+    What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the folder.
+
+    Parameters
+    ----------
+    file
+        The map, map.csmap of `curvescan slam`.
+    merge
+        Join another map to it, by matches without a guess; refused where too few of them agree.
+    turn
+        Turn it about the origin, degrees, counter-clockwise.
+    level
+        Turn it so that most of its walls are level.
+    crop
+        Keep what lies within a box, metres.
+    rub_out
+        Remove the readings that end within a box, metres; may be repeated.
+    resolution
+        Side of a cell of the occupancy map, metres.
+    compare
+        A later map in the same frame: what appeared and what is gone, in changes.csv and changes.png.
+    points
+        All readings as points.ply or points.pcd.
+    export
+        Further files: kitti (trajectory.kitti), g2o (graph.g2o), mcap (run.mcap), of the keyframes.
+    """
+    from curvescan.cli.console import OUT
+    from curvescan.io.exports import RunData, write_exports
+    from curvescan.io.points import write_pcd, write_ply
+    from curvescan.slam import load_map
+    from curvescan.slam.editing import operations
+    from curvescan.slam.editing.merging import merged
+    from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
+
+    slam_map = load_map(file)
+    if merge is not None:
+        slam_map = merged(slam_map, load_map(merge))
+    if turn:
+        slam_map = operations.turned(slam_map, math.radians(turn))
+    if level:
+        slam_map = operations.leveled(slam_map)
+    if crop is not None:
+        slam_map = operations.cropped(slam_map, crop)
+    for box in rub_out:
+        slam_map = operations.rubbed_out(slam_map, box)
+    if resolution is not None:
+        slam_map = operations.resampled(slam_map, resolution)
+    found = None if compare is None else operations.changes(slam_map.occupancy(), load_map(compare).occupancy())
+    inputs = [path for path in (file, merge, compare) if path is not None]
+    with map_folder(out, slam_map, inputs=inputs) as folder:
+        for name in points:
+            write = {"ply": write_ply, "pcd": write_pcd}[name]
+            write(folder / f"points.{name}", operations.map_points(slam_map))
+        if export:
+            trajectory = keyframe_trajectory(slam_map)
+            write_exports(
+                folder, export, RunData(trajectory=trajectory, edges=tuple(slam_map.edges), scans=slam_map.scans)
+            )
+        if found is not None:
+            _write_changes(folder, slam_map, found)
+        names = sorted(path.name for path in folder.iterdir())
+    OUT.print(f"{slam_map!r}; wrote {out}/{', '.join(names)}", markup=False)
+    for change in found or ():
+        x0, y0, x1, y1 = change.box
+        OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}", markup=False)
+    return 0
+
+
+def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> None:
+    """Write changes.csv and changes.png."""
+    from curvescan.plots.canvas import DARK, PATH, TRUTH, as_place, drawing_places
+
+    with (folder / "changes.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("kind", "x_min", "y_min", "x_max", "y_max", "square_metres"))
+        writer.writerows((c.kind, *(round(v, 4) for v in c.box), round(c.area, 4)) for c in found)
+    cells = slam_map.occupancy().occupied_centres
+    with drawing_places(folder / "changes.png", cells) as (_, [axes]):
+        as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
+        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0.0)
+        for change in found:
+            x0, y0, x1, y1 = change.box
+            colour = TRUTH if change.kind == "appeared" else PATH
+            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, lw=1.5)

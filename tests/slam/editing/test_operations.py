@@ -1,0 +1,160 @@
+"""Maps turned, cropped, rubbed out, compared and merged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
+from curvescan.cli.main import run
+from curvescan.io.points import write_pcd, write_ply
+from curvescan.slam.editing import operations
+from curvescan.slam.editing.merging import merged
+from tests.slam.editing.ring import N, ring
+
+
+def in_a_hall():
+    """The ring, its keyframes in a hall of 20 m by 16 m, which turns with the map."""
+    slam_map, truth = ring()
+    angles = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+    scans = []
+    for x, y, theta in truth:
+        c, s = np.cos(angles + theta), np.sin(angles + theta)
+        across = np.where(c > 0.0, 14.0 - x, x + 6.0) / np.maximum(np.abs(c), 1e-9)
+        along = np.where(s > 0.0, 12.0 - y, y + 4.0) / np.maximum(np.abs(s), 1e-9)
+        ranges = np.minimum(across, along)
+        scans.append(LaserScan(ranges, angle_min=-np.pi, angle_increment=np.pi / 180, range_max=40.0))
+    return replace(slam_map, scans=tuple(scans), poses=truth)
+
+
+@pytest.mark.parametrize("angle", [0.3, -0.7, 0.0])
+def test_walls_are_leveled_whatever_the_turn(angle):
+    turned = operations.turned(in_a_hall(), angle)
+    # the walls are exact: what is left is the width of a bin
+    assert abs(operations.wall_angle(turned) - angle) < 0.002
+    assert abs(operations.wall_angle(operations.leveled(turned))) < 0.002
+    back = operations.turned(turned, -angle)
+    np.testing.assert_allclose(se2.between(in_a_hall().poses, back.poses), 0.0, atol=1e-12)
+
+
+def test_a_map_without_walls_cannot_be_leveled():
+    with pytest.raises(InvalidArgumentError, match="no walls"):
+        operations.leveled(ring()[0])
+
+
+def test_what_lies_outside_a_crop_is_gone_and_so_are_its_edges():
+    hall = in_a_hall()
+    part = operations.cropped(hall, (-1.0, -1.0, 4.0, 4.0))
+    inside = (hall.poses[:, 0] <= 4.0) & (hall.poses[:, 1] <= 4.0)
+    assert 0 < len(part) == inside.sum() < N
+    assert part.ends.max() < len(part)
+    points = operations.map_points(part)
+    assert (np.abs(points - 1.5) <= 2.5).all()
+    with pytest.raises(InvalidArgumentError, match="no keyframe lies within"):
+        operations.cropped(hall, (100.0, 100.0, 101.0, 101.0))
+    with pytest.raises(InvalidArgumentError, match="X0 < X1"):
+        operations.cropped(hall, (1.0, 0.0, 0.0, 1.0))
+
+
+def test_what_is_rubbed_out_is_gone_and_the_rest_stays():
+    hall = in_a_hall()
+    points = operations.map_points(hall)
+    wall = (13.5, -5.0, 14.5, 13.0)
+    left = operations.map_points(operations.rubbed_out(hall, wall))
+    assert len(left) == (points[:, 0] < 13.5).sum() < len(points)
+
+
+def test_cells_have_the_size_that_was_asked_for():
+    assert operations.resampled(in_a_hall(), 0.2).grid.resolution == 0.2
+
+
+def grid_of(occupied, n=200):
+    log_odds = np.full((n, n), -1.0, dtype=np.float32)
+    for row, column, size in occupied:
+        log_odds[row : row + size, column : column + size] = 2.0
+    return OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=OccupancyConfig())
+
+
+def test_changes_are_what_was_moved_and_nothing_else():
+    rng = np.random.default_rng(0)
+    places = [(20 * i + 6, 20 * j + 6, int(rng.integers(3, 9))) for i in range(10) for j in range(10)]
+    gone, new = {3, 50, 77}, {10, 42}
+    before = grid_of([p for k, p in enumerate(places) if k not in new])
+    shifted = [(r + 1, c - 1, s) for k, (r, c, s) in enumerate(places) if k not in gone]  # maps differ by a cell
+    found = operations.changes(before, grid_of(shifted))
+    for kind, numbers in (("gone", gone), ("appeared", new)):
+        centres = {
+            (round(20 * (c.box[1] + c.box[3])) / 40, round(20 * (c.box[0] + c.box[2])) / 40)
+            for c in found
+            if c.kind == kind
+        }
+        assert len(centres) == len(numbers)
+        for k in numbers:
+            row, column, size = places[k]
+            assert min(abs(y - 0.05 * (row + size / 2)) + abs(x - 0.05 * (column + size / 2)) for y, x in centres) < 0.2
+    assert operations.changes(before, before) == []
+    with pytest.raises(InvalidArgumentError, match="one size"):
+        operations.changes(before, operations.resampled(in_a_hall(), 0.2).grid)
+
+
+def test_points_are_written_as_others_read_them(tmp_path):
+    points = np.array([[1.0, 2.0], [-3.5, 0.25]])
+    for write, end in ((write_ply, b"end_header\n"), (write_pcd, b"DATA binary\n")):
+        write(tmp_path / "points", points)
+        header, _, body = (tmp_path / "points").read_bytes().partition(end)
+        assert b"2" in header
+        np.testing.assert_array_equal(np.frombuffer(body, "<f4").reshape(2, 3), [[1, 2, 0], [-3.5, 0.25, 0]])
+
+
+def test_the_command_does_it_all_into_one_folder(tmp_path, capsys):
+    in_a_hall().save(tmp_path / "hall.csmap")
+    out = tmp_path / "out"
+    flags = ["--level", "--turn", "30", "--points", "ply", "pcd", "--export", "kitti", "g2o", "mcap"]
+    assert run(["map", str(tmp_path / "hall.csmap"), "--out", str(out), *flags, "--rub-out", "0", "0", "1", "1"]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert {
+        "map.csmap",
+        "map.pgm",
+        "map.yaml",
+        "points.ply",
+        "points.pcd",
+        "trajectory.kitti",
+        "graph.g2o",
+        "run.mcap",
+    } <= names
+    assert len(load_map(out / "map.csmap")) == N
+    compared = ["--compare", str(out / "map.csmap"), "--out", str(tmp_path / "compared")]
+    assert run(["map", str(out / "map.csmap"), *compared]) == 0
+    assert (tmp_path / "compared" / "changes.csv").read_text().splitlines() == [
+        "kind,x_min,y_min,x_max,y_max,square_metres"
+    ]
+    assert (tmp_path / "compared" / "changes.png").exists()
+
+
+def from_log(log, rows):
+    """A map of some scans where the simulation had them, in the frame of its first."""
+    slam_map, _ = ring()
+    rows = np.asarray(rows)
+    poses = se2.between(log.truth.poses[rows[0]], log.truth.poses[rows])
+    n = len(rows)
+    ends = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
+    return replace(
+        slam_map, scans=tuple(log[k] for k in rows.tolist()), poses=poses, covariances=slam_map.covariances[:n],
+        indices=np.arange(n), sessions=np.zeros(n, dtype=np.int64), ends=ends,
+        measured=se2.between(poses[:-1], poses[1:]), edge_covariances=slam_map.edge_covariances[: n - 1],
+        kinds=slam_map.kinds[: n - 1], weights=np.ones(n - 1),
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_maps_of_one_building_are_joined_where_they_belong_and_of_two_are_refused():
+    log = simulate("office-floor", sensor="spinning-360", n_scans=260)
+    one, other = from_log(log, range(0, 240, 10)), from_log(log, range(125, 260, 9))
+    both = merged(one, operations.turned(other, 1.0))
+    truth = se2.between(log.truth.poses[0], log.truth.poses[np.r_[0:240:10, 125:260:9]])
+    # the scans' own noise: closures of a centimetre or two
+    np.testing.assert_allclose(both.poses[:, :2], truth[:, :2], atol=0.05)
+    assert both.n_sessions == 2
+    elsewhere = simulate("office-floor", sensor="spinning-360", n_scans=240, seed=5)
+    with pytest.raises(InvalidArgumentError, match="nothing joins the two maps"):
+        merged(one, from_log(elsewhere, range(0, 240, 10)))
