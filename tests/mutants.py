@@ -34,9 +34,8 @@ _ELSEWHERE = {  # files that others' tests are nearest to
     f"{MATCHER}/candidates.py": "test_disambiguation.py",
     f"{MATCHER}/features/direction_histogram.py": "proposal/test_rotation_hypotheses.py",
     f"{MATCHER}/normal_equations.py": "assessment/test_information.py",
-    "curvescan/odometry/config.py": "test_odometry.py",
-    "curvescan/odometry/fits.py": "test_odometry.py",
-    "curvescan/odometry/observation.py": "test_odometry.py",
+    "curvescan/odometry/config.py": "test_gating.py",
+    "curvescan/odometry/gaps.py": "test_recovery.py",
     "curvescan/odometry/strategies.py": "test_recovery.py",
 }
 _NO_CODE = ("__init__.py", "step.py", "features.py")
@@ -103,11 +102,11 @@ NAMED = (
     _named(
         "motion gate three times as wide",
         "odometry/config.py",
-        "    gate_chi2: float = 20.0",
-        "    gate_chi2: float = 60.0",
-        "odometry/test_odometry.py",
+        "motion_gate_chi2: float = 20.0",
+        "motion_gate_chi2: float = 60.0",
+        "odometry/test_gating.py",
     ),
-    _named("pauses clamped ten times later", "odometry/clock.py", "_MAX_PERIODS = 20.0", "_MAX_PERIODS = 200.0"),
+    _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20.0", "_MAX_STRETCH = 200.0"),
     _named(
         "stale share 0.4 instead of 0.1",
         "diagnostics/checks.py",
@@ -140,7 +139,24 @@ NAMED = (
         "if False:",
     ),
     _named("no soft weight between 2 and 4 sigma", f"{_MATCHER}/refinement.py", "if u2 > _KNEE_CHI2:", "if False:"),
-    _named("one leap is a habit", "odometry/motion.py", "new = min(new, self.config.gate_chi2 * old)", "pass"),
+    _named(
+        "one leap is a habit",
+        "odometry/motion_model.py",
+        "square = min(square, self.config.motion_gate_chi2 * variance)",
+        "pass",
+    ),
+    _named(
+        "a rejected match keeps its small covariance",
+        "odometry/gating.py",
+        "expected.cov + config.recovery_covariance",
+        "expected.cov",
+    ),
+    _named(
+        "the old velocity goes on after a match that nobody expected",
+        "odometry/motion_model.py",
+        "last = motion if is_plausible else identity()",
+        "last = motion if is_plausible else self.last",
+    ),
 )
 """Some that once lived in the tests of their own file, and others that did."""
 

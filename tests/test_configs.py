@@ -17,9 +17,9 @@ def pair():
 
 
 def test_a_mapping_stands_for_the_fields_that_differ():
-    given = {"keyframes": {"distance": 1, "turn": np.float64(2)}, "deskew": False}
+    given = {"keyframes": {"distance": 1, "max_gap": np.int64(2)}, "deskew": False}
     assert as_config(given, cs.OdometryConfig()) == cs.OdometryConfig(
-        keyframes=cs.KeyframesConfig(distance=1.0, turn=2.0), deskew=False
+        keyframes=cs.KeyframesConfig(distance=1.0, max_gap=2), deskew=False
     )
     nested = {"keyframes": cs.KeyframesConfig(distance=0.5)}
     assert as_config(nested, cs.OdometryConfig()).keyframes.distance == 0.5

@@ -19,9 +19,9 @@ DEFAULTS = {"cfsma": CfSmaConfig(), "odometry": OdometryConfig()}
 def test_a_configuration_comes_back_to_the_bit(tmp_path_factory, tolerance, n):
     path = tmp_path_factory.mktemp("config") / "config.toml"
     config = CfSmaConfig(curvature=CurvatureConfig(arc_tolerance=tolerance), landmarks=LandmarksConfig(n_neighbours=n))
-    write_config(path, {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(memory=n))})
+    write_config(path, {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))})
     found = read_config(path, DEFAULTS)
-    assert found == {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(memory=n))}
+    assert found == {"cfsma": config, "odometry": OdometryConfig(motion=MotionConfig(max_repeats=n))}
 
 
 @pytest.mark.parametrize("method", sorted(MATCHERS))

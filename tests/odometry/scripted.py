@@ -38,7 +38,7 @@ class ScriptedMatcher:
     def can_be_reference(self, features):
         return True
 
-    def match(self, reference, current, prior):
+    def match(self, reference, current, guess):
         score, confidence = self.config.links.get((reference, current), (0.8, 0.95))
         is_seen = score > 0.0 and not {reference, current} & self.config.hidden
         pose = se2.between(self.config.poses[reference], self.config.poses[current])

@@ -58,7 +58,7 @@ def test_a_failed_match_repeats_the_last_motion_and_says_so():
     assert predicted.outcome is StepOutcome.PREDICTED
     assert predicted.match.outcome is cs.Outcome.NO_SEGMENTS
     motion = cs.se2.between(steps[1].pose, steps[2].pose)
-    np.testing.assert_allclose(predicted.pose, cs.se2.compose(steps[2].pose, motion), atol=1e-3)
+    np.testing.assert_allclose(predicted.pose, cs.se2.compose(steps[2].pose, motion), atol=1e-12)
     assert (np.diag(predicted.covariance) > np.diag(steps[2].covariance)).all()
     # a covered sensor is no reference: the scan after it is matched with the one before it
     assert after.outcome is StepOutcome.MATCHED
@@ -87,13 +87,13 @@ def test_the_failed_scan_becomes_the_next_reference():
 
 def test_a_motion_is_not_repeated_for_ever():
     scans, _ = drive(3)
-    odometry = cs.Odometry()
+    odometry = cs.Odometry(config=OdometryConfig(motion=MotionConfig(max_repeats=2)))
     for scan in scans:
         odometry.add(scan)
-    steps = [odometry.add(blank()) for _ in range(8)]
-    assert [s.outcome for s in steps] == [StepOutcome.PREDICTED] * 5 + [StepOutcome.HELD] * 3
-    np.testing.assert_allclose(steps[7].pose, steps[4].pose, atol=1e-12)
-    assert (np.diag(steps[7].covariance) > np.diag(steps[6].covariance)).all()
+    steps = [odometry.add(blank()) for _ in range(4)]
+    assert [s.outcome for s in steps] == [StepOutcome.PREDICTED] * 2 + [StepOutcome.HELD] * 2
+    np.testing.assert_array_equal(steps[3].pose, steps[1].pose)
+    assert (np.diag(steps[3].covariance) > np.diag(steps[2].covariance)).all()
 
 
 def test_a_first_scan_without_readings_gives_way_to_the_first_with_some():
@@ -157,8 +157,12 @@ def test_wrong_arguments_are_named():
         cs.Odometry().add(np.ones(3))
     with pytest.raises(cs.InvalidArgumentError, match="odometry_pose must be three numbers"):
         cs.Odometry().add(blank(), odometry_pose=[0.0, 1.0])
-    with pytest.raises(cs.InvalidArgumentError, match="max_speed must be > 0, got 0"):
-        MotionConfig(max_speed=0)
+    with pytest.raises(cs.InvalidArgumentError, match="recovery_sigma_m must be > 0, got 0"):
+        MotionConfig(recovery_sigma_m=0)
+    with pytest.raises(cs.InvalidArgumentError, match="must not be less than least_sigma_m"):
+        MotionConfig(sigma_m=0.01)
+    with pytest.raises(cs.InvalidArgumentError, match="max_repeats must be >= 0, got -1"):
+        MotionConfig(max_repeats=-1)
     with pytest.raises(cs.InvalidArgumentError, match=r"variance_retained must lie in \(0, 1\], got 0"):
         KeyframesConfig(variance_retained=0)
 
@@ -276,15 +280,15 @@ def test_carried_to_an_unseen_place_it_is_lost_and_starts_anew():
     assert names[12] is StepOutcome.PREDICTED
     assert names.count(StepOutcome.LOST) == 1
     lost = names.index(StepOutcome.LOST)
-    assert 12 < lost <= 18
+    assert 12 < lost <= 12 + KeyframesConfig().max_gap
     # to the past it is open, and stays so; a consumer that chains the motions learns it as well
     for step in steps[lost:]:
-        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 5.0
-    assert steps[lost].motion_covariance[0, 0] > 5.0**2
+        assert np.sqrt(np.diag(step.covariance)[:2]).min() > 100.0
+    assert steps[lost].motion_covariance[0, 0] > 100.0**2
     # among each other the steps since are sure
     found = cs.se2.between(steps[lost].pose, steps[-1].pose)
     np.testing.assert_allclose(found, cs.se2.between(truth[lost - 12], truth[-1]), atol=0.02)
-    assert max(step.motion_covariance[0, 0] for step in steps[lost + 2 :]) < 0.01
+    assert max(step.motion_covariance[0, 0] for step in steps[lost + 1 :]) < 0.01
 
 
 @pytest.mark.slow

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from curvescan.errors import require
 from curvescan.matchers import DEFAULT_METHOD
+from curvescan.types import Cov
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,14 +21,22 @@ class KeyframesConfig:
     """A new keyframe is due when the sensor has turned by this much, radians; 0 makes each scan one."""
     min_score: float = 0.4
     """A new keyframe is due when the match with the one in use has a lower score, in [0, 1]."""
+    least_score: float = 0.25
+    """A match far from where it was expected is rejected below this score, in [0, 1]."""
     variance_retained: float = 0.4
     """Share of the variance of a match that stays when the scan becomes a keyframe: the rest cancels along the chain,
     for a keyframe's noise moves the scan before it and the one after it opposite ways. Measured in simulation."""
+    max_gap: int = 3
+    """Scans in a row that the expected motion may carry; if then still none matches what was known before the failure,
+    the track is lost and starts anew. 0: never."""
 
     def __post_init__(self) -> None:
         for name in ("distance", "turn"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        require(0.0 <= self.min_score <= 1.0, "min_score must lie in [0, 1]", self.min_score)
+        for name in ("min_score", "least_score"):
+            score = getattr(self, name)
+            require(0.0 <= score <= 1.0, f"{name} must lie in [0, 1]", score)
+        require(self.max_gap >= 0, "max_gap must be >= 0", self.max_gap)
         require(0.0 < self.variance_retained <= 1.0, "variance_retained must lie in (0, 1]", self.variance_retained)
 
 
@@ -33,16 +44,24 @@ class KeyframesConfig:
 class MotionConfig:
     """Motion: what is expected of the next scan before it is matched, and how well that is known."""
 
-    speed_change: float = 0.5
-    """How much the speed is taken to change within a second before any change has been seen, m/s and axis."""
-    turn_change: float = 1.0
-    """How much the rate of turn is taken to change within a second before any change has been seen, rad/s."""
+    sigma_m: float = 0.1
+    """How much the motion is taken to change from a step to the next before any has been seen, metres and axis."""
+    sigma_rad: float = 0.1
+    """The same of its turn, radians."""
+    least_sigma_m: float = 0.02
+    """What is seen of such changes replaces the two above, but never goes below this, metres."""
+    least_sigma_rad: float = 0.02
+    """The same of its turn, radians."""
     memory: float = 20.0
-    """Changes of speed and errors of the wheels are averaged over about this many steps."""
-    gate_chi2: float = 20.0
-    """A match this far from the prediction is not accepted unless it is sure: squared Mahalanobis distance."""
-    max_speed: float = 2.0
-    """Greatest speed of a sensor that nothing tracks, m/s and rad/s: it bounds how far it may be after an outage."""
+    """Changes are averaged over about this many steps."""
+    is_fused: bool = True
+    """The expected motion takes part in each pose, weighed by the covariances; else the matches alone decide."""
+    recovery_sigma_m: float = 0.5
+    """How far the sensor may be from where it was expected once a match failed or contradicts, metres and axis."""
+    recovery_sigma_rad: float = 1.0
+    """The same of its direction, radians."""
+    max_repeats: int = 5
+    """Failures in a row after which the last motion is no longer repeated and the pose is held."""
     wheel_share: float = 0.1
     """Wheel odometry errs by this share of the distance driven."""
     wheel_turn_share: float = 0.25
@@ -53,34 +72,52 @@ class MotionConfig:
     """Wheel odometry errs by this much at the least, metres a step."""
     wheel_floor_rad: float = 0.003
     """Wheel odometry errs by this much at the least, radians a step."""
+    motion_gate_chi2: float = 20.0
+    """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
+    expected_score: float = 0.3
+    """A match that would be in doubt without a guess counts where it is expected from this score on, in [0, 1]: of scans of
+    places that share nothing less than 1 in 1,000 reach it there, of scans a metre apart nearly all."""
 
     def __post_init__(self) -> None:
-        for name in ("speed_change", "turn_change", "gate_chi2", "max_speed", "wheel_floor_m", "wheel_floor_rad"):
+        sigmas = ("least_sigma_m", "least_sigma_rad", "recovery_sigma_m", "recovery_sigma_rad")
+        for name in (*sigmas, "wheel_floor_m", "wheel_floor_rad", "motion_gate_chi2"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("wheel_share", "wheel_turn_share", "wheel_drift"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
+        require(
+            self.sigma_m >= self.least_sigma_m and self.sigma_rad >= self.least_sigma_rad,
+            "sigma_m and sigma_rad must not be less than least_sigma_m and least_sigma_rad",
+            (self.sigma_m, self.sigma_rad),
+        )
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
+        require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
+
+    @property
+    def recovery_covariance(self) -> Cov:
+        """(3, 3) covariance of where the sensor is once a match failed or contradicts what was expected."""
+        sigmas = np.array([self.recovery_sigma_m, self.recovery_sigma_m, self.recovery_sigma_rad])
+        return np.diag(sigmas**2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryConfig:
-    """All settings of the odometry."""
+    """The whole of it."""
 
     keyframes: KeyframesConfig = field(default_factory=KeyframesConfig)
     """Keyframes: how long one is kept."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     """Motion: what is expected of the next scan before it is matched."""
+
     deskew: bool = True
     """Where a scan gives the times of its beams, the motion during the sweep is taken out of it."""
-    is_filtered: bool = True
-    """The expected motion takes part in each pose, weighed by the covariances, and a lost track is noticed; else the
-    matches alone decide."""
 
     @classmethod
     def scan_to_scan(cls) -> OdometryConfig:
         """Return the plain chain of eq. 1: each scan matched with the one before it, and nothing else."""
-        keyframes = KeyframesConfig(distance=0.0, turn=0.0, variance_retained=1.0)
-        return cls(keyframes=keyframes, is_filtered=False)
+        return cls(
+            keyframes=KeyframesConfig(distance=0.0, turn=0.0, max_gap=0, variance_retained=1.0),
+            motion=MotionConfig(is_fused=False),
+        )
 
     @classmethod
     def of_method(cls, method: str) -> OdometryConfig:

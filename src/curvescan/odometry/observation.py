@@ -1,25 +1,27 @@
-"""The records that pass through one ``Odometry.add``, and the references that a scan is matched with."""
+"""The records that pass through one ``Odometry.add``: state, observation, placement."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
-import numpy as np
-
-from curvescan import se2
-from curvescan.matchers import PreparedScan, prepare
+from curvescan.matchers import MatchResult, PreparedScan, prepare
 from curvescan.matchers.registry import Matcher, MatcherConfig
-from curvescan.odometry.clock import Clock
 from curvescan.odometry.config import OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
-from curvescan.odometry.fits import Fit, fitted
-from curvescan.odometry.motion import MotionModel, Wheels
-from curvescan.odometry.outage import Outage
+from curvescan.odometry.gating import GatedMatch, gate
+from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.measurement import (
+    decided_by_expectation,
+    has_unguided_pose,
+    is_vague_along,
+    unguided_measurement,
+)
+from curvescan.odometry.motion_model import MotionModel, Prediction
 from curvescan.odometry.step import StepOutcome
-from curvescan.odometry.track import Track
 from curvescan.scan import LaserScan
+from curvescan.se2.uncertain import UncertainPose, compose, identity
 from curvescan.types import Pose
 
 
@@ -48,16 +50,79 @@ class Matching:
         """Return a scan ready to be matched."""
         return prepare(scan, method=self.method, config=self.matcher_config)
 
-    def is_reference(self, scan: PreparedScan) -> bool:
-        """Return whether others can be matched with a scan."""
-        return self.matcher.can_be_reference(scan.features)
+    def match(
+        self, reference: PreparedScan, current: PreparedScan, origin: UncertainPose, prediction: Prediction
+    ) -> GatedMatch:
+        """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
+
+        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last motion or leaves a
+        direction open, or where the guess decided it and the other odometry contradicts it. A match that is sure is the same
+        with and without it.
+        """
+        motion, min_score = self.config.motion, self.config.keyframes.min_score
+        expected = compose(origin, prediction.motion)
+        if not (prediction.is_measured and motion.is_fused):
+            return self._gated(reference, current, expected)
+        repeated = compose(origin, prediction.repeated)
+        alone = self._gated(reference, current, repeated).made_without(expected, motion)
+        is_sure = alone.is_fully_observed and alone.is_plausible
+        if is_sure and not (alone.is_prior_rejected and alone.result.is_guess_decisive):
+            return alone
+        guided = self._gated(reference, current, expected, repeated)
+        if is_sure:
+            # only the guess decided it: another one that is expected, too, must explain more
+            is_better = guided.is_better_than(alone, 1.0) and not guided.is_prior_rejected
+            return guided if is_better else alone
+        return alone if alone.is_better_than(guided, min_score) else guided
+
+    def _gated(
+        self,
+        reference: PreparedScan,
+        current: PreparedScan,
+        expected: UncertainPose,
+        repeated: UncertainPose | None = None,
+    ) -> GatedMatch:
+        """Return a match made from what is expected of it, and compared with that or, where given, the last motion repeated."""
+        motion = self.config.motion
+        result = self.matcher.match(reference.features, current.features, expected)
+        measured = None
+        if motion.is_fused:
+            result = decided_by_expectation(result, expected, motion)
+            if result.ok and is_vague_along(expected, result):
+                measured = self._unguided(reference, current, result)
+        return gate(result, expected, motion, repeated, measured)
+
+    def _unguided(self, reference: PreparedScan, current: PreparedScan, result: MatchResult) -> UncertainPose | None:
+        """Return what two scans say without a guess, whose match with one leaves a direction open."""
+        if not has_unguided_pose(result):
+            result = self.matcher.match(reference.features, current.features, None)
+        return unguided_measurement(result, self.matcher.config)
+
+    def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
+        """Return a scan that others can be matched with, else None."""
+        return scan if self.matcher.can_be_reference(scan.features) else None
 
 
-class Reference(NamedTuple):
-    """A scan that others are matched with, and its number."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gap:
+    """Scans since the last one that was placed by a match with what was known before.
 
-    scan: PreparedScan
-    number: int
+    Attributes
+    ----------
+    before : tuple of Keyframe
+        The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
+    n_scans : int
+        Scans in the gap that have readings enough to be matched.
+    first : int
+        Number of the first scan in the gap.
+    is_questioned : bool
+        Whether a match leads over it that is not sure enough: see :func:`~curvescan.odometry.gaps.question_link`.
+    """
+
+    before: tuple[Keyframe, ...]
+    n_scans: int
+    first: int
+    is_questioned: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,41 +132,56 @@ class State:
     Attributes
     ----------
     motion : MotionModel
-        What has been learned of changes of speed and of the wheels.
+        What is expected of the next scan.
     n_scans : int
         Scans so far.
-    track : Track or None
+    localization : Localization or None
         Where the last scan is; None before the first.
-    as_keyframe : Track or None
-        The same as it is to be taken if the last scan becomes a keyframe.
-    keyframe, previous : Reference or None
-        The keyframe in use, and the last scan if it can be a reference.
-    clock : Clock
-        The clock of the stream.
+    previous : PreparedScan or None
+        The last scan, if it can be a reference.
     deskewer : Deskewer
         The clock of the sweeps.
     first : LaserScan or None
         The first scan, until the second shows the velocity with which its sweep is deskewed.
-    last_motion : (3,) float64
-        The last motion.
-    n_failed : int
-        Scans without a match in a row.
-    outage : Outage or None
-        Doubts whether the sensor is still where it was tracked.
+    gap : Gap or None
+        A failure that no match has bridged yet.
+    score : float
+        Of the match that placed the last scan; NaN where none did.
     """
 
     motion: MotionModel
     n_scans: int = 0
-    track: Track | None = None
-    as_keyframe: Track | None = None
-    keyframe: Reference | None = None
-    previous: Reference | None = None
-    clock: Clock = field(default_factory=Clock)
+    localization: Localization | None = None
+    previous: PreparedScan | None = None
     deskewer: Deskewer = field(default_factory=Deskewer)
     first: LaserScan | None = None
-    last_motion: Pose = field(default_factory=lambda: np.zeros(3))
-    n_failed: int = 0
-    outage: Outage | None = None
+    gap: Gap | None = None
+    score: float = math.nan
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attempt:
+    """The better of the matches with the keyframe in use and with the previous scan.
+
+    Attributes
+    ----------
+    last : Localization
+        Where the previous scan is.
+    gated : GatedMatch
+        The match.
+    outcome : StepOutcome
+        MATCHED with the keyframe, CHAINED with the previous scan.
+    reference : PreparedScan
+        The one it was matched with.
+    origin : UncertainPose
+        The last scan seen from it.
+    """
+
+    last: Localization
+    gated: GatedMatch
+    outcome: StepOutcome
+    reference: PreparedScan
+    origin: UncertainPose
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,27 +192,21 @@ class Observation:
     ----------
     scan : LaserScan
         As it came.
+    prediction : Prediction
+        What is expected of it.
+    deskewer : Deskewer
+        At the time of the scan.
     state : State
         After the last scan.
     matching : Matching
         The matcher.
-    seconds : float
-        Time since the last scan.
-    wheels : Wheels or None
-        The motion since the last scan by the wheels.
-    deskewer : Deskewer
-        At the time of the scan.
-    is_missed : bool
-        Whether the wheels were not updated since the last scan.
     """
 
     scan: LaserScan
+    prediction: Prediction
+    deskewer: Deskewer
     state: State
     matching: Matching
-    seconds: float
-    wheels: Wheels | None
-    deskewer: Deskewer
-    is_missed: bool = False
 
     @property
     def config(self) -> OdometryConfig:
@@ -144,90 +218,80 @@ class Observation:
         """Number of the scan in the stream."""
         return self.state.n_scans
 
-    @property
-    def is_wheeled(self) -> bool:
-        """Whether wheels measure the whole motion."""
-        return self.wheels is not None and self.wheels.is_complete
-
     @cached_property
     def current(self) -> PreparedScan:
         """The scan deskewed with the expected motion, and ready to be matched."""
-        assert self.state.track is not None
-        return self.prepared(self.motion_of(self.predicted(self.state.track)))
+        return self.prepared(self.expected.pose)
 
     def prepared(self, motion: Pose) -> PreparedScan:
         """Return the scan ready to be matched, deskewed with a motion since the last one."""
-        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if self.config.deskew else self.scan)
+        is_deskewed = self.config.deskew
+        return self.matching.prepare(self.deskewer.deskewed(self.scan, motion) if is_deskewed else self.scan)
 
-    def motion_of(self, track: Track) -> Pose:
-        """Return the motion since the last scan of a track with its keyframe."""
-        return track.speed * self.seconds
-
-    def predicted(self, track: Track, *, by_wheels: bool = True) -> Track:
-        """Return a track at the time of the scan: its speed goes on, or is what the wheels measured."""
-        track = self.state.motion.accelerated(track, self.seconds)
-        if by_wheels and self.wheels is not None:
-            track = self.wheels.on(track, self.seconds)
-        return track.moved(self.seconds)
-
-    def fit(self, reference: Reference, before: Track, current: PreparedScan, *, by_wheels: bool = True) -> Fit:
-        """Return the match of the scan with a reference, where `before` was the track at the last scan."""
-        expected = self.predicted(before, by_wheels=by_wheels)
-        result = self.matching.matcher.match(reference.scan.features, current.features, expected.seen)
-        unknown = self.state.motion.unknown_speed
-        fit = fitted(result, expected, self.config, unknown, self.seconds)
-        if self.wheels is None or not by_wheels or (fit.is_accepted and not fit.is_surprising):
-            return fit
-        alone = fitted(result, self.predicted(before, by_wheels=False), self.config, unknown, self.seconds)
-        if alone.is_accepted and not alone.is_surprising:
-            return alone._replace(is_prior_rejected=True)
-        return fit
+    @property
+    def expected(self) -> UncertainPose:
+        """The expected motion since the last scan."""
+        return self.prediction.motion
 
 
-class Placement(NamedTuple):
-    """Where a scan is, and how that was found.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """Where a scan is, how that was found, and what is to be remembered of it.
 
     Attributes
     ----------
     outcome : StepOutcome
         How it was found.
-    track : Track
+    localization : Localization
         Where it is.
-    as_keyframe : Track
-        The same if it becomes a keyframe.
     current : PreparedScan
         The scan as it was matched last.
-    keyframe : Reference
-        The keyframe in use from now on.
     motion : MotionModel
         The motion model after it.
-    fit : Fit or None
-        The match behind it, or that failed.
+    step_motion : UncertainPose
+        The scan seen from the previous one, without any leap.
+    gap : Gap or None
+        A failure that is not bridged yet.
+    match : MatchResult or None
+        The match behind it.
+    is_prior_rejected : bool
+        Whether another odometry was left out because the match contradicts it.
     reference : int or None
         Number of the scan it was matched with.
-    n_failed : int
-        Scans without a match in a row.
-    outage : Outage or None
-        Doubts that remain.
+    first_keyframe_scan : PreparedScan or None
+        The first scan, deskewed now that its velocity is known.
     is_reference : bool
         Whether the next scan may be matched with this one.
     """
 
     outcome: StepOutcome
-    track: Track
-    as_keyframe: Track
+    localization: Localization
     current: PreparedScan
-    keyframe: Reference
     motion: MotionModel
-    fit: Fit | None = None
+    step_motion: UncertainPose
+    gap: Gap | None = None
+    match: MatchResult | None = None
+    is_prior_rejected: bool = False
     reference: int | None = None
-    n_failed: int = 0
-    outage: Outage | None = None
+    first_keyframe_scan: PreparedScan | None = None
     is_reference: bool = True
 
 
-def step_motion(o: Observation, track: Track) -> Pose:
-    """Return the motion since the last scan as the poses have it."""
-    if o.state.track is None:
-        return np.zeros(3)
-    return se2.between(o.state.track.pose_map_scan.pose, track.pose_map_scan.pose)
+def try_references(observation: Observation, last: Localization) -> Attempt:
+    """Return the match with the keyframe in use or, where that leaves doubt and it does better, the previous scan."""
+    matching, previous = observation.matching, observation.state.previous
+    current, prediction = observation.current, observation.prediction
+    min_score = matching.config.keyframes.min_score
+    attempt = Attempt(
+        last=last,
+        gated=matching.match(last.keyframe.scan, current, last.pose_keyframe_scan, prediction),
+        outcome=StepOutcome.MATCHED,
+        reference=last.keyframe.scan,
+        origin=last.pose_keyframe_scan,
+    )
+    if previous is None or previous is attempt.reference or attempt.gated.is_confident(min_score):
+        return attempt
+    second = matching.match(previous, current, identity(), prediction)
+    if not second.is_better_than(attempt.gated, min_score):
+        return attempt
+    return Attempt(last=last, gated=second, outcome=StepOutcome.CHAINED, reference=previous, origin=identity())

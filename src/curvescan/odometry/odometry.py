@@ -6,6 +6,7 @@ at rest does not drift; a new keyframe is made when the one in use is left behin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,10 +19,10 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import Matcher, MatcherConfig, Method, find_matcher
 from curvescan.odometry.config import OdometryConfig
-from curvescan.odometry.motion import MotionModel
-from curvescan.odometry.observation import Matching, Observation, Placement, Reference, State, step_motion
-from curvescan.odometry.step import Step, StepOutcome
-from curvescan.odometry.strategies import LOST_COVARIANCE, doubted, start, track
+from curvescan.odometry.motion_model import MotionModel
+from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
+from curvescan.odometry.step import Step
+from curvescan.odometry.strategies import STRATEGIES, start
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -109,67 +110,59 @@ class Odometry:
         if not isinstance(scan, LaserScan):
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         state = self._state
-        wheels = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
-        clock, seconds = state.clock.ticked(scan.stamp)
-        measured = state.motion.measured(wheels, state.last_motion) if self.config.is_filtered else None
+        pose = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
         observation = Observation(
             scan=scan,
+            prediction=state.motion.predict(scan.stamp, pose),
+            deskewer=state.deskewer.ticked(scan),
             state=state,
             matching=self._matching,
-            seconds=seconds,
-            wheels=measured,
-            is_missed=wheels is not None and measured is None and state.motion.wheels is not None,
-            deskewer=state.deskewer.ticked(scan),
         )
         placement = _place(observation)
-        moved = step_motion(observation, placement.track)
-        motion = placement.motion.advanced(wheels, observation.wheels is not None, moved)
-        self._state = State(
-            motion=motion,
-            n_scans=observation.index + 1,
-            track=placement.track,
-            as_keyframe=placement.as_keyframe,
-            keyframe=placement.keyframe,
-            previous=_as_reference(observation, placement),
-            clock=clock,
-            deskewer=observation.deskewer,
-            first=scan if observation.index == 0 else None,
-            last_motion=moved,
-            n_failed=placement.n_failed,
-            outage=placement.outage,
-        )
+        self._commit(observation, placement)
         watch.report()
-        return _as_step(observation, placement, moved)
+        return _as_step(observation, placement)
+
+    def _commit(self, observation: Observation, placement: Placement) -> None:
+        """Take up what was found: the one place where anything changes."""
+        reference = self._matching.as_reference(placement.current)
+        self._state = State(
+            motion=placement.motion,
+            n_scans=observation.index + 1,
+            localization=placement.localization,
+            previous=reference if placement.is_reference else None,
+            deskewer=observation.deskewer,
+            first=observation.scan if observation.index == 0 else None,
+            gap=placement.gap,
+            score=math.nan if placement.match is None else placement.match.score,
+        )
 
 
-def _place(o: Observation) -> Placement:
-    """Return where a scan is, and what it says on whether the sensor is still where it was tracked."""
-    last = o.state.track
-    return start(o) if last is None else doubted(o, last, track(o, last))
+def _place(observation: Observation) -> Placement:
+    """Return where a scan is: what the first strategy says that can place it."""
+    last = observation.state.localization
+    if last is None:
+        return start(observation)
+    attempt = try_references(observation, last)
+    placements = (strategy(observation, attempt) for strategy in STRATEGIES)
+    return next(placement for placement in placements if placement is not None)
 
 
-def _as_reference(o: Observation, placement: Placement) -> Reference | None:
-    is_reference = placement.is_reference and o.matching.is_reference(placement.current)
-    return Reference(placement.current, o.index) if is_reference else None
-
-
-def _as_step(o: Observation, placement: Placement, moved: Pose) -> Step:
-    here, fit = placement.track.pose_map_scan, placement.fit
-    lost = LOST_COVARIANCE if placement.outcome is StepOutcome.LOST else np.zeros((3, 3))
-    is_first = o.state.track is None
+def _as_step(observation: Observation, placement: Placement) -> Step:
+    pose_map_scan = placement.localization.pose_map_scan
     return Step(
-        index=o.index,
-        stamp=o.scan.stamp,
-        pose=here.pose,
-        covariance=here.cov,
-        pose_odom=here.pose,
-        covariance_odom=here.cov,
-        motion=moved,
-        motion_covariance=np.zeros((3, 3)) if is_first else placement.track.motion(o.seconds).cov + lost,
+        index=observation.index,
+        stamp=observation.scan.stamp,
+        pose=pose_map_scan.pose,
+        covariance=pose_map_scan.cov,
+        pose_odom=pose_map_scan.pose,
+        covariance_odom=pose_map_scan.cov,
+        motion=placement.step_motion.pose,
+        motion_covariance=placement.step_motion.cov,
         outcome=placement.outcome,
-        match=None if fit is None else fit.result,
+        match=placement.match,
         reference=placement.reference,
-        is_prior_rejected=fit is not None and fit.is_prior_rejected,
+        is_prior_rejected=placement.is_prior_rejected,
     )
 
 

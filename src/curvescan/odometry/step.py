@@ -56,7 +56,8 @@ class Step:
     covariance_odom : (3, 3) float64
         Covariance of `pose_odom`; zero at the first scan.
     motion : (3,) float64
-        Pose of the sensor seen from where it was at the previous scan. Zero at the first scan.
+        Pose of the sensor seen from where it was at the previous scan, without any leap: chained, the motions are a
+        continuous track. Zero at the first scan.
     motion_covariance : (3, 3) float64
         Covariance of the motion; very wide where the outcome is LOST.
     outcome : StepOutcome

@@ -1,216 +1,181 @@
-"""How a scan is placed: by a match with the keyframe or the previous scan, with what was known before an outage, or not.
+"""How a scan is placed: a table of strategies, each of which places it or leaves it to the next.
 
-Each function takes the observation and returns a placement or None; none changes any state.
+0. ``start``: the first scan is the origin.
+1. ``track``: matched with the keyframe in use or with the previous scan.
+2. ``bridge``: matched with what was in use before the last failure.
+3. ``extrapolate``: the expected motion is taken; after a few such scans the track is lost, and starts anew.
+
+Each takes the observation and what its first matches gave, and returns a placement or None; none changes any state.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.odometry.fits import SURE, Fit, fitted
-from curvescan.odometry.observation import Observation, Placement, Reference
-from curvescan.odometry.outage import Anchor, Outage
+from curvescan.odometry.config import KeyframesConfig
+from curvescan.odometry.gaps import close_gap, open_gap, question_link, widen_gap, with_keyframe
+from curvescan.odometry.gating import GatedMatch
+from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.measurement import as_measurement
+from curvescan.odometry.observation import Attempt, Observation, Placement
 from curvescan.odometry.step import StepOutcome
-from curvescan.odometry.track import Track
-from curvescan.se2.uncertain import between, identity
+from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 
-_MAX_REPEATS = 5
-"""Scans without a match in a row after which the last motion is no longer repeated."""
-
-LOST_COVARIANCE = np.diag([10.0**2, 10.0**2, math.pi**2])
-"""Covariance of where a sensor is that was carried away: within a building, in any direction."""
-LOST_COVARIANCE.setflags(write=False)
+Strategy: TypeAlias = Callable[[Observation, Attempt], Placement | None]
+"""Places a scan, or leaves it to the next strategy."""
 
 
-def start(o: Observation) -> Placement:
+def start(observation: Observation) -> Placement:
     """Return the placement of the first scan: the origin, and the first keyframe."""
-    current = o.prepared(np.zeros(3))
-    track = Track.at(identity(), identity(), np.zeros(3), o.state.motion.unknown_speed)
-    keyframe = Reference(current, o.index)
-    return Placement(StepOutcome.STARTED, track, track, current, keyframe, o.state.motion)
-
-
-def track(o: Observation, last: Track) -> Placement:
-    """Return where the keyframe in use or the previous scan shows a scan; where the motion leads if neither does."""
-    state, config = o.state, o.config
-    fits = [(StepOutcome.MATCHED, *_first(o, last))]
-    for outcome, reference, before, by_wheels in _tries(o, last):
-        best = max(fits, key=lambda one: one[2].rank(config.keyframes.min_score))[2]
-        is_retry = outcome is StepOutcome.MATCHED
-        if best.is_accepted if is_retry else _is_confident(best, config.keyframes.min_score):
-            continue
-        fits.append((outcome, reference, o.fit(reference, before, o.current, by_wheels=by_wheels)))
-    outcome, reference, fit = max(fits, key=lambda one: one[2].rank(config.keyframes.min_score))
-    if not fit.is_accepted:
-        return _extrapolated(o, last, fits[0][2])
-    current = o.current
-    before = _chained(o) if outcome is StepOutcome.CHAINED else last
-    reference, fit, current = _with_better_sweep(o, reference, before, fit)
-    motion = state.motion
-    if fit.is_full and not fit.is_surprising and config.is_filtered:
-        motion = motion.learned(last, fit.track, o.wheels, o.seconds)
-    as_keyframe = fit.as_keyframe(config.keyframes.variance_retained)
-    placement = Placement(outcome, fit.track, as_keyframe, current, reference, motion, fit, reference.number)
-    return with_keyframe(o, placement) if _is_leaving(o, fit) else placement
-
-
-def _first(o: Observation, last: Track) -> tuple[Reference, Fit]:
-    assert o.state.keyframe is not None
-    return o.state.keyframe, o.fit(o.state.keyframe, last, o.current)
-
-
-def _tries(o: Observation, last: Track) -> Iterator[tuple[StepOutcome, Reference, Track, bool]]:
-    """Yield what else a scan may be matched with: the previous scan; the keyframe without the wheels, or at rest."""
-    state = o.state
-    assert state.keyframe is not None
-    if state.previous is not None and state.previous.number != state.keyframe.number:
-        yield StepOutcome.CHAINED, state.previous, _chained(o), True
-    if not o.config.is_filtered:
-        return
-    if o.wheels is not None:
-        yield StepOutcome.MATCHED, state.keyframe, last, False
-    if last.speed.any():
-        yield StepOutcome.MATCHED, state.keyframe, last.stopped(state.motion.unknown_speed), False
-
-
-def _chained(o: Observation) -> Track:
-    """Return the track seen from the previous scan, which becomes the keyframe."""
-    assert o.state.as_keyframe is not None
-    return o.state.as_keyframe.with_keyframe()
-
-
-def _is_confident(fit: Fit, min_score: float) -> bool:
-    """Return whether nothing speaks against a match. A matcher without a score is trusted."""
-    return fit.is_accepted and fit.is_full and not fit.is_surprising and not fit.result.score < min_score
-
-
-def _is_leaving(o: Observation, fit: Fit) -> bool:
-    """Return whether a scan is so far from the keyframe, or shares so little with it, that another is due."""
-    config = o.config.keyframes
-    x, y, theta = fit.track.here.tolist()
-    is_far = math.hypot(x, y) >= config.distance or abs(theta) >= config.turn
-    return (is_far or fit.result.score < config.min_score) and o.matching.is_reference(o.current)
-
-
-def with_keyframe(o: Observation, placement: Placement) -> Placement:
-    """Return the placement with the scan as the keyframe."""
-    made = placement.as_keyframe.with_keyframe()
-    return placement._replace(track=made, as_keyframe=made, keyframe=Reference(placement.current, o.index))
-
-
-def _with_better_sweep(
-    o: Observation, reference: Reference, before: Track, fit: Fit
-) -> tuple[Reference, Fit, PreparedScan]:
-    """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
-    if not o.config.deskew or o.scan.time_increment == 0.0:
-        return reference, fit, o.current
-    expected, found = o.motion_of(fit.expected), se2.between(before.here, fit.track.here)
-    if not o.deskewer.is_worth_again(o.scan, expected, found):
-        return reference, fit, o.current
-    better = o.prepared(found)
-    if o.state.first is not None:  # its velocity was not known
-        first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
-        reference = Reference(first, reference.number)
-    again = o.fit(reference, before, better, by_wheels=not fit.is_prior_rejected)
-    if again.rank(0.0)[:3] >= fit.rank(0.0)[:3]:
-        return reference, again._replace(is_prior_rejected=fit.is_prior_rejected), better
-    return reference, fit, o.current
-
-
-def _extrapolated(o: Observation, last: Track, failed: Fit) -> Placement:
-    """Return where the expected motion leads; the scan becomes the keyframe if it can be one."""
-    n_failed, unknown = o.state.n_failed + 1, o.state.motion.unknown_speed
-    is_held = n_failed > _MAX_REPEATS and not o.is_wheeled
-    here = o.predicted(last.stopped(unknown) if is_held else last)
-    if not o.is_wheeled:
-        here = here.accelerated(np.diag(unknown))
-    assert o.state.keyframe is not None
-    outcome = StepOutcome.HELD if is_held else StepOutcome.PREDICTED
-    keyframe = o.state.keyframe
-    placement = Placement(outcome, here, here, o.current, keyframe, o.state.motion, failed, keyframe.number, n_failed)
-    if o.is_missed:  # the next update of the wheels says where the sensor is, and not where it was at this scan
-        return placement._replace(is_reference=False)
-    return with_keyframe(o, placement) if o.matching.is_reference(o.current) else placement
-
-
-def doubted(o: Observation, last: Track, placement: Placement) -> Placement:
-    """Return a placement with what it says on whether the sensor is still where it was tracked."""
-    if not o.config.is_filtered:
-        return placement
-    fit = placement.fit
-    outage = o.state.outage or _opened(o, last)
-    confidence = 0.0
-    if fit is not None and placement.reference is not None and placement.reference < outage.first:
-        confidence = fit.confidence
-    outage = outage._replace(is_broken=outage.is_broken or placement.n_failed > 0, seconds=outage.seconds + o.seconds)
-    for anchor in outage.anchors if o.state.outage is not None and confidence < SURE else ():
-        if anchor.number != placement.reference:
-            known = _fit_with(o, placement, anchor, outage)
-            confidence = max(confidence, known.confidence)
-            if outage.is_broken and known.is_full and known.confidence >= SURE:
-                return _reconnected(o, placement, anchor, known)
-    after = outage.after(confidence, _nearness(o, placement, outage))
-    is_lost = after.log_odds > 0.0 and not outage.is_lost and not o.is_wheeled
-    if is_lost:
-        after = after._replace(is_lost=True, n_scans=0)
-        placement = placement._replace(
-            outcome=StepOutcome.LOST,
-            track=placement.track.displaced(LOST_COVARIANCE),
-            as_keyframe=placement.as_keyframe.displaced(LOST_COVARIANCE),
-        )
-    if after.is_over or (o.is_wheeled and after.log_odds > 0.0):
-        return placement
-    return placement._replace(outage=after)
-
-
-def _nearness(o: Observation, placement: Placement, outage: Outage) -> float:
-    """Return how well a scan should see what was known before an outage: 1 from there, less with each keyframe's distance."""
-    if not o.matching.is_reference(o.current) or not outage.anchors:
-        return 0.0
-    rules, here = o.config.keyframes, placement.track.pose_map_scan.pose
-    x, y, theta = np.abs(se2.between(outage.anchors[0].place.pose, here)).tolist()
-    return float(1.0 / (1.0 + (math.hypot(x, y) / max(rules.distance, 0.1)) ** 2 + (theta / max(rules.turn, 0.1)) ** 2))
-
-
-def _opened(o: Observation, last: Track) -> Outage:
-    """Return an outage that begins with this scan."""
-    state, anchors = o.state, []
-    assert state.keyframe is not None
-    if state.previous is not None and state.previous.number != state.keyframe.number:
-        anchors.append(Anchor(state.previous.scan, state.previous.number, last.pose_map_scan))
-    if o.matching.is_reference(state.keyframe.scan):
-        anchors.append(Anchor(state.keyframe.scan, state.keyframe.number, last.pose_map_keyframe))
-    return Outage(tuple(anchors), o.index)
-
-
-def _fit_with(o: Observation, placement: Placement, anchor: Anchor, outage: Outage) -> Fit:
-    """Return the match with what was known before an outage; the sensor is as far as it may have come since."""
-    prior = between(anchor.place, placement.track.pose_map_scan)
-    if outage.is_lost or np.linalg.eigvalsh(prior.cov)[0] <= 0.0:
-        prior = o.state.motion.reach(prior.pose, outage.seconds)
-    result = o.matching.matcher.match(anchor.scan.features, placement.current.features, prior)
-    unknown = o.state.motion.unknown_speed
-    expected = Track.at(anchor.place, prior, np.zeros(3), unknown)
-    fit = fitted(result, expected, o.config, unknown, o.seconds)
-    return fit._replace(confidence=0.0) if fit.is_surprising else fit
-
-
-def _reconnected(o: Observation, placement: Placement, anchor: Anchor, fit: Fit) -> Placement:
-    """Return the placement by a sure match with what was known before an outage, which ends it."""
-    tracked = Track.at(anchor.place, fit.track.seen, np.zeros(3), o.state.motion.unknown_speed)
-    joined = placement._replace(
-        outcome=StepOutcome.RELOCALIZED,
-        track=tracked,
-        as_keyframe=tracked,
-        keyframe=Reference(anchor.scan, anchor.number),
-        fit=fit,
-        reference=anchor.number,
-        n_failed=0,
-        outage=None,
+    o = observation
+    keyframe = Keyframe(scan=o.current, index=o.index, pose_map_keyframe=identity())
+    return Placement(
+        outcome=StepOutcome.STARTED,
+        localization=Localization(keyframe=keyframe, pose_keyframe_scan=identity()),
+        current=o.current,
+        motion=o.state.motion.advanced(o.prediction),
+        step_motion=identity(),
     )
-    return with_keyframe(o, joined)
+
+
+def track(observation: Observation, attempt: Attempt) -> Placement | None:
+    """Return where the keyframe in use or the previous scan shows a scan, with a loop closure where there is one."""
+    o, config = observation, observation.config.keyframes
+    if not attempt.gated.is_accepted(config.least_score):
+        return None
+    keyframe = attempt.last.keyframe
+    if attempt.outcome is StepOutcome.CHAINED:
+        keyframe = attempt.last.as_keyframe(attempt.reference, o.index - 1, config.variance_retained)
+    sweep = _with_better_sweep(o, attempt, keyframe)
+    if sweep.first is not None:
+        keyframe = replace(keyframe, scan=sweep.first)
+    gated, result = sweep.gated, sweep.gated.result
+    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
+    motion = fuse(expected, compose(inverse(attempt.origin), gated.measured or as_measurement(result)))[0]
+    localization = Localization(
+        keyframe=keyframe, pose_keyframe_scan=gated.pose_keyframe_scan, is_measured=gated.is_fully_observed
+    )
+    placement = Placement(
+        outcome=attempt.outcome,
+        localization=localization,
+        current=sweep.current,
+        motion=o.state.motion.updated(
+            o.prediction, motion, is_plausible=gated.is_plausible, is_fully_observed=gated.is_fully_observed
+        ),
+        step_motion=_step_motion(o, attempt, gated),
+        gap=o.state.gap,
+        match=result,
+        is_prior_rejected=gated.is_prior_rejected,
+        reference=keyframe.index,
+    )
+    questioned = question_link(o, placement, attempt.last)
+    if questioned is not None:
+        return questioned
+    is_due = _is_leaving(localization, result.score, config)
+    if placement.gap is not None:
+        joined = close_gap(o, placement)
+        if joined is not None:
+            return joined
+        placement = widen_gap(o, placement)
+        if placement.outcome is StepOutcome.LOST:
+            return with_keyframe(o, placement)
+    return with_keyframe(o, placement) if is_due else placement
+
+
+def bridge(observation: Observation, attempt: Attempt) -> Placement | None:
+    """Return where the references from before the last failure show a scan; None where nothing has failed."""
+    o, gap = observation, observation.state.gap
+    if gap is None:
+        return None
+    placement = Placement(
+        outcome=StepOutcome.RELOCALIZED,
+        localization=attempt.last.moved(o.expected),
+        current=o.current,
+        motion=o.state.motion.updated(o.prediction, identity(), is_plausible=False, is_fully_observed=False),
+        step_motion=o.expected,
+        gap=gap,
+    )
+    return close_gap(o, placement)
+
+
+def extrapolate(observation: Observation, attempt: Attempt) -> Placement:
+    """Return where the expected motion leads; the scan becomes the next reference if it can be one."""
+    o, last, failed = observation, attempt.last, attempt.gated.result
+    # a match that was rejected: something did happen
+    motion = o.prediction.inflated(o.config.motion) if failed.ok else o.expected
+    is_held = o.state.motion.is_exhausted(o.prediction)
+    if is_held:
+        motion = UncertainPose(np.zeros(3), motion.cov)
+    gap = open_gap(o, last)
+    placement = Placement(
+        outcome=StepOutcome.HELD if is_held else StepOutcome.PREDICTED,
+        localization=last.moved(motion),
+        current=o.current,
+        motion=o.state.motion.updated_without_match(o.prediction, motion),
+        step_motion=motion,
+        gap=gap,
+        match=failed,
+        reference=last.keyframe.index,
+    )
+    # the next update of the wheels says where the sensor is, and not where it was at this scan
+    if o.prediction.is_missed:
+        return replace(placement, is_reference=False)
+    if o.matching.as_reference(o.current) is None:
+        return placement
+    # a robot is never stuck on an old reference
+    if gap is not None and not o.prediction.is_measured:
+        placement = widen_gap(o, placement)
+    return with_keyframe(o, placement)
+
+
+STRATEGIES: tuple[Strategy, ...] = (track, bridge, extrapolate)
+"""In the order they are tried; the last one always places the scan."""
+
+
+class _Sweep(NamedTuple):
+    """A match, the scan as it was deskewed for it, and the first scan of the stream where that was deskewed anew."""
+
+    gated: GatedMatch
+    current: PreparedScan
+    first: PreparedScan | None = None
+
+
+def _with_better_sweep(o: Observation, attempt: Attempt, keyframe: Keyframe) -> _Sweep:
+    """Return the match once more where it found a motion that deskews the sweep better than the expected one."""
+    gated = attempt.gated
+    if not o.config.deskew or o.scan.time_increment == 0.0:
+        return _Sweep(gated, o.current)
+    found = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
+    if not o.deskewer.is_worth_again(o.scan, o.expected.pose, found):
+        return _Sweep(gated, o.current)
+    better, reference, first = o.prepared(found), keyframe.scan, None
+    if o.state.first is not None:  # its velocity was not known
+        reference = first = o.matching.prepare(o.deskewer.deskewed(o.state.first, found))
+    again = o.matching.match(reference, better, attempt.origin, o.prediction)
+    if again.is_as_good_as(gated):
+        return _Sweep(again, better, first)
+    return _Sweep(gated, o.current, first)
+
+
+def _is_leaving(localization: Localization, score: float, config: KeyframesConfig) -> bool:
+    """Return whether a scan is so far from the keyframe, or shares so little with it, that another is due."""
+    x, y, theta = localization.pose_keyframe_scan.pose.tolist()
+    is_far = math.hypot(x, y) >= config.distance or abs(theta) >= config.turn
+    return is_far or score < config.min_score
+
+
+def _step_motion(o: Observation, attempt: Attempt, gated: GatedMatch) -> UncertainPose:
+    """Return the motion since the previous scan as the poses have it, with the covariance of expectation and match."""
+    expected = o.prediction.repeated if gated.is_by_last_motion else o.expected
+    if not gated.is_plausible:
+        expected = UncertainPose(expected.pose, expected.cov + o.config.motion.recovery_covariance)
+    measured = compose(inverse(attempt.origin), gated.measured or as_measurement(gated.result))
+    pose = se2.between(attempt.origin.pose, gated.pose_keyframe_scan.pose)
+    return UncertainPose(pose, fuse(expected, measured)[0].cov)

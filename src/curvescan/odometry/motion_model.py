@@ -1,0 +1,280 @@
+"""Motion: what is expected of the next scan before it is matched.
+
+The last motion repeated, as well as it was known, or what the wheels say. Along a corridor, where no match shows the
+motion, it becomes less certain with each step. Wheels err in proportion to what they measure (Thrun, Burgard and Fox,
+Probabilistic Robotics, 2005, section 5.4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from curvescan import se2
+from curvescan.odometry.config import MotionConfig
+from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import UncertainPose, identity
+from curvescan.types import Pose
+
+_LONGEST_STEP = 1_000.0
+"""Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
+
+_MAX_STRETCH = 20.0
+"""A pause longer than this many scans counts as this many."""
+
+_LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
+"""Limits of the variance of another odometry, in those of the configuration."""
+
+_MOVING_M, _MOVING_RAD = 0.06, 0.06
+"""Wheels that report the very pose of the scan before, after a motion longer than this, were not updated: three times the least
+change of a motion that is expected, metres and radians."""
+
+_MOST_MISSED = 1
+"""Scans in a row without a match after which wheels that report the same pose are believed: the sensor stands still."""
+
+_N_UNUSUAL = 10
+"""So many steps of the clock are averaged before one is called long."""
+
+
+class Clock(NamedTuple):
+    """The stamps of a stream: the last one, the usual time between two, seconds, and how many steps it was taken from."""
+
+    stamp: float = math.nan
+    period: float = 0.0
+    n_steps: int = 0
+
+    def ticked(self, stamp: float, memory: float) -> tuple[Clock, float]:
+        """Return the clock after the next stamp, and how many usual periods that took, a whole number of at least 1.
+
+        A whole number, so that stamps that jitter change nothing at all.
+        """
+        elapsed = stamp - self.stamp
+        if not elapsed > 0.0:  # the first one, a clock that stands or goes back
+            return self._replace(stamp=stamp), 1.0
+        n_steps, usual = self.n_steps + 1, self.period
+        if n_steps <= _N_UNUSUAL:  # logs written in bursts begin with any step
+            return Clock(stamp, usual + (elapsed - usual) / n_steps, n_steps), 1.0
+        period = usual + (min(elapsed, 3.0 * usual) - usual) / memory
+        return Clock(stamp, period, n_steps), min(max(round(elapsed / usual), 1.0), _MAX_STRETCH)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prediction:
+    """What is expected of a scan before it is matched.
+
+    Attributes
+    ----------
+    motion : UncertainPose
+        The sensor seen from where it was at the last scan.
+    repeated : UncertainPose
+        The last motion repeated: the same as `motion` without another odometry.
+    is_measured : bool
+        Whether the translation of `motion` is that of another odometry.
+    clock : Clock
+        The clock of the stream at this scan.
+    odometry_pose : (3,) float64 or None
+        Pose of the sensor at this scan by another odometry.
+    is_missed : bool
+        Whether that is taken not to have been updated since the last scan.
+    """
+
+    motion: UncertainPose
+    repeated: UncertainPose
+    is_measured: bool
+    clock: Clock
+    odometry_pose: Pose | None
+    is_missed: bool = False
+
+    def inflated(self, config: MotionConfig) -> UncertainPose:
+        """Return the motion as it is known after a failed match: what was measured still is."""
+        if self.is_measured:
+            return self.motion
+        return UncertainPose(self.motion.pose, config.recovery_covariance)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionModel:
+    """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
+
+    Immutable: each scan makes a new one.
+
+    Attributes
+    ----------
+    config : MotionConfig
+        How well each is known.
+    last : UncertainPose
+        The last motion.
+    variance_translation, variance_turn : float
+        Of the change from a motion to the next, m^2 an axis and rad^2.
+    odometry_pose : (3,) float64 or None
+        Pose at the last scan by another odometry, or at the scan before where it was not updated since.
+    moved : (3,) float64 or None
+        The sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan.
+    clock : Clock
+        The clock of the stream.
+    n_failures : int
+        Scans without a match in a row.
+    odometry_noise : tuple of float
+        Variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
+        the last steps that a match measured.
+    """
+
+    config: MotionConfig
+    last: UncertainPose
+    variance_translation: float
+    variance_turn: float
+    odometry_pose: Pose | None = None
+    moved: Pose | None = None
+    clock: Clock = field(default_factory=Clock)
+    n_failures: int = 0
+    odometry_noise: tuple[float, float] = (1.0, 1.0)
+
+    @classmethod
+    def at_start(cls, config: MotionConfig) -> MotionModel:
+        """Return the model before the first scan."""
+        return cls(
+            config=config, last=identity(), variance_translation=config.sigma_m**2, variance_turn=config.sigma_rad**2
+        )
+
+    def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
+        """Return the expected pose of the next sensor frame in the last one.
+
+        odometry_pose (3,).
+        """
+        clock, stretch = self.clock.ticked(stamp, self.config.memory)
+        pose, cov = self.last.pose.copy(), self.last.cov.copy()
+        cov[0, 0] += stretch**2 * self.variance_translation
+        cov[1, 1] += stretch**2 * self.variance_translation
+        cov[2, 2] += stretch**2 * self.variance_turn
+        repeated = UncertainPose(pose.copy(), cov.copy())
+        is_missed = self._is_missed(odometry_pose)
+        is_measured = False if is_missed else self._measure(pose, cov, odometry_pose)
+        return Prediction(
+            motion=UncertainPose(pose, cov),
+            repeated=repeated,
+            is_measured=is_measured,
+            clock=clock,
+            odometry_pose=odometry_pose,
+            is_missed=is_missed,
+        )
+
+    def advanced(self, prediction: Prediction) -> MotionModel:
+        """Return the model after a scan that says nothing of the motion, the first."""
+        return replace(self, odometry_pose=prediction.odometry_pose, moved=None, clock=prediction.clock)
+
+    def updated(
+        self, prediction: Prediction, motion: UncertainPose, *, is_plausible: bool, is_fully_observed: bool
+    ) -> MotionModel:
+        """Return the model after a scan whose motion was measured."""
+        variances = (
+            self._averaged_variances(motion.pose - self.last.pose) if is_fully_observed else self._inflated_variances()
+        )
+        last = motion if is_plausible else identity()
+        noise = self._learned_noise(prediction, motion.pose) if is_fully_observed else None
+        moved = self._moved(prediction, motion) if is_plausible else None
+        changed = self._changed(prediction, last, variances, moved, n_failures=0)
+        return changed if noise is None else replace(changed, odometry_noise=noise)
+
+    def updated_without_match(self, prediction: Prediction, motion: UncertainPose) -> MotionModel:
+        """Return the model after a scan that nothing matches, and for which `motion` was taken."""
+        n_failures = self.n_failures + 1
+        moved = self._moved(prediction, motion)
+        variances = self._inflated_variances()
+        return self._changed(prediction, motion, variances, moved, n_failures=n_failures)
+
+    def is_exhausted(self, prediction: Prediction) -> bool:
+        """Return whether the last motion has been repeated so often that one more failure ends it."""
+        return self.n_failures >= self.config.max_repeats and not prediction.is_measured
+
+    def _is_missed(self, odometry_pose: Pose | None) -> bool:
+        """Return whether another odometry stands still to the bit while the sensor moves, as far as matches show that."""
+        before = self.odometry_pose
+        if odometry_pose is None or before is None or self.n_failures > _MOST_MISSED:
+            return False
+        x, y, theta = self.last.pose.tolist()
+        is_moving = math.hypot(x, y) > _MOVING_M or abs(theta) > _MOVING_RAD
+        return is_moving and bool((odometry_pose == before).all())
+
+    def _moved(self, prediction: Prediction, motion: UncertainPose) -> Pose | None:
+        """Return how the sensor moved since the last update of another odometry; None where that came with this scan."""
+        if not prediction.is_missed:
+            return None
+        return motion.pose if self.moved is None else se2.compose(self.moved, motion.pose)
+
+    def _measure(self, pose: Pose, cov: Pose, odometry_pose: Pose | None) -> bool:
+        """Write into an expected motion what another odometry measured of it; return whether the translation was."""
+        config, before = self.config, self.odometry_pose
+        if odometry_pose is None or before is None:
+            return False
+        by_wheels = se2.between(before, odometry_pose)
+        turn = float(se2.wrap(odometry_pose[2] - before[2]))  # known where the place is not
+        path = math.hypot(by_wheels[0], by_wheels[1])
+        share = config.wheel_turn_share * turn
+        if self.moved is not None:  # several steps at once; the others were found, or repeated
+            by_wheels = se2.between(self.moved, by_wheels)
+            turn = float(se2.wrap(turn - self.moved[2]))
+        is_measured = path < _LONGEST_STEP  # not where it is NaN
+        if is_measured:
+            pose[:2] = by_wheels[:2]
+            cov[:2, :] = cov[:, :2] = 0.0
+            variance = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
+            cov[0, 0] = cov[1, 1] = self.odometry_noise[0] * variance
+        if math.isfinite(turn):
+            pose[2] = turn
+            drift = config.wheel_drift * path if is_measured else 0.0
+            cov[2, :] = cov[:, 2] = 0.0
+            variance = config.wheel_floor_rad**2 + share**2 + drift**2
+            cov[2, 2] = self.odometry_noise[1] * variance
+        return is_measured
+
+    def _learned_noise(self, prediction: Prediction, motion: Pose) -> tuple[float, float] | None:
+        """Return the noise of the other odometry after one more error of it; None without one."""
+        if not prediction.is_measured:
+            return None
+        x, y, theta = se2.between(prediction.motion.pose, motion).tolist()
+        cov = prediction.motion.cov
+        errors = (0.5 * (x * x + y * y) / cov[0, 0], theta * theta / cov[2, 2])
+        most = self.config.motion_gate_chi2  # one slip is not a habit
+        translation, turn = (
+            old * (1.0 + (min(error, most) - 1.0) / self.config.memory)
+            for old, error in zip(self.odometry_noise, errors, strict=True)
+        )
+        return (min(max(translation, _LEAST_NOISE), _MOST_NOISE), min(max(turn, _LEAST_NOISE), _MOST_NOISE))
+
+    def _changed(
+        self,
+        prediction: Prediction,
+        last: UncertainPose,
+        variances: tuple[float, float],
+        moved: Pose | None,
+        *,
+        n_failures: int,
+    ) -> MotionModel:
+        return replace(
+            self.advanced(prediction),
+            moved=moved,
+            last=last,
+            variance_translation=variances[0],
+            variance_turn=variances[1],
+            n_failures=n_failures,
+        )
+
+    def _averaged_variances(self, change: Pose) -> tuple[float, float]:
+        config = self.config
+        x, y, theta = change.tolist()
+        theta = wrap_angle(theta)
+        square = 0.5 * (x * x + y * y)
+        return (
+            self._averaged(self.variance_translation, square, config.least_sigma_m),
+            self._averaged(self.variance_turn, theta * theta, config.least_sigma_rad),
+        )
+
+    def _inflated_variances(self) -> tuple[float, float]:
+        """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
+        wide = max(self.config.sigma_rad**2, self.variance_turn)
+        return (self.variance_translation, self.variance_turn + (wide - self.variance_turn) / self.config.memory)
+
+    def _averaged(self, variance: float, square: float, least: float) -> float:
+        square = min(square, self.config.motion_gate_chi2 * variance)  # one leap is not a habit
+        return max(variance + (square - variance) / self.config.memory, least**2)

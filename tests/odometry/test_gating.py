@@ -1,0 +1,194 @@
+"""Attempts: a match held against what was expected, and which of two is believed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from curvescan.matchers import MatchResult, Outcome
+from curvescan.odometry import MotionConfig
+from curvescan.odometry.gating import gate
+from curvescan.se2.uncertain import UncertainPose
+
+EXPECTED = UncertainPose(np.array([0.1, 0.0, 0.05]), np.diag([0.02**2, 0.02**2, 0.02**2]))
+CONFIG = MotionConfig()
+
+
+def matched(pose=(0.1, 0.0, 0.05), **kwargs):
+    result = MatchResult(
+        method="curvescan",
+        outcome=Outcome.MATCHED,
+        pose=np.array(pose),
+        covariance=np.diag([1e-6, 1e-6, 1e-7]),
+        n_matched=200,
+        trace=None,
+        labels_reference=np.empty(0, dtype=np.uint8),
+        labels_current=np.empty(0, dtype=np.uint8),
+        score=0.7,
+    )
+    return replace(result, **kwargs)
+
+
+ALONG_X = {"degenerate_direction": np.array([1.0, 0.0, 0.0]), "covariance": np.diag([1.0, 1e-6, 1e-7])}
+
+
+def test_a_match_in_a_room_decides_alone():
+    gated = gate(matched((0.13, 0.01, 0.06)), EXPECTED, CONFIG)
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.13, 0.01, 0.06], atol=1e-4)
+    assert gated.is_plausible
+    assert gated.is_confident(0.4)
+
+
+def test_along_a_corridor_the_expectation_decides():
+    gated = gate(matched((0.9, 0.01, 0.05), **ALONG_X), EXPECTED, CONFIG)
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.01, 0.05], atol=1e-3)
+    assert gated.is_plausible  # how far along it went means nothing
+    assert not gated.is_confident(0.4)
+    assert gated.pose_keyframe_scan.cov[0, 0] == pytest.approx(0.02**2, rel=1e-3)
+
+
+def test_a_match_far_from_what_was_expected_is_not_plausible_and_is_not_bent():
+    gated = gate(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
+    assert not gated.is_plausible
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.6, 0.0, 0.6], atol=1e-4)
+    assert gated.is_accepted(0.25)
+    assert not gate(matched((0.6, 0.0, 0.6), score=0.2), EXPECTED, CONFIG).is_accepted(0.25)
+    assert gate(matched(score=0.2), EXPECTED, CONFIG).is_accepted(0.25)
+
+
+def test_a_failed_match_leaves_the_expectation():
+    failed = matched(outcome=Outcome.AMBIGUOUS, pose=np.full(3, np.nan))
+    gated = gate(failed, EXPECTED, CONFIG)
+    assert gated.pose_keyframe_scan is EXPECTED
+    assert not gated.is_accepted(0.0)
+
+
+def test_without_fusion_the_match_is_taken_as_it_is():
+    result = matched((0.9, 0.0, 0.5), **ALONG_X)
+    gated = gate(result, EXPECTED, MotionConfig(is_fused=False))
+    np.testing.assert_array_equal(gated.pose_keyframe_scan.pose, result.pose)
+    np.testing.assert_array_equal(gated.pose_keyframe_scan.cov, result.covariance)
+
+
+def test_the_reference_in_use_is_left_only_for_a_better_match():
+    good, vague = gate(matched(), EXPECTED, CONFIG), gate(matched(**ALONG_X), EXPECTED, CONFIG)
+    leap = gate(matched((0.6, 0.0, 0.6)), EXPECTED, CONFIG)
+    low = gate(matched(score=0.3), EXPECTED, CONFIG)
+    failed = gate(matched(outcome=Outcome.AMBIGUOUS), EXPECTED, CONFIG)
+    ranks = [failed, leap, vague, low, good]
+    for k, worse in enumerate(ranks):
+        assert not worse.is_better_than(worse, 0.4)
+        for better in ranks[k + 1 :]:
+            assert better.is_better_than(worse, 0.4)
+            assert not worse.is_better_than(better, 0.4)
+    # above the least score more of it is no reason to change
+    assert not gate(matched(score=0.9), EXPECTED, CONFIG).is_better_than(good, 0.4)
+
+
+def test_a_matcher_without_scores_is_taken_at_its_word():
+    gated = gate(matched(score=math.nan), EXPECTED, CONFIG)
+    assert gated.is_confident(0.4)
+    assert gate(matched((2.0, 0.0, 0.0), score=math.nan), EXPECTED, CONFIG).is_accepted(0.25)
+
+
+def test_a_second_match_of_a_sweep_must_not_be_in_doubt_where_the_first_is_not():
+    first = gate(matched(score=0.41), EXPECTED, CONFIG)
+    assert gate(matched((0.11, 0.0, 0.05), score=0.39), EXPECTED, CONFIG).is_as_good_as(first)
+    far = gate(matched((-0.09, 0.0, 0.05), score=0.6), EXPECTED, CONFIG)
+    failed = gate(matched(outcome=Outcome.UNSUPPORTED), EXPECTED, CONFIG)
+    weak = gate(matched(**ALONG_X), EXPECTED, CONFIG)
+    for doubtful in (far, failed, weak):
+        assert not doubtful.is_as_good_as(first)
+        assert first.is_as_good_as(doubtful)
+
+
+@pytest.mark.parametrize(
+    ("squared_distance", "is_plausible"), [(15.0, True), (19.0, True), (21.0, False), (30.0, False)]
+)
+def test_the_gate_is_as_wide_as_its_chi_square(squared_distance, is_plausible):
+    """Of three degrees of freedom one in 6,000 lies beyond 20."""
+    sigma = math.sqrt(0.02**2 + 1e-6)
+    result = matched((0.1 + sigma * math.sqrt(squared_distance), 0.0, 0.05))
+    assert gate(result, EXPECTED, CONFIG).is_plausible == is_plausible
+
+
+def test_what_a_rejected_match_leaves_open_is_known_no_better_than_after_a_failure():
+    gated = gate(matched((0.1, 0.5, 0.05), **ALONG_X), EXPECTED, CONFIG)
+    assert not gated.is_plausible
+    along = math.sqrt(gated.pose_keyframe_scan.cov[0, 0])
+    assert along == pytest.approx(CONFIG.recovery_sigma_m, rel=0.05)
+
+
+def test_what_speaks_against_a_match_is_each_enough():
+    def confident(pose=(0.1, 0.0, 0.05), **kwargs):
+        return gate(matched(pose, **kwargs), EXPECTED, CONFIG).is_confident(0.4)
+
+    assert confident()
+    assert confident(score=0.4)
+    assert not confident(score=0.39)
+    assert not confident((0.6, 0.0, 0.6))
+    assert not confident(**ALONG_X)
+    failed = gate(matched(outcome=Outcome.AMBIGUOUS), EXPECTED, CONFIG)
+    assert not failed.is_fully_observed  # though no direction is named
+
+
+@pytest.mark.parametrize(("confidence", "is_accepted"), [(0.79, False), (0.8, True), (0.95, True), (math.nan, True)])
+def test_a_match_that_explains_little_must_be_sure(confidence, is_accepted):
+    here = gate(matched(score=0.2, confidence=confidence), EXPECTED, CONFIG)
+    assert here.is_accepted(0.25) == is_accepted
+    far = gate(matched((0.6, 0.0, 0.6), score=0.2, confidence=confidence), EXPECTED, CONFIG)
+    assert not far.is_accepted(0.25)
+    # from the least score on it decides, wherever it lies and however sure it is
+    for pose in ((0.1, 0.0, 0.05), (0.6, 0.0, 0.6)):
+        assert gate(matched(pose, score=0.25, confidence=0.1), EXPECTED, CONFIG).is_accepted(0.25)
+
+
+REPEATED = UncertainPose(np.array([0.5, 0.0, 0.05]), EXPECTED.cov)
+"""What the last motion leads to expect, where another odometry says EXPECTED."""
+
+
+def test_a_match_where_the_last_motion_leads_rejects_another_odometry():
+    gated = gate(matched((0.51, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
+    assert gated.is_plausible
+    assert gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.51, 0.0, 0.05], atol=1e-3)
+    # where both agree with it nothing is rejected, and where neither does it is not plausible
+    near = UncertainPose(np.array([0.12, 0.0, 0.05]), EXPECTED.cov)
+    both = gate(matched((0.11, 0.0, 0.05)), EXPECTED, CONFIG, repeated=near)
+    assert both.is_plausible
+    assert not both.is_prior_rejected
+    neither = gate(matched((2.0, 0.0, 0.05)), EXPECTED, CONFIG, repeated=REPEATED)
+    assert not neither.is_plausible
+    assert not neither.is_prior_rejected
+
+
+def test_along_a_corridor_another_odometry_decides_and_not_the_last_motion():
+    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), EXPECTED, CONFIG, repeated=REPEATED)
+    assert gated.is_plausible
+    assert not gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.1, 0.0, 0.05], atol=1e-3)
+    # unless it contradicts the match across the corridor, and the last motion does not
+    aside = UncertainPose(np.array([0.1, 0.4, 0.05]), EXPECTED.cov)
+    gated = gate(matched((0.3, 0.0, 0.05), **ALONG_X), aside, CONFIG, repeated=REPEATED)
+    assert gated.is_prior_rejected
+    np.testing.assert_allclose(gated.pose_keyframe_scan.pose, [0.5, 0.0, 0.05], atol=1e-3)
+
+
+def test_what_the_scans_say_without_a_guess_counts_where_it_is_expected():
+    result = matched((0.1, 0.0, 0.05), **ALONG_X)
+    seen = UncertainPose(np.array([0.14, 0.0, 0.05]), np.diag([0.001**2, 1e-6, 1e-7]))
+    gated = gate(result, EXPECTED, CONFIG, measured=seen)
+    assert gated.measured is seen
+    assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.14, abs=1e-3)
+    far = UncertainPose(np.array([0.9, 0.0, 0.05]), seen.cov)
+    gated = gate(result, EXPECTED, CONFIG, measured=far)
+    assert gated.pose_keyframe_scan.pose[0] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_of_two_matches_where_nobody_expected_them_the_higher_score_counts():
+    low, high = (gate(matched((2.0, 0.0, 0.6), score=s), EXPECTED, CONFIG) for s in (0.6, 0.9))
+    assert high.is_better_than(low, 0.4)
+    assert not low.is_better_than(high, 0.4)
