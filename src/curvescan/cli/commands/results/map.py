@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import Flag, OutFolder
+from curvescan.cli.options import Flag, OutFolder, results_folder
 from curvescan.io.exports import ExportName
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def edit_map(
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")],
     /,
     *,
-    out: OutFolder,
+    out: OutFolder = None,
     merge: MapFile = None,
     turn: float = 0.0,
     level: Flag = False,
@@ -72,6 +72,7 @@ def edit_map(
     from curvescan.slam.editing.merging import merged
     from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
 
+    out = results_folder(out, file, "map")
     slam_map = load_map(file)
     if merge is not None:
         slam_map = merged(slam_map, load_map(merge))
