@@ -212,7 +212,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (520, 5, 0),
     "matchers/baselines": (1816, 47, 40),
     "matchers/cfsma": (1199, 15, 17),
-    "matchers/curvescan": (4348, 196, 61),
+    "matchers/curvescan": (4289, 193, 61),
     "odometry": (2222, 42, 25),
     "paper": (2192, 183, 0),
     "plots": (851, 72, 0),

@@ -31,7 +31,7 @@ MAX_BRIDGED_SHARE = 0.2
 MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
 
-MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.005
+MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.01
 """The same on a long path, as a share of it: what odometry may drift by, and what SLAM may leave open."""
 
 MIN_FOUND = 0.9

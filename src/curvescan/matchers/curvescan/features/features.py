@@ -10,7 +10,6 @@ import numpy as np
 from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
-from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import ordered_readings
@@ -30,8 +29,6 @@ class CurvescanFeatures(NamedTuple):
         The scan's own index of each valid reading, readings counter-clockwise from a breakpoint on.
     bounds : (s + 1,) int64
         Surface k is readings bounds[k]:bounds[k + 1].
-    objects : Objects
-        Pieces of the contour that may move as one.
     image : RangeImage
         The readings and the lines through them, and which reading stands in which direction.
     wide_image : RangeImage
@@ -47,7 +44,6 @@ class CurvescanFeatures(NamedTuple):
     n_beams: int
     beam_idx: Ints
     bounds: Ints
-    objects: Objects
     image: RangeImage
     wide_image: RangeImage
     full_image: RangeImage
@@ -90,7 +86,6 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
-        objects=Objects(*find_objects(surfels, bounds)),
         image=RangeImage(few, surfels, azimuth, table),
         wide_image=RangeImage(more, surfels, azimuth, table),
         full_image=RangeImage(surfels, surfels, azimuth, table),
