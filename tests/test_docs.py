@@ -69,6 +69,7 @@ def test_the_python_of_a_document_runs(path, logs, tmp_path, monkeypatch, capsys
     for log in logs.iterdir():
         (tmp_path / log.name).symlink_to(log)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cs.datasets, "fetch", lambda name: tmp_path / f"{name}.clf")
     exec(compile(_blocks(path), _name(path), "exec"), {"__name__": "__main__"})  # noqa: S102
 
 

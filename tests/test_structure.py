@@ -201,7 +201,7 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1552, 32, 0),
+    "(ground)": (1577, 32, 0),
     "benchmarks": (948, 31, 0),
     "cli": (2705, 15, 0),
     "diagnostics": (2549, 54, 0),
@@ -209,7 +209,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "io": (7230, 38, 0),
     "live": (3449, 68, 0),
     "mapping": (750, 13, 8),
-    "matchers": (520, 5, 0),
+    "matchers": (519, 5, 0),
     "matchers/baselines": (1816, 47, 40),
     "matchers/cfsma": (1199, 15, 17),
     "matchers/curvescan": (4289, 193, 61),
@@ -218,7 +218,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "plots": (851, 72, 0),
     "runs": (1573, 15, 0),
     "runs/batch": (2156, 5, 0),
-    "se2": (477, 0, 0),
+    "se2": (452, 0, 0),
     "simulation": (2371, 214, 0),
     "slam": (6003, 136, 54),
 }

@@ -86,7 +86,6 @@ from .runs.result import Run as Run
 from .runs.run import localize as localize
 from .runs.run import run as run
 from .scan import LaserScan as LaserScan
-from .se2.uncertain import UncertainPose as UncertainPose
 from .simulation import simulate as simulate
 from .slam import Localizer as Localizer
 from .slam import Slam as Slam
@@ -94,6 +93,7 @@ from .slam import SlamConfig as SlamConfig
 from .slam import SlamMap as SlamMap
 from .slam import load_map as load_map
 from .types import PoseEdge as PoseEdge
+from .types import UncertainPose as UncertainPose
 from .warmup import warm_up as warm_up
 
 __all__: list[str]

@@ -7,7 +7,7 @@ data enters the library.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,3 +56,28 @@ class PoseEdge:
     def __repr__(self) -> str:
         x, y, theta = self.pose
         return f"PoseEdge({self.i} -> {self.j}: x={x:.4f} m, y={y:.4f} m, theta={theta:.4f} rad)"
+
+
+class UncertainPose(NamedTuple):
+    """Pose of a frame b in a frame a, and how well it is known.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        [x, y, theta]; metres, metres, radians in (-pi, pi].
+    covariance : (3, 3) float64
+        Its covariance in the order x, y, theta, in frame a; zero where b is known exactly.
+    """
+
+    pose: Pose
+    covariance: Cov
+
+    @property
+    def cov(self) -> Cov:
+        """The covariance, by a shorter name for formulas."""
+        return self.covariance
+
+    def __repr__(self) -> str:
+        x, y, theta = (float(value) for value in self.pose)
+        sx, sy, st = np.sqrt(np.abs(np.diag(self.covariance))).tolist()
+        return f"UncertainPose(x={x:.4f}±{sx:.4f} m, y={y:.4f}±{sy:.4f} m, theta={theta:.4f}±{st:.4f} rad)"

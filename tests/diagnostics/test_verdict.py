@@ -72,7 +72,7 @@ def test_parts_of_the_map_count_and_not_what_was_lost_on_the_way():
 
 
 @pytest.mark.parametrize(
-    ("engine", "path", "most"), [("odometry", 10.0, 0.5), ("odometry", 100.0, 2.0), ("slam", 200.0, 1.0)]
+    ("engine", "path", "most"), [("odometry", 10.0, 0.5), ("odometry", 100.0, 2.0), ("slam", 200.0, 2.0)]
 )
 def test_the_final_uncertainty_counts_by_the_path(engine, path, most):
     assert verdict_of(evidence(engine=engine, path=path, sigma=0.99 * most)).is_trusted

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 from curvescan.cli.commands.convert import FormatName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import WRITERS, MemoryLog, log_from_arrays, read_log, write_log
-from curvescan.io.log import Log
+from curvescan.io.log import Log, ScanAccess
 from curvescan.scan import LaserScan
 from tests.logs import assert_same_scan, assert_same_scans, rich_log, short
 
@@ -319,7 +319,7 @@ def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         write_log(tmp_path / "a.csv", rich_log(n=200))
 
 
-class Repeated:
+class Repeated(ScanAccess):
     """A log of many scans that takes no room."""
 
     name, format, odometry, read_errors, notes = "many", "many", None, (), ()
@@ -353,7 +353,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path: Path, name: str) -> None:
     assert max(written, read) < limit
 
 
-class ChangingLog:
+class ChangingLog(ScanAccess):
     """A log whose length changes from one reading to the next, as that of a file that is still written."""
 
     name, format, odometry, notes, read_errors, tag_counts = ("a.log", "test", None, (), (), MappingProxyType({}))

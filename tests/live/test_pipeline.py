@@ -282,16 +282,16 @@ def test_the_viewer_keeps_no_scan_and_draws_the_map(log):
 def test_a_preview_is_the_first_scan_and_is_not_kept(log):
     viewer, source = Viewer("a test", is_lossless=True), LogSource(log, speed=0)
     viewer.preview(source.first())
-    preview = viewer.picture
+    preview = viewer._picture
     assert preview.version == 0
     assert min(preview.shape) > 20  # cells of 0.05 m of what one scan sees
     run_live(source, Tracker(Odometry()), [viewer])
     viewer.close()
-    assert viewer.picture.version > 0
+    assert viewer._picture.version > 0
     other = Viewer("a test", is_lossless=True)
     run_live(LogSource(log, speed=0), Tracker(Odometry()), [other])
     other.close()
-    assert viewer.picture.png == other.picture.png
+    assert viewer._picture.png == other._picture.png
 
 
 def test_what_a_source_begins_with():

@@ -13,7 +13,7 @@ from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, MatcherConfig, Method, find_matcher
 from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import UncertainPose
 
 __all__ = [
     "DEFAULT_METHOD",

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Pose
+from curvescan.types import Pose, UncertainPose
 
 GUESS_SIGMA = (0.3, 0.3, 0.2)
 """Standard deviations that a bare guess stands for: metres, metres, radians."""

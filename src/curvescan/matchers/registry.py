@@ -14,7 +14,7 @@ from curvescan.configs import as_config, nearest
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
-from curvescan.se2.uncertain import UncertainPose
+from curvescan.types import UncertainPose
 
 if TYPE_CHECKING:
     from curvescan.matchers.baselines.config import CoxConfig, HistogramConfig, IcpConfig, IdcConfig, PlIcpConfig

@@ -7,41 +7,16 @@ pose at a time, in kernels: the odometry does this a dozen times a scan.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Pose
+from curvescan.types import UncertainPose as UncertainPose
 
 _LEAST_VARIANCE = 1e-18
 """Square metres and radians: a nanometre and a nanoradian."""
-
-
-class UncertainPose(NamedTuple):
-    """Pose of a frame b in a frame a, and how well it is known.
-
-    Attributes
-    ----------
-    pose : (3,) float64
-        [x, y, theta]; metres, metres, radians in (-pi, pi].
-    covariance : (3, 3) float64
-        Its covariance in the order x, y, theta, in frame a; zero where b is known exactly.
-    """
-
-    pose: Pose
-    covariance: Cov
-
-    @property
-    def cov(self) -> Cov:
-        """The covariance, by a shorter name for formulas."""
-        return self.covariance
-
-    def __repr__(self) -> str:
-        x, y, theta = (float(value) for value in self.pose)
-        sx, sy, st = np.sqrt(np.abs(np.diag(self.covariance))).tolist()
-        return f"UncertainPose(x={x:.4f}±{sx:.4f} m, y={y:.4f}±{sy:.4f} m, theta={theta:.4f}±{st:.4f} rad)"
 
 
 def identity() -> UncertainPose:

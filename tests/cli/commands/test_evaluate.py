@@ -97,7 +97,6 @@ def test_a_reference_is_measured(folder, capsys):
         (["--reference", "none"], "trajectory none does not exist"),
         (["--relations", "empty"], "holds no relation"),
         (["--reference", "empty"], "is empty"),
-        (["--relations", "R", "--benchmark", "x"], "there is no benchmark 'x'"),
         (["--relations", "R", "--laser-pose", "0", "nan", "0"], "must be finite"),
         (["--relations", "R", "--near", "-1"], "near must be at least 0 s"),
         (["--reference", "T", "--tolerance", "-1"], "tolerance must be at least 0 s"),
@@ -130,3 +129,9 @@ def test_poses_whose_stamps_tell_nothing_are_paired_in_their_order(folder, capsy
     assert "paired in their order: most time stamps repeat" in capsys.readouterr().out
     # errors of exactly 0 are drawn too
     assert (folder / "o" / "errors.png").exists()
+
+
+def test_a_benchmark_is_one_of_those_known(capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        run(["evaluate", "T", "--relations", "R", "--benchmark", "x"])
+    assert "mit-killian-court" in capsys.readouterr().err

@@ -86,7 +86,7 @@ def test_a_robot_finds_itself_in_the_map_of_slam(tmp_path, capsys):
     out = tmp_path / "live"
     options = ["--speed", "0", "--no-page", "--out", str(out)]
     assert run(["live", str(log), "--map", str(tmp_path / "slam" / "map.csmap"), *options]) == 0
-    assert "Matched with keyframes around" in capsys.readouterr().out
+    assert "Followed in the map" in capsys.readouterr().out
     told = json.loads((out / "run.json").read_text())
     assert told["live"]["mode"] == "localization"
     poses = [np.loadtxt(p / "trajectory.tum")[:, 1:3] for p in (out, tmp_path / "slam")]
