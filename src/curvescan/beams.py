@@ -53,10 +53,7 @@ class Beams:
 
 @lru_cache(maxsize=32)
 def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
-    """Return n beams evenly spaced, radians; the same object for the same numbers.
-
-    Raises InvalidArgumentError.
-    """
+    """Return n beams evenly spaced, radians; the same object for the same numbers. Raises InvalidArgumentError."""
     # a log has one or two beam layouts: their sines and cosines are taken once, not once a scan
     for name, value in (("angle_min", angle_min), ("angle_increment", angle_increment)):
         if not math.isfinite(value):

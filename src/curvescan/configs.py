@@ -20,26 +20,7 @@ Config = TypeVar("Config")
 def as_config(
     given: Config | Mapping[str, Any] | None, default: Config, *, name: str = "config", hint: str = ""
 ) -> Config:
-    """Return the configuration that an argument stands for.
-
-    Parameters
-    ----------
-    given : dataclass, mapping or None
-        An instance of the default's class; a mapping of the fields that differ, nested for nested configurations
-        (``{"motion": {"memory": 10.0}}``); None for the default.
-    default : dataclass
-        What holds where nothing is given.
-    name : str
-        Name of the argument, for messages.
-    hint : str
-        Appended to the message about an object of another class.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When `given` is of another class, or has an unknown key (the message gives the nearest name) or a value of the
-        wrong type or out of range.
-    """
+    """Return the configuration that an argument stands for. Raises InvalidArgumentError."""
     if given is None:
         return default
     if isinstance(given, type(default)):

@@ -54,3 +54,11 @@ def test_a_report_is_a_page_with_its_tables_and_figures_inside(tmp_path):
     assert image["alt"] == "The map"
     assert image["src"] == "data:image/png;base64," + base64.b64encode(PNG).decode()
     assert {"h1", "h3", "em", "title"} <= set(page.tags)
+
+
+def test_wide_tables_are_split_and_keep_their_keys():
+    table = ResultTable(title="t", columns=("log", "method", "a", "b"), keys=2, rows=[("l", "m", "1" * 60, "2" * 60)])
+    halves = table.markdown(120).split("\n\n")[1:]
+    assert [half.splitlines()[0] for half in halves] == ["| log | method | a |", "| log | method | b |"]
+    assert all(half.splitlines()[2].startswith("| l | m | ") for half in halves)
+    assert table.markdown().count("| log |") == 1

@@ -107,7 +107,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _help(arguments: list[str]) -> str | None:
-    """Return what needs no command: the version, the first steps without arguments, the help on one screen for -h; else None."""
+    """Return the version, the first steps or the help on one screen, where no command is needed; else None."""
     if arguments in (["--version"], ["-V"]):
         return f"curvescan {__version__}"
     if not arguments:

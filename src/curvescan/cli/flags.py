@@ -35,7 +35,7 @@ _ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=('[^']*'|\([^)]*\)|[^\s,;:)]+)?
 
 
 def with_flags(message: str) -> str:
-    """Return a message of the library with ``clockwise=True`` as ``--clockwise``, ``topic='/scan'`` as ``--topic /scan``."""
+    """Return a message of the library with flags for arguments: ``--topic /scan`` for ``topic='/scan'``."""
     for words, flag in _WORDS.items():
         message = message.replace(words, flag)
     return _ARGUMENT.sub(_as_flag, message)

@@ -27,7 +27,7 @@ LogPath: TypeAlias = Annotated[
     tyro.conf.Positional[Path],
     tyro.conf.arg(
         metavar="LOG",
-        help="The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3 or MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; "
+        help="The log: CARMEN, a ROS bag (ROS 1, ROS 2 sqlite3, MCAP), CSV, NPZ or CoreSLAM, plain or gzip-compressed; "
         "or a ROS 2 bag's folder.",
     ),
 ]
@@ -122,7 +122,7 @@ ConfigFile: TypeAlias = Annotated[
     Path | None,
     tyro.conf.arg(
         metavar="FILE",
-        help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags change what it says.",
+        help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags override it.",
     ),
 ]
 """Read by main()."""
@@ -227,7 +227,7 @@ class Preparation:
     laser_only: Flag = False
     """Leave wheels and gyroscope out, also where they agree with the scans."""
     odometry_prior: Flag = False
-    """Expect of each scan what the log's wheel odometry says, or its gyroscope, also where it disagrees with the scans."""
+    """Expect the motion of the log's wheel odometry or gyroscope, also where it disagrees with the scans."""
 
     def __post_init__(self) -> None:
         if self.odometry_prior and self.laser_only:

@@ -37,8 +37,8 @@ def report(run: Run, out: Path) -> int:
         OUT.print(f"{engine!r}; finished in {run.record.seconds_to_finish:.1f} s", markup=False)
         if engine.is_deceived:
             OUT.print(
-                "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the map is mostly "
-                "the odometry's"
+                "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the "
+                "map is mostly the odometry's"
             )
     if isinstance(engine, Localizer) and run.first_fix is not None:
         OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}", markup=False)

@@ -44,21 +44,7 @@ _LEAST_TURN = 0.5
 def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
     """Return the pose of sensor b in the frame of sensor a from motions of both over the same times.
 
-    Parameters
-    ----------
-    motions_a, motions_b : (n, 3) array_like
-        Motion [x, y, theta] of each sensor over n pieces of a drive, in its own frame at the piece's beginning: metres,
-        metres, radians. n >= 8, with turns of 0.5 rad in sum.
-
-    Returns
-    -------
-    UncertainPose
-        The mount, and its covariance by the residuals of the pieces.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the shapes differ, or the pieces are too few or turn too little to tell.
+    Raises InvalidArgumentError.
     """
     a, b = np.asarray(motions_a, dtype=np.float64), np.asarray(motions_b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
@@ -133,19 +119,7 @@ class MountCheck:
 def check_mounts(path: str | os.PathLike[str]) -> list[MountCheck]:
     """Return the mounts of the lasers of a bag, from their scans and the wheels, beside those of its transforms.
 
-    With wheels each laser is seen from the robot's base, else each from the first one.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        A ROS 1 or ROS 2 bag with scans of one laser or more.
-
-    Raises
-    ------
-    LogFileError, LogFormatError
-        When it cannot be read.
-    InvalidArgumentError
-        When it holds a single laser and no wheels, or the drive is too short or too straight to tell.
+    With wheels each laser is seen from the robot's base, else each from the first one. Raises InvalidArgumentError.
     """
     given = laser_mounts(Path(path))
     logs = {topic: read_log(path, topic=topic) for topic in given}

@@ -65,7 +65,7 @@ DATASETS: dict[str, Dataset] = {
         citation="R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27, 2009",
     ),
     "kitchen": Dataset(
-        about="RPLIDAR A1 on a small rover in a flat, no wheels: 675 scans, 97 s; the beams turn clockwise, some are stale",
+        about="RPLIDAR A1 on a small rover in a flat, no wheels: 675 scans, 97 s; clockwise beams, some stale",
         path=f"{_MUMBLE}/d233e8f417a1dab64e2db7b8337fdcb4075a0d94/"
         "mumble_simulation_isaac/bags/kitchen_1/kitchen_1/my_data_bag_0.db3",
         n_bytes=2_793_472,

@@ -38,21 +38,12 @@ class LogReader(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class LogFormat:
-    """One row of the table of formats.
+    """One row of the table of formats."""
 
-    Attributes
-    ----------
-    name : str
-        In words: ``"CARMEN log"``.
-    sniff : callable
-        Whether the first HEAD_BYTES of a file, unpacked, look like this format. It never raises.
-    reader : str
-        ``"module:function"`` of a LogReader.
-    """
-
-    name: str
+    name: str  # in words: ``"CARMEN log"``
     sniff: Callable[[bytes], bool]
-    reader: str
+    """Whether the first HEAD_BYTES of a file, unpacked, look like this format. It never raises."""
+    reader: str  # ``"module:function"`` of a LogReader
 
     def load(self) -> LogReader:
         """Return the reader, importing its module."""
@@ -116,10 +107,7 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
 
 
 def find_format(head: bytes, path: Path) -> LogFormat:
-    """Return the row of the table that a file belongs to.
-
-    Raises LogFormatError.
-    """
+    """Return the row of the table that a file belongs to. Raises LogFormatError."""
     if not head.strip():
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")
     for row in FORMATS:
@@ -134,6 +122,6 @@ def find_format(head: bytes, path: Path) -> LogFormat:
     first = next(line for line in head.splitlines() if line.strip()).strip()
     shown = first[:40].decode("utf-8", errors="replace")
     raise LogFormatError(
-        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}. {_OWN_FORMAT} shows how to read any other "
-        "in eight lines"
+        f"{path} is text of an unknown format (it begins {shown!r}); read are: {known}. {_OWN_FORMAT} shows "
+        "how to read any other in eight lines"
     )

@@ -115,10 +115,7 @@ class ScanAccess:
     @overload
     def __getitem__(self, i: slice) -> Log: ...
     def __getitem__(self, i: int | slice) -> LaserScan | Log:
-        """Return scan i, or a view of a slice of the log; negative numbers count from the end.
-
-        Raises IndexError.
-        """
+        """Return scan i, or a view of a slice of the log; negative numbers count from the end. Raises IndexError."""
         log = cast(Log, self)
         if isinstance(i, slice):
             return LogSlice(log, range(len(log))[i])
@@ -269,20 +266,7 @@ _SCANS_A_LOOKUP = 10
 
 
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
-    """Return the scans of these numbers, in the order given.
-
-    Parameters
-    ----------
-    log : Log
-        Any log.
-    numbers : sequence of int
-        Scans are numbered from 0.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When a number is negative or beyond the last scan.
-    """
+    """Return the scans of these numbers, in the order given. Raises InvalidArgumentError."""
     for number in numbers:
         if not 0 <= number < len(log):
             raise InvalidArgumentError(

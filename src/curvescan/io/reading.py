@@ -80,8 +80,8 @@ def read_log(
         raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
     if "://" in os.fspath(path):
         raise LogFileError(
-            f"{os.fspath(path)} is an address, and a log is read from a file: download it first; `curvescan batch` reads logs in "
-            "buckets as they are"
+            f"{os.fspath(path)} is an address, and a log is read from a file: download it first; `curvescan batch` "
+            "reads logs in buckets as they are"
         )
     file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file

@@ -68,15 +68,7 @@ class SensorSetup:
 
 
 def apply_setup(log: Log, setup: SensorSetup) -> Log:
-    """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes.
-
-    Parameters
-    ----------
-    log : Log
-        As its reader gives it. Where it is no MountedLog its odometry is taken for the robot's.
-    setup : SensorSetup
-        What its user knows better.
-    """
+    """Return a log whose scans and odometry are as the setup has them: the log itself where nothing changes."""
     hangs = setup.upside_down
     if hangs is None:
         hangs = isinstance(log, MountedLog) and log.hangs_upside_down()

@@ -1,7 +1,8 @@
 """The table of formats in which scans are written, and write_log, which chooses a row and writes.
 
-A format is one row: a name, the endings of a file's name that ask for it, and the writer as ``"module:function"``, imported when it is
-used. What each format loses of a scan stands with its writer; the writer returns what it did lose, a sentence each.
+A format is one row: a name, the endings of a file's name that ask for it, and the writer as ``"module:function"``,
+imported when it is used. What each format loses of a scan stands with its writer; the writer returns what it did lose,
+a sentence each.
 """
 
 from __future__ import annotations
@@ -25,33 +26,18 @@ class LogWriter(Protocol):
     """Writes a log in one format; the function a row of the table names."""
 
     def __call__(self, path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-        """Write all scans and the odometry of a log, one scan in memory at a time.
-
-        Raises OutputError.
-        """
+        """Write all scans and the odometry of a log, one scan in memory at a time. Raises OutputError."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutputFormat:
-    """One row of the table of formats.
+    """One row of the table of formats."""
 
-    Attributes
-    ----------
-    suffixes : tuple of str
-        Endings that ask for the format; ``""`` is a name without one.
-    writer : str
-        ``"module:function"`` of a LogWriter.
-    is_folder : bool
-        Whether the result is a folder.
-    is_text : bool
-        Whether the further ending ``.gz`` selects gzip.
-    """
-
-    suffixes: tuple[str, ...]
-    writer: str
-    is_folder: bool = False
-    is_text: bool = False
+    suffixes: tuple[str, ...]  # endings that ask for the format; ``""`` is a name without one
+    writer: str  # ``"module:function"`` of a LogWriter
+    is_folder: bool = False  # whether the result is a folder
+    is_text: bool = False  # whether the further ending ``.gz`` selects gzip
 
     def load(self) -> LogWriter:
         """Return the writer, importing its module."""
@@ -138,8 +124,8 @@ def _choose(path: Path, name: str | None) -> OutputFormat:
     if row is None:
         endings = ", ".join(s for row in WRITERS.values() for s in row.suffixes if s)
         raise InvalidArgumentError(
-            f"no format is known by the ending {suffix!r} of {path.name}: give one of {endings}, none for the folder of a "
-            f"ROS 2 bag, or a format ({', '.join(WRITERS)})"
+            f"no format is known by the ending {suffix!r} of {path.name}: give one of {endings}, none for the folder "
+            f"of a ROS 2 bag, or a format ({', '.join(WRITERS)})"
         )
     if is_packed and not row.is_text:
         raise InvalidArgumentError(f"only text is written gzip-compressed, got {path.name}: leave the ending .gz out")

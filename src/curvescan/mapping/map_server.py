@@ -80,17 +80,7 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The YAML file; its picture, a binary PGM, is found beside it.
-
-    Raises
-    ------
-    LogFileError
-        When a file cannot be read.
-    LogFormatError
-        When it is no such map, or turned against its frame.
+    Raises LogFileError, LogFormatError.
     """
     path = Path(path)
     try:

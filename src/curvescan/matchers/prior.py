@@ -23,13 +23,7 @@ _ASYMMETRY = 1e-9  # of the greatest element: what rounding leaves
 
 
 def prior_of(prior: UncertainPose | None, guess: ArrayLike | None) -> UncertainPose | None:
-    """Return what two arguments say is known before a match, checked; None for nothing.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When both are given, or one is not what it should be.
-    """
+    """Return what two arguments say is known before a match, checked; None for nothing. Raises InvalidArgumentError."""
     if guess is not None:
         if prior is not None:
             raise InvalidArgumentError("prior and guess say the same: give one of them")

@@ -81,22 +81,7 @@ class Matcher(Protocol):
 
 
 def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Matcher:
-    """Return the matcher of a name with a configuration, or with its defaults.
-
-    Parameters
-    ----------
-    method : str
-        A name of the table MATCHERS.
-    config : dataclass, mapping or None
-        An instance of that matcher's config class, or a mapping of the fields that differ.
-    name : str
-        Name of the argument that `config` was given as, for messages.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the name is unknown, or the config is another matcher's or has an unknown key.
-    """
+    """Return the matcher of a name with a configuration, or with its defaults. Raises InvalidArgumentError."""
     _check_method(method)
     if config is None:  # not left to _build: the hash of a configuration takes a while
         return _with_defaults(method)

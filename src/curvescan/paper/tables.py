@@ -198,6 +198,7 @@ def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
         )
     return ResultTable(
         title="Consecutive scans of real logs, no guess, laser alone, against the poses in the log",
+        keys=2,
         columns=(
             "log",
             "method",
@@ -237,6 +238,7 @@ def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     return ResultTable(
         title="Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for "
         "the others",
+        keys=2,
         columns=(
             "log",
             "method",

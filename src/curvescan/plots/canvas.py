@@ -28,7 +28,7 @@ TRUTH = "#2e7d32"
 FAILED = "#7b1fa2"
 PAIRED = "#00796b"
 FIRST, SECOND = "#0072b2", "#d55e00"
-"""Of two scans: blue and vermilion of Okabe and Ito's colours, which differ for all who see few (Wong, Nature Methods 8, 2011)."""
+"""Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
 SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
 
 _STYLE: dict[str, Any] = {

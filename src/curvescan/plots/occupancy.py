@@ -17,7 +17,7 @@ _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
 """From what gives way to what shows, where many cells are drawn as one."""
 
 _SHARE = 0.8
-"""Of the pixels along a side of the axes that blocks of cells may take: the axes are smaller than the place given them."""
+"""Share of the pixels along the axes that blocks of cells may take: axes are smaller than their place."""
 
 
 def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
@@ -55,7 +55,7 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
 
 
 def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:
-    """Return 0, 1, 2 for unknown, free, occupied blocks of cells, the darkest cell of each, and a block's side in metres."""
+    """Return blocks of cells, 0 unknown, 1 free, 2 occupied as its darkest cell, and a block's side in metres."""
     ranks = grid.is_free.astype(np.uint8)
     ranks[grid.is_occupied] = 2
     n = -(-max(ranks.shape) // max(n_pixels, 1))

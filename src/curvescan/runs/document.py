@@ -14,6 +14,10 @@ Part: TypeAlias = str | ResultTable | tuple[str, str]
 """A paragraph (or a heading, which begins with #), a table, or a figure as (file name, caption)."""
 
 
+_WIDTH = 120
+"""Of a table's lines in a report, characters."""
+
+
 def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
     """Write report.md and report.html into an existing folder."""
     text = write_markdown(folder / "report.md", parts)
@@ -30,9 +34,9 @@ def write_markdown(path: Path, parts: Sequence[Part]) -> str:
 
 def _markdown(part: Part) -> str:
     if isinstance(part, ResultTable):
-        return part.markdown()
+        return part.markdown(_WIDTH)
     if isinstance(part, tuple):
-        return f"![{part[1]}]({part[0]})\n\n{part[1]}\n"
+        return f"![{part[1].partition('. ')[0]}]({part[0]})\n\n{part[1]}\n"
     return f"{part}\n"
 
 

@@ -1,4 +1,4 @@
-"""What SLAM leaves behind beside poses and maps: the graph, the log of its loop-closure candidates, the figures of both."""
+"""Files of SLAM beside poses and maps: the graph, its loop-closure candidates, the figures of both."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 
 CLOSURE_HEADER = (
-    "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis", "x", "y", "theta", "kind", "outcome", "meaning",
+    "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis",
+    "x", "y", "theta", "kind", "outcome", "meaning",
 )  # fmt: skip
 
 

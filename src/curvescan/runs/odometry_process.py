@@ -1,9 +1,9 @@
 """The odometry of a SLAM run in a process of its own.
 
 The odometry knows nothing of the map and need not wait for it: it runs ahead on another core while the back end closes
-loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. When it is done,
-the process calls functions, as long as there is a map to be made and drawn. A process that cannot be started, or ends too
-early, costs time alone: the odometry is then made here, and functions are called here.
+loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. When it is
+done, the process calls functions, as long as there is a map to be made and drawn. A process that cannot be started, or
+ends too early, costs time alone: the odometry is then made here, and functions are called here.
 """
 
 from __future__ import annotations
@@ -46,22 +46,17 @@ _MIN_SCANS = 1000
 
 
 def can_run_ahead(n_scans: int) -> bool:
-    """Return whether a process for the odometry of so many scans is worth it, and there is a core and a Python for it."""
+    """Return whether a process for the odometry of so many scans pays, and a core and a Python are free."""
     return n_usable_cores() > 1 and has_own_python() and n_scans >= _MIN_SCANS
 
 
 class OdometryProcess:
-    """The odometry of a log in a process of its own, which starts at once; :meth:`place` a log and iterate once, inside ``with``.
+    """The odometry of a log in a process of its own; :meth:`place` a log and iterate once, inside ``with``.
 
     Its steps are those of the odometry here but for the traces of their matches, which are not carried over.
-
-    Attributes
-    ----------
-    odometry : Odometry
-        What was given to :meth:`place`; at the end of the iteration the one that has placed all scans.
     """
 
-    odometry: Odometry
+    odometry: Odometry  # what was given to :meth:`place`; at the end of the iteration the one that has placed all scans
 
     def __init__(self) -> None:
         self._sent: Queue[Any] = Queue(_AHEAD)
@@ -114,7 +109,7 @@ class OdometryProcess:
         yield from islice(in_turn(self.odometry, self._scans, self._odometry_poses), n_done, None)
 
     def call_after(self, function: Callable[_P, _R], *args: _P.args, **kwargs: _P.kwargs) -> Callable[[], _R]:
-        """Have the process call a function of a module when the odometry is done, and return what gives its result, after the iteration.
+        """Have the process call a function when the odometry is done; what this returns gives the result.
 
         Results are to be asked for in the order of the calls. Where the process cannot call it, the function is called
         here, when its result is asked for: it may be called twice.
@@ -174,7 +169,7 @@ class OdometryProcess:
 
 
 def serve() -> None:
-    """Place the scans that come in on stdin, and send the steps to stdout, then call functions: the main function of the process."""
+    """Run the process: place the scans from stdin, send the steps to stdout, then call functions."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends with its pipes
     requests, replies = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr

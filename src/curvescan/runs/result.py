@@ -87,7 +87,7 @@ class Run:
 
     @property
     def trajectory(self) -> Trajectory:
-        """Stamp, pose and covariance at each scan; of SLAM every pose revised, in a saved map NaN where it is not known."""
+        """Stamp, pose and covariance at each scan. SLAM revises every pose; in a saved map unknown ones are NaN."""
         return self.record.trajectory
 
     @property

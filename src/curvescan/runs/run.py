@@ -103,8 +103,8 @@ def run(
     map : SlamMap, path or None
         SLAM: a map to continue; the log may begin anywhere in it.
     odometry_prior : bool or None
-        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion; None
-        where it agrees with the scans.
+        Whether to expect of each scan what the log's own wheel odometry or gyroscope gives, instead of the last motion;
+        None where it agrees with the scans.
     as_is : bool
         Whether to take the log as it is, and mend nothing.
     exports : sequence of str
@@ -127,7 +127,8 @@ def run(
     Raises
     ------
     InvalidArgumentError
-        When an argument is not of the kinds above, or `odometry_prior` is wanted and the log has none that fits its scans.
+        When an argument is not of the kinds above, or `odometry_prior` is wanted and the log has none that fits its
+        scans.
     LogFileError, LogFormatError
         When the log or the map cannot be read.
     OutputError

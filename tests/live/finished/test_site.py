@@ -110,7 +110,8 @@ def test_a_false_closure_is_dropped_in_a_browser_and_the_file_replays_to_the_bit
         page.wait("document.querySelectorAll('#edits li').length === 1 && document.getElementById('message').hidden")
         page.wait(f"{error} < 0.15")
         read = (
-            "(async (name) => { const b = new Uint8Array(await (await post(name, { edits: mending.edits })).arrayBuffer());"
+            "(async (name) => { const b = new Uint8Array("
+            "await (await post(name, { edits: mending.edits })).arrayBuffer());"
             " return btoa(String.fromCharCode(...b)); })"
         )
         saved = {name: base64.b64decode(page.run(f"{read}({name!r})")) for name in ("map", "edits")}
@@ -138,7 +139,8 @@ def test_a_page_of_another_origin_cannot_mend(server, tmp_path):
         for how in (
             f"fetch('{server.url}token').then((r) => r.text())",
             f"fetch('{server.url}do/edits', {{method: 'POST', body: '{{}}'}}).then((r) => r.text())",
-            f"fetch('{server.url}do/edits', {{method: 'POST', headers: {{'X-Curvescan-Token': 'x'}}}}).then((r) => r.text())",
+            f"fetch('{server.url}do/edits', {{method: 'POST', headers: {{'X-Curvescan-Token': 'x'}}}})"
+            ".then((r) => r.text())",
         ):
             assert page.run(f"{how}.catch(() => 'refused')") == "refused"
 

@@ -60,8 +60,9 @@ def batch(
 ) -> int:
     """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
 
-    Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line for each log
-    as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit status 1 if any log failed.
+    Writes a folder of results for each log, as `curvescan odometry` or `curvescan slam` does; manifest.jsonl, a line
+    for each log as soon as it is done; fleet.csv, the verdict of each run; workers.log, what went wrong in detail. Exit
+    status 1 if any log failed.
 
     Parameters
     ----------

@@ -26,12 +26,12 @@ def calibrate(
 ) -> int:
     """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
 
-    sigma_rho keeps a wall beside the sensor whole. U_k is the least tolerance at which planes show no peak. U_c lies just
-    above the correlation that the functions of planes, which are noise, still have. U_p is the least at which planes show
-    no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that rejects no
-    right pair of their corners; walls, corners and pairs are always simulated, with the noise that the planes show.
-    Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of
-    what the equations mean; with --sweep also sweep.md.
+    sigma_rho keeps a wall beside the sensor whole. U_k is the least tolerance at which planes show no peak. U_c lies
+    just above the correlation that the functions of planes, which are noise, still have. U_p is the least at which
+    planes show no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that
+    rejects no right pair of their corners; walls, corners and pairs are always simulated, with the noise that the
+    planes show. Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of what the
+    equations mean; with --sweep also sweep.md.
 
     With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels, and says which
     mounts of the bag's transforms are wrong.
@@ -53,8 +53,8 @@ def calibrate(
     seed
         Seed of the simulated noise.
     sweep
-        Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on seeds
-        of its own: some minutes.
+        Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on
+        seeds of its own: some minutes.
     """
     if mounts:
         return _show_mounts(log)

@@ -23,8 +23,8 @@ def convert(
 ) -> int:
     """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
 
-    The ending of OUT chooses: .clf .log (CARMEN), .csv, .npz, .bag (ROS 1), .mcap, or none for the folder of a ROS 2 bag (sqlite3);
-    .csv.gz and .clf.gz are compressed.
+    The ending of OUT chooses: .clf .log (CARMEN), .csv, .npz, .bag (ROS 1), .mcap, or none for the folder of a ROS 2
+    bag (sqlite3); .csv.gz and .clf.gz are compressed.
 
     Parameters
     ----------

@@ -40,14 +40,14 @@ def demo(
 ) -> int:
     """Drive a simulated robot in a loop through a building, close the loop, and compare with the truth.
 
-    Writes what `slam` writes, and loop.png: the map of the odometry alone beside the one whose loop is closed. Prints the errors of
-    SLAM, of laser odometry and of wheel odometry.
+    Writes what `slam` writes, and loop.png: the map of the odometry alone beside the one whose loop is closed. Prints
+    the errors of SLAM, of laser odometry and of wheel odometry.
 
     Parameters
     ----------
     log
-        A public log instead of the simulated building: it is downloaded on its first use, mapped as by `curvescan slam`, and
-        compared with its relations where it has them.
+        A public log instead of the simulated building: it is downloaded on its first use, mapped as by `curvescan
+        slam`, and compared with its relations where it has them.
     world
         The simulated world.
     sensor

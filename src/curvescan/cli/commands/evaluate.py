@@ -24,9 +24,9 @@ def evaluate(
 ) -> int:
     """Measure a trajectory against relations of the Freiburg SLAM benchmark, or against reference poses.
 
-    Relations (Kümmerle et al. 2009): translation and rotation errors of near, far and all relations, beside the published
-    errors of the same log. Reference poses: absolute errors (ATE), relative errors (RPE) pose to pose and over each
-    metre, and the drift for each metre travelled and each degree turned.
+    Relations (Kümmerle et al. 2009): translation and rotation errors of near, far and all relations, beside the
+    published errors of the same log. Reference poses: absolute errors (ATE), relative errors (RPE) pose to pose and
+    over each metre, and the drift for each metre travelled and each degree turned.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def evaluate(
     reference
         Reference poses: TUM, CSV with columns stamp (or timestamp), x, y, theta, or a log with corrected poses.
     laser_pose
-        Pose of the laser on the robot: metres, metres, degrees. Relations are of the robot, and so may be references in TUM
-        or CSV; the poses in a log are the laser's already.
+        Pose of the laser on the robot: metres, metres, degrees. Relations are of the robot, and so may be references in
+        TUM or CSV; the poses in a log are the laser's already.
     near
         Relations of scans less than this apart are near, seconds.
     tolerance

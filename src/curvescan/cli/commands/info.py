@@ -24,15 +24,15 @@ def info(
     json: Flag = False,
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
 ) -> int:
-    """Tell what is in a log and what is wrong with it: each finding with its consequence and the option that handles it.
+    """Tell what is in a log and what is wrong with it: each issue, its consequence and the option that mends it.
 
     Exit status 0 when motion can be looked for in the log (two scans with a valid reading), 1 when not.
 
     Parameters
     ----------
     json
-        Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report` (all figures;
-        null where one is not known or has no limit). The keys are the same for every log.
+        Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report`
+        (all figures; null where one is not known or has no limit). The keys are the same for every log.
     """
     from curvescan.cli.console import OUT
     from curvescan.cli.flags import with_flags

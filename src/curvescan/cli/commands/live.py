@@ -64,8 +64,8 @@ def live(
     log
         A log to replay, of any format that `curvescan odometry` reads.
     driver
-        Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and others
-        (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar].
+        Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and
+        others (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar].
     port
         Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
         HOST:PORT for hokuyo.

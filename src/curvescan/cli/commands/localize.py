@@ -37,8 +37,8 @@ def localize(
 ) -> int:
     """Find and follow the sensor of a log in a map, with no guess.
 
-    Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is searched for),
-    map.png and run.json.
+    Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
+    searched for), map.png and run.json.
     """
     from curvescan.cli.console import load_kernels, run_display
     from curvescan.cli.summary import report

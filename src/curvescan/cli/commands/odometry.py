@@ -53,11 +53,11 @@ def odometry(
     Parameters
     ----------
     chain
-        What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is known;
-        `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
+        What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is
+        known; `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
     export
-        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap, scans and poses
-        for Foxglove and ROS 2).
+        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap,
+        scans and poses for Foxglove and ROS 2).
     """
     from curvescan.cli.console import load_kernels, run_display
     from curvescan.cli.summary import report

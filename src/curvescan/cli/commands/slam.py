@@ -56,15 +56,16 @@ def slam(
 ) -> int:
     """Close the loops of a log: odometry, and a pose graph that revises every pose.
 
-    Writes trajectory.tum and trajectory.csv (every pose revised, with marginal covariances), trajectory_online.tum (poses as they
-    were reported), map.png, wheels.png (the map by the log's wheel odometry), graph.png, graph.g2o, closures.csv, map.csmap,
-    run.json, and the occupancy map: map.pgm with map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C ends the run
-    and writes the results so far, marked as partial.
+    Writes trajectory.tum and trajectory.csv (every pose revised, with marginal covariances), trajectory_online.tum
+    (poses as they were reported), map.png, wheels.png (the map by the log's wheel odometry), graph.png, graph.g2o,
+    closures.csv, map.csmap, run.json, and the occupancy map: map.pgm with map.yaml, as Nav2 and map_server load it, and
+    occupancy.png. Ctrl-C ends the run and writes the results so far, marked as partial.
 
     Parameters
     ----------
     map
-        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only mended.
+        A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only
+        mended.
     drop
         Drop the closures between keyframes I and J of the map; may be repeated.
     add
@@ -72,8 +73,8 @@ def slam(
     edits
         File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them.
     export
-        Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2); graph.g2o
-        is written in any case.
+        Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2);
+        graph.g2o is written in any case.
     """
     from curvescan.cli.console import load_kernels, run_display
     from curvescan.cli.summary import report

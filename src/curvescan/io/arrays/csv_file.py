@@ -121,10 +121,7 @@ def _one(path: Path, range_max: float | None, place: tuple[int, ...]) -> LaserSc
 
 
 def _numbers(fields: list[bytes]) -> Floats:
-    """Return the numbers of fields, NaN for an empty one.
-
-    Raises BrokenRowError.
-    """
+    """Return the numbers of fields, NaN for an empty one. Raises BrokenRowError."""
     try:
         return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
     except ValueError:
@@ -142,10 +139,7 @@ def _record(
     intensities: Floats | None,
     range_max: float | None,
 ) -> Record:
-    """Return the scan of a line, and the pose of the wheels in it.
-
-    Raises BrokenRowError.
-    """
+    """Return the scan of a line, and the pose of the wheels in it. Raises BrokenRowError."""
     n_columns = len(names) - 1
     if len(fields) < n_columns:
         raise BrokenRowError("line cut short: fewer fields than the header names")

@@ -75,10 +75,7 @@ class Index:
 
 
 def build_index(path: Path) -> Index:
-    """Return what one pass over the file finds; memory grows by 64 bytes a sweep.
-
-    Raises LogFileError.
-    """
+    """Return what one pass over the file finds; memory grows by 64 bytes a sweep. Raises LogFileError."""
     read_errors = ReadErrorCounter()
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}

@@ -69,10 +69,7 @@ def flaser_angle_increment(n: int) -> float:
 
 
 def parse_flaser(line: bytes) -> ScanRecord:
-    """Return the sweep of a FLASER line with the pose of the laser.
-
-    Raises BrokenLineError.
-    """
+    """Return the sweep of a FLASER line with the pose of the laser. Raises BrokenLineError."""
     fields = line.split()
     n = _count(fields, 1, "FLASER")
     _check_length(fields, n + 8 + _N_TAIL, "FLASER")
@@ -91,18 +88,12 @@ def parse_flaser(line: bytes) -> ScanRecord:
 
 
 def parse_robotlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a ROBOTLASER1 line with the pose of the laser.
-
-    Raises BrokenLineError.
-    """
+    """Return the sweep of a ROBOTLASER1 line with the pose of the laser. Raises BrokenLineError."""
     return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
 
 
 def parse_rawlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a RAWLASER1 line, which gives no pose.
-
-    Raises BrokenLineError.
-    """
+    """Return the sweep of a RAWLASER1 line, which gives no pose. Raises BrokenLineError."""
     return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
 
 
@@ -115,10 +106,7 @@ SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
 
 
 def parse_odom(line: bytes) -> PoseRow:
-    """Return the pose of the robot on an ODOM line.
-
-    Raises BrokenLineError.
-    """
+    """Return the pose of the robot on an ODOM line. Raises BrokenLineError."""
     fields = line.split(None, 10)
     if len(fields) < 7 + _N_TAIL:
         raise BrokenLineError("ODOM line cut short")

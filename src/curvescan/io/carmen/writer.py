@@ -26,10 +26,7 @@ from curvescan.types import Floats, Pose
 
 
 def write_carmen(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write a log as CARMEN text; a LogWriter.
-
-    Raises OutputError.
-    """
+    """Write a log as CARMEN text; a LogWriter. Raises OutputError."""
     odometry = log.odometry
     is_posed = odometry is not None and bool(np.isfinite(odometry.poses).all())
     losses: dict[str, None] = {}

@@ -1,7 +1,7 @@
 """How much compressed data may unpack to.
 
-A few bytes can stand for gigabytes. Recorded scans shrink to a tenth, and simulated ones that see nothing to a hundredth; what claims
-more is refused before it fills memory or disk.
+A few bytes can stand for gigabytes. Recorded scans shrink to a tenth, and simulated ones that see nothing to a
+hundredth; what claims more is refused before it fills memory or disk.
 """
 
 from __future__ import annotations

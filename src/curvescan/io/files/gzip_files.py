@@ -37,10 +37,7 @@ def unpack(path: Path, target: Path) -> bool:
 
 
 def is_packed(path: Path) -> bool:
-    """Return whether a file begins like gzip-compressed data.
-
-    Raises LogFileError.
-    """
+    """Return whether a file begins like gzip-compressed data. Raises LogFileError."""
     try:
         with path.open("rb") as file:
             return file.read(len(GZIP_MAGIC)) == GZIP_MAGIC

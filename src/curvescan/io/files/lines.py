@@ -86,27 +86,7 @@ def read_line_at(path: Path, offset: int) -> bytes:
 
 
 def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None = None) -> Iterator[tuple[int, bytes]]:
-    r"""Yield the number, from 1, and the bytes of each line, without its newline.
-
-    Parameters
-    ----------
-    path : Path
-        A regular file, opened anew by each call and closed when the iteration ends or is given up.
-    read_errors : ReadErrorCounter
-        Lines above MAX_LINE_BYTES, which are not yielded, and damage of the compression are added to it.
-    mark : LineMark or None
-        Told where each line stands before it is yielded.
-
-    Yields
-    ------
-    (int, bytes)
-        A last line without newline is yielded too; a carriage return before the newline stays.
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened or read.
-    """
+    """Yield the number, from 1, and the bytes of each line, without its newline. Raises LogFileError."""
     number, tail, is_dropping = 0, b"", False
     mark = mark or LineMark()
     start = 0  # of what is split next

@@ -48,24 +48,7 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
     an earlier run that its run.json or results.json lists; other files stay. It never holds files of two runs: the old
     ones are moved out before the new ones are moved in, the record first and last. After an error the target is as
     before, and parent folders that were made for it are gone. A process that is killed leaves files of one run; where
-    that was in the middle of the move, all others are in the hidden folder, which then stays.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Folder of the results; it and its parents are made where they are missing.
-    inputs : sequence of str or path-like
-        What the results are made from: stays, even where an earlier run wrote it.
-
-    Yields
-    ------
-    Path
-        The temporary folder, empty.
-
-    Raises
-    ------
-    OutputError
-        When the results cannot be written there.
+    that was in the middle of the move, all others are in the hidden folder, which then stays. Raises OutputError.
     """
     with _temporary(path, _check_is_free, lambda target: target if target.exists() else target.parent) as found:
         temporary, target = found

@@ -15,10 +15,7 @@ BAD_LIMITS = "LaserScan header whose range limits break 0 <= range_min < range_m
 
 
 def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None = None) -> LaserScan:
-    """Return the LaserScan of a sensor_msgs/LaserScan message.
-
-    Raises BrokenMessageError.
-    """
+    """Return the LaserScan of a sensor_msgs/LaserScan message. Raises BrokenMessageError."""
     try:
         angle_min, step = float(message.angle_min), float(message.angle_increment)
         low = float(message.range_min)

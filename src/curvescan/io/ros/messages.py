@@ -53,10 +53,7 @@ class Decoder:
                 self._use_definition(connection)
 
     def decode(self, data: bytes, msgtype: str) -> Any:
-        """Return a message of one of the types above with its fields as attributes.
-
-        Raises BrokenMessageError.
-        """
+        """Return a message of one of the types above with its fields as attributes. Raises BrokenMessageError."""
         if len(data) > MAX_MESSAGE_BYTES:
             raise BrokenMessageError(f"{short_name(msgtype)} message longer than 8 MiB")
         store = self._stores[msgtype]

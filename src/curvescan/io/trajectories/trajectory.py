@@ -103,7 +103,7 @@ class Trajectory:
         return np.column_stack([self.stamps, self.poses])
 
     def to_matrices(self) -> Floats:
-        """Return (n, 3, 3) float64: each pose as a homogeneous matrix, which takes points of the sensor to the frame."""
+        """Return each pose as a homogeneous matrix that takes points of the sensor to the frame, (n, 3, 3)."""
         x, y, theta = self.poses.T
         matrices = np.zeros((len(self), 3, 3))
         matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(theta)
@@ -161,8 +161,8 @@ class Trajectory:
 def read_tum(path: str | os.PathLike[str]) -> Trajectory:
     """Return the trajectory of a TUM file whose motion is in the plane.
 
-    Blank lines and lines that start with ``#`` are skipped. z is dropped; the angle is the yaw of the quaternion, which need not
-    be normalised.
+    Blank lines and lines that start with ``#`` are skipped. z is dropped; the angle is the yaw of the quaternion, which
+    need not be normalised.
 
     Parameters
     ----------
@@ -179,7 +179,8 @@ def read_tum(path: str | os.PathLike[str]) -> Trajectory:
     LogFileError
         When the file cannot be opened.
     LogFormatError
-        When a line does not hold 8 numbers, a quaternion is zero or tilts by more than 5 deg out of the plane, or there is no line.
+        When a line does not hold 8 numbers, a quaternion is zero or tilts by more than 5 deg out of the plane, or there
+        is no line.
     """
     return Trajectory(**tum_rows(path)._asdict())
 

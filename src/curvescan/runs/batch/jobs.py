@@ -57,7 +57,7 @@ class _LogJob:
     config: Any = None
     """Configuration of the engine."""
     odometry_prior: bool | None = None
-    """Whether to expect of each scan what the log's own wheel odometry or gyroscope gives; None where it agrees with the scans."""
+    """Whether to expect the motion of the log's wheel odometry or gyroscope; None where they agree with the scans."""
     as_is: bool = False
     """Whether to take each log as it is, and mend nothing."""
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)

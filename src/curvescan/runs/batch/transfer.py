@@ -20,10 +20,7 @@ _LOCK = ".in-use"
 
 
 def run_job(job: Job, log: str, folder: str) -> JobResult:
-    """Run a job over a log, either of them here or in a bucket.
-
-    Raises CurvescanError.
-    """
+    """Run a job over a log, either of them here or in a bucket. Raises CurvescanError."""
     if not is_url(log) and not is_url(folder):
         return job(Path(log), Path(folder))
     with scratch_folder() as scratch:

@@ -56,10 +56,7 @@ room out) depend on the seed."""
 def build_world(world: World | str, seed: Seed = 0) -> World:
     """Return a named world built with a seed, or the world itself when it is one already.
 
-    Raises
-    ------
-    InvalidArgumentError
-        When the name is unknown; the message gives the nearest known one.
+    Raises InvalidArgumentError.
     """
     if isinstance(world, World):
         return world

@@ -141,18 +141,7 @@ class World:
         return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
     def distance(self, points: ArrayLike) -> Floats:
-        """Return the distance from each point to the nearest primitive.
-
-        Parameters
-        ----------
-        points : (n, 2) array_like
-            Metres, world frame.
-
-        Returns
-        -------
-        (n,) float64
-            Metres; 0 inside a box or circle; inf in an empty world.
-        """
+        """Return the distance from each of (n, 2) points to the nearest primitive: 0 inside, inf in an empty world."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         distances = np.full(len(points), np.inf)
         for start in range(0, len(points), _CHUNK):
@@ -169,19 +158,7 @@ class World:
         return distances
 
     def is_free(self, points: ArrayLike, clearance: float = 0.0) -> Bools:
-        """Return which points lie on the floor, outside everything and `clearance` away from it.
-
-        Parameters
-        ----------
-        points : (n, 2) array_like
-            Metres, world frame.
-        clearance : float
-            Least distance to every primitive, metres, >= 0.
-
-        Returns
-        -------
-        (n,) bool
-        """
+        """Return which of (n, 2) points lie on the floor, `clearance` metres away from everything."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         distance = self.distance(points)
         return (distance > 0.0) & (distance >= clearance) & self.on_floor(points)

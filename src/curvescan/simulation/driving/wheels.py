@@ -32,22 +32,7 @@ class OdometryNoise:
 
 
 def wheel_odometry(poses: Pose, noise: OdometryNoise, rng: np.random.Generator) -> Pose:
-    """Return what noisy wheels report for true poses.
-
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        True [x, y, theta], any fixed frame.
-    noise : OdometryNoise
-        All zeros return the truth.
-    rng : numpy.random.Generator
-        Source of three values a step.
-
-    Returns
-    -------
-    (n, 3) float64
-        [x, y, theta] in the frame of the first pose: the first row is zero.
-    """
+    """Return what noisy wheels report for true poses, (n, 3), in the frame of the first one."""
     steps = se2.between(poses[:-1], poses[1:])
     drive = np.hypot(steps[:, 0], steps[:, 1])
     turn_1 = np.where(drive > 1e-6, np.arctan2(steps[:, 1], steps[:, 0]), 0.0)

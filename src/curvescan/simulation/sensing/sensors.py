@@ -70,10 +70,7 @@ SENSORS: Mapping[str, Sensor] = {
 
 
 def choose_sensor(sensor: Sensor | str) -> Sensor:
-    """Return a named sensor, or the sensor itself when it is one already.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a named sensor, or the sensor itself when it is one already. Raises InvalidArgumentError."""
     return sensor if isinstance(sensor, Sensor) else look_up(SENSORS, sensor, "sensor")
 
 
@@ -105,20 +102,6 @@ def measure(exact: Floats, sensor: Sensor, rng: np.random.Generator) -> Floats:
 
     Draws the same number of random values whatever the ranges are, so that a person who walks by does not
     change the noise of the other beams.
-
-    Parameters
-    ----------
-    exact : (n,) float64
-        Metres, cast as far as :func:`sight`; +inf where there is nothing.
-    sensor : Sensor
-        How it errs.
-    rng : numpy.random.Generator
-        Source of noise and dropouts.
-
-    Returns
-    -------
-    (n,) float64
-        Metres; +inf: nothing within range_max; -inf: nearer than range_min; NaN: a dropout.
     """
     noise = rng.standard_normal(exact.size)
     is_lost = rng.random(exact.size) < sensor.dropout

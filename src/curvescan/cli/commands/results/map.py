@@ -39,7 +39,8 @@ def edit_map(
 ) -> int:
     """Change a saved map, compare it with another, or write it in other formats.
 
-    What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the folder.
+    What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the
+    folder.
 
     Parameters
     ----------

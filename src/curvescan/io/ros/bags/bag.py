@@ -36,18 +36,10 @@ from curvescan.io.ros.messages import Decoder
 
 @dataclass(frozen=True)
 class Topic:
-    """What a bag says of a topic.
+    """What a bag says of a topic."""
 
-    Attributes
-    ----------
-    msgtype : str
-        Type of its messages, ``"sensor_msgs/msg/LaserScan"`` for ROS 1 as for ROS 2.
-    count : int
-        Messages, by the bag's own count.
-    """
-
-    msgtype: str
-    count: int
+    msgtype: str  # type of its messages, ``"sensor_msgs/msg/LaserScan"`` for ROS 1 as for ROS 2
+    count: int  # messages, by the bag's own count
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,10 +130,7 @@ class Bag:
                     )
 
     def decode(self, message: Message) -> Any:
-        """Return a message with its fields as attributes.
-
-        Raises BrokenMessageError.
-        """
+        """Return a message with its fields as attributes. Raises BrokenMessageError."""
         return self._decoder.decode(message.data, message.msgtype)
 
     def _unpacked(self, file: Path) -> Path:

@@ -100,10 +100,7 @@ class BagWriter:
         self._writer.__exit__(kind, error, traceback)
 
     def add_scan(self, scan: LaserScan) -> bool:
-        """Write a scan to /scan, and return whether all its numbers are kept as they are.
-
-        Raises OutputError.
-        """
+        """Write a scan to /scan, and return whether all its numbers are kept as they are. Raises OutputError."""
         message, is_same = self.builder.laser_scan(scan)
         self.write(SCAN_TOPIC, LASER_SCAN, message, scan.stamp)
         return is_same

@@ -35,10 +35,7 @@ class MessageBuilder:
         self.store = bundled_types(is_ros1)
 
     def nanoseconds(self, stamp: float) -> int:
-        """Return a stamp in whole nanoseconds, having made sure that a message can hold it.
-
-        Raises OutputError.
-        """
+        """Return a stamp in whole nanoseconds, having made sure that a message can hold it. Raises OutputError."""
         low, high = (0, 2**32) if self._is_ros1 else (-(2**31), 2**31)
         if not low <= stamp < high:
             raise OutputError(

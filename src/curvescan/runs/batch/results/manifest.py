@@ -59,10 +59,7 @@ class Manifest:
         self.records = read_manifest(path)
 
     def append(self, record: BatchRecord) -> None:
-        """Write a record, and wait until it is on the disk.
-
-        Raises OutputError.
-        """
+        """Write a record, and wait until it is on the disk. Raises OutputError."""
         line = record_line(record)
         try:
             if not _ends_a_line(self._path):

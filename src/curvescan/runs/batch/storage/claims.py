@@ -37,10 +37,7 @@ class Claims:
         threading.Thread(target=self._renew_all, daemon=True).start()
 
     def take(self, name: str) -> bool:
-        """Claim a log, and return whether it is this batch's now.
-
-        Raises OutputError.
-        """
+        """Claim a log, and return whether it is this batch's now. Raises OutputError."""
         with self._lock:
             key = self._key(name)
             tag = self._bucket.create(key, self._content())

@@ -6,10 +6,7 @@ from typing import BinaryIO
 
 
 def lock(file: BinaryIO) -> None:
-    """Lock an open file for this process.
-
-    Raises OSError.
-    """
+    """Lock an open file for this process. Raises OSError."""
     try:
         import fcntl
     except ImportError:  # Windows: a byte far behind the end, so that the file can be read meanwhile

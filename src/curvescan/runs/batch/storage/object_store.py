@@ -55,10 +55,7 @@ def split_url(url: str) -> tuple[str, str]:
 
 
 class Bucket:
-    """A bucket.
-
-    Raises MissingPackageError, StorageError.
-    """
+    """A bucket. Raises MissingPackageError, StorageError."""
 
     def __init__(self, address: str) -> None:
         try:

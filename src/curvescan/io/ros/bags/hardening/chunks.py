@@ -34,10 +34,7 @@ class Unpacker:
         self._n_unpacked = 0
 
     def unpack(self, data: bytes, kind: str) -> bytes:
-        """Return what a chunk unpacks to.
-
-        Raises LogFormatError, Exception.
-        """
+        """Return what a chunk unpacks to. Raises LogFormatError, Exception."""
         self._n_packed += len(data)
         left = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_packed - self._n_unpacked
         limit = min(max(MIN_CHUNK_LIMIT, MAX_CHUNK_RATIO * len(data)), max(left, 0))
@@ -70,7 +67,7 @@ def _pieces(data: bytes, kind: str) -> Iterator[bytes]:
 
 
 def packing_of(data: bytes) -> str | None:
-    """Return how data are compressed that begin a chunk of an MCAP file: ``"zstd"``, ``"lz4"``; None when they are not."""
+    """Return the compression of an MCAP chunk by its first bytes: ``"zstd"``, ``"lz4"`` or None."""
     if data.startswith(LZ4_MAGIC):
         return "lz4"
     if data.startswith(ZSTD_MAGIC) or data[1:4] == _SKIPPABLE:

@@ -37,10 +37,7 @@ _LARGEST_PAGE = 1 << 16  # stands as 1 in the two bytes of the header
 
 
 def salvage(file: Path, kind: BagKind, target: Path) -> None:
-    """Write what can be read of a broken bag as a whole one; it may hold no message.
-
-    Raises OSError.
-    """
+    """Write what can be read of a broken bag as a whole one; it may hold no message. Raises OSError."""
     _WRITERS[kind](file, target)
 
 

@@ -25,10 +25,7 @@ _REMAINS = ("-wal", "-journal")
 
 
 def sqlite_reader(file: Path) -> Sqlite3Reader:
-    """Return rosbags' reader of a database, having looked at its schema.
-
-    Raises LogFormatError.
-    """
+    """Return rosbags' reader of a database, having looked at its schema. Raises LogFormatError."""
     # the reader puts the path into a URI, where ?, # and % would have a meaning
     name = quote(file.absolute().as_posix(), safe="/:")
     try:
