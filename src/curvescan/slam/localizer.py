@@ -29,7 +29,7 @@ from curvescan.slam.localization.field import field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.search import MapSearch, Place, is_same
 from curvescan.slam.localization.step import NOWHERE, as_step
-from curvescan.slam.loops.closures import is_confident, vaguely
+from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap, as_map
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Ints, Points
@@ -185,7 +185,7 @@ class Localizer:
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
         alone = self._search_alone(deskewed) if self._is_torn else None
-        vague = vaguely(expected, self.config)
+        vague = UncertainPose(expected.pose, 4.0 * (expected.cov + self.config.noise.floor))
         found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
         if hits:

@@ -11,8 +11,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.loops.agreement import agreements
 from curvescan.slam.loops.closures import Closure
-from curvescan.slam.loops.cycles import Chain, cycle_distances
+from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
@@ -57,31 +58,27 @@ def contradictions(refused: list[Closure], poses: Pose, numbers: Ints, config: S
 
     poses (n, 3): of the finished map; numbers (n,).
     """
-    group = [c for c in refused if c.confidence >= SURE and _is_against(c, poses, config)]
-    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[Contradiction] = []
-    while len({c.j for c in group}) >= _N_KEYFRAMES:
-        members = largest_clique(agreements(group, chain, config)).tolist()
-        chosen = [group[k] for k in members]
-        if len({c.j for c in chosen}) >= _N_KEYFRAMES:
-            ends = np.array([(c.i, c.j) for c in chosen])
-            off = [se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in chosen]
-            found.append(
-                Contradiction(
-                    place=poses[ends[:, 1], :2].mean(axis=0), pairs=numbers[ends], off=np.median(np.array(off), axis=0)
-                )
-            )
-        group = [c for k, c in enumerate(group) if k not in set(members)]
+    for group in groups_against(refused, poses, config):
+        ends = np.array([(c.i, c.j) for c in group])
+        off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
+        place = poses[ends[:, 1], :2].mean(axis=0)
+        found.append(Contradiction(place=place, pairs=numbers[ends], off=np.median(off, axis=0)))
     return sorted(found, key=lambda one: -one.count)
 
 
-def agreements(group: list[Closure], chain: Chain, config: SlamConfig) -> np.ndarray:
-    """Return (n, n) whether the cycle through two closures closes, all edges between them taken to err as edges usually do."""
-    ends = np.array([(c.i, c.j) for c in group], dtype=np.int64)
-    measured, covariances = np.array([c.pose for c in group]), np.array([c.covariance for c in group])
-    floor = np.diagonal(config.noise.floor).copy()
-    distances = cycle_distances(ends, measured, covariances, *chain, floor, config.keyframes.distance, 0.0)
-    return np.asarray(distances < config.closures.gate)
+def groups_against(refused: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
+    """Return the sets of sure matches from three keyframes and more that agree with each other and not with a map."""
+    rest = [c for c in refused if c.confidence >= SURE and _is_against(c, poses, config)]
+    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
+    found: list[list[Closure]] = []
+    while len({c.j for c in rest}) >= _N_KEYFRAMES:
+        members = set(largest_clique(agreements(rest, chain, config, 0.0)).tolist())
+        group = [c for k, c in enumerate(rest) if k in members]
+        if len({c.j for c in group}) >= _N_KEYFRAMES:
+            found.append(group)
+        rest = [c for k, c in enumerate(rest) if k not in members]
+    return found
 
 
 def _is_against(closure: Closure, poses: Pose, config: SlamConfig) -> bool:
