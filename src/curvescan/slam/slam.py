@@ -30,6 +30,7 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap, as_map
+from curvescan.slam.open_drive import OpenDrive
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.slam.records import Records
 from curvescan.types import Ints
@@ -73,6 +74,7 @@ class Slam:
             self._session = begun.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
+        self._open_drive = OpenDrive()
         self._last: Step | None = None
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
@@ -112,6 +114,7 @@ class Slam:
             What the odometry says of it.
         """
         self._deskewer = self._deskewer.ticked(scan)
+        self._open_drive.add(step)
         if self._origin is None:
             k = self.backend.start(scan, step.index, np.zeros(3), self._session)
             self._records.begin(self.backend.keyframes[k].number, None)
@@ -120,7 +123,7 @@ class Slam:
             is_lost = step.outcome in _UNMEASURED
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
-            seen = between_steps(self._origin, step)
+            seen = self._open_drive.known(between_steps(self._origin, step))
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, seen)
             elif self._is_due(seen):
@@ -158,6 +161,7 @@ class Slam:
         k = self.backend.add_keyframe(deskewed, step.index, seen)
         self._records.begin(self.backend.keyframes[k].number, seen)
         self._origin, self._n_most_lost = step, 0
+        self._open_drive.begin()
         return identity()
 
     def _begin_fragment(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
@@ -166,6 +170,7 @@ class Slam:
         k = self.backend.start(scan, step.index, pose, self._session)
         self._records.begin(self.backend.keyframes[k].number, None)
         self._origin, self._n_most_lost = step, 0
+        self._open_drive.begin()
         return identity()
 
     def trajectory(self) -> Trajectory:

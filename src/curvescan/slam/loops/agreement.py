@@ -7,10 +7,12 @@ the way since the last one that counted. One place may look like another for a s
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
@@ -81,5 +83,6 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, 
 
 
 def _apart(chain: Chain, a: int, b: int) -> float:
-    """Return the distance of two keyframes along the odometry, metres."""
-    return float(np.hypot(*(chain.poses[a] - chain.poses[b])[:2]))
+    """Return how much two keyframes differ along the odometry, metres; a radian counts as a metre."""
+    x, y, turn = (chain.poses[a] - chain.poses[b]).tolist()
+    return math.hypot(x, y) + abs(se2.wrap(turn))

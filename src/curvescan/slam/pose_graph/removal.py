@@ -16,6 +16,9 @@ from curvescan.types import Bools, Ints
 _LEAST_WEIGHT = 0.5
 """Edges that the optimum follows less than this are not carried over."""
 
+_MOST_SPREAD = 1.0
+"""A pose hangs on an heir by an edge that leaves nothing open: greatest trace of its covariance, square metres and radians."""
+
 
 def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
     """Return which of some poses a closure or match ties best to pose v; None if there is none."""
@@ -23,11 +26,9 @@ def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
     wanted = set(among.tolist())
     for row in _edges_at(graph, v):
         u = _other_end(graph, row, v)
-        is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
-        if u in wanted and is_match and graph.weights[row] > _LEAST_WEIGHT:
-            spread = float(np.trace(graph.covariances[row]))
-            if spread < best:
-                best, found = spread, u
+        spread = float(np.trace(graph.covariances[row]))
+        if u in wanted and _is_match(graph, row) and spread < best:
+            best, found = spread, u
     return found
 
 
@@ -84,7 +85,8 @@ def _other_end(graph: PoseGraph, row: int, v: int) -> int:
 
 def _is_match(graph: PoseGraph, row: int) -> bool:
     is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
-    return bool(is_match and graph.weights[row] > _LEAST_WEIGHT)
+    is_whole = np.trace(graph.covariances[row]) < _MOST_SPREAD
+    return bool(is_match and is_whole and graph.weights[row] > _LEAST_WEIGHT)
 
 
 def _seen_from(graph: PoseGraph, row: int, v: int) -> UncertainPose:
