@@ -16,16 +16,13 @@ from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.loops.agreement import best_group
-from curvescan.slam.loops.audit import Contradiction, contradictions, groups_against
+from curvescan.slam.loops.agreement import best_group, log_odds_of
+from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
 from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
 from curvescan.types import Bools
-
-_N_NEAR = 20
-"""Keyframes between closures that may speak for or against each other."""
 
 
 class Candidate(NamedTuple):
@@ -59,7 +56,6 @@ class LoopSearch:
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
         self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
         self._missed: dict[int, bool] = {}  # whether a keyframe matches nothing where the graph has it
-        self._refused: list[Closure] = []  # in the last pass, by row
 
     def settle(self) -> None:
         """Forget that the graph is to be optimized: it is under way."""
@@ -96,48 +92,68 @@ class LoopSearch:
         while self._queue:
             self._try(self._queue.popleft(), index)
 
-    def densify(self, index: int) -> None:
-        """Match each keyframe with the nearest others that it has not been matched with."""
+    def densify(self, index: int, *, is_last: bool) -> None:
+        """Match each keyframe with the nearest others: those it has not been matched with, at last also those it is not tied to."""
         graph, fragments = self._map.graph, np.array(self._map.fragments)
+        if is_last:
+            self._forget_untied()
         poses = graph.poses
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
-                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, self._refused)
+                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, is_known=True)
+
+    def _forget_untied(self) -> None:
+        """Forget that keyframes were matched that no edge ties: where the map is known now, the match is another one."""
+        numbers, graph = self._map.keyframes.numbers, self._map.graph
+        self._tried = {number: set() for number in numbers.tolist()}
+        for one, other in numbers[graph.ends].tolist():
+            self._tried[one].add(other)
+            self._tried[other].add(one)
 
     def reopen(self) -> bool:
-        """Accept the matches of the last pass that contradict the map and are likelier than what they contradict; return whether any is."""
-        growing, n_before = self._map, len(self.closures)
-        row_of = {number: row for row, number in enumerate(growing.keyframes.numbers.tolist())}
-        known = [
-            replace(c, i=row_of[c.i], j=row_of[c.j])
-            for c in self.closures
-            if c.is_accepted and c.is_loop and c.i in row_of and c.j in row_of
-        ]
-        for group in groups_against(self._refused, growing.graph.poses, self.config):
-            group = [replace(c, expectation=self._after_slips(c)) for c in group]
-            near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= _N_NEAR]
-            missed = np.concatenate((np.zeros(len(near)), np.ones(len(group))))
-            found, against = best_group([*near, *group], growing.chain(), self.config, missed, 0.0)
-            if found.log_odds - max(against, 0.0) > self.config.closures.log_odds:
+        """Accept the sure matches that contradict the map and are likelier than what they contradict; return whether any is."""
+        n_before = len(self.closures)
+        known = [c for c in self._by_row() if c.is_accepted and c.is_loop]
+        for group, log_odds in self._against(known):
+            if log_odds > self.config.closures.log_odds:
                 for one in group:
                     self._accept(replace(one, outcome=ClosureOutcome.AGREED))
         return len(self.closures) > n_before
+
+    def contradictions(self) -> list[Contradiction]:
+        """Return which sure matches contradict the map as it is now."""
+        growing, least = self._map, self.config.closures.log_odds
+        likely = [group for group, log_odds in self._against([]) if log_odds > least]
+        return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
+
+    def _against(self, known: list[Closure]) -> list[tuple[list[Closure], float]]:
+        """Return the groups of matches, by row, that contradict the map, and the log odds of each less those of what contradicts it."""
+        growing, chain = self._map, self._map.chain()
+        tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
+        tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop and c.is_whole}  # the latest of each pair
+        refused = [c for pair, c in tried.items() if pair not in tied and c.outcome is not ClosureOutcome.WITHDRAWN]
+        found = []
+        for group in groups_against(refused, growing.graph.poses, self.config):
+            group = [replace(c, expectation=self._after_slips(c)) for c in group]
+            near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= N_NEAR]
+            found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
+        return found
+
+    def _by_row(self) -> list[Closure]:
+        """Return the records of keyframes that are still there, by row."""
+        row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
+        return [replace(c, i=row_of[c.i], j=row_of[c.j]) for c in self.closures if c.i in row_of and c.j in row_of]
 
     def _after_slips(self, closure: Closure) -> float:
         poses = self._map.graph.poses
         off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
         return expectation_of(off, closure.covariance + 4.0 * self.config.noise.floor, ANY_SLIP)
 
-    def contradictions(self) -> list[Contradiction]:
-        """Return which matches of the last pass contradict the map as it is now."""
-        growing = self._map
-        return contradictions(self._refused, growing.graph.poses, growing.keyframes.numbers, self.config)
-
-    def _try(self, candidate: Candidate, index: int, refused: list[Closure] | None = None) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures that are accepted for it; take down those refused."""
+    def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
+        """Match a candidate unless it was, and return the closures that are accepted for it; is_known: no others will come to agree."""
         i, j, _ = candidate
         if not self._is_new(i, j):
             return []
@@ -155,12 +171,10 @@ class LoopSearch:
                 self._remember(closure)
             return [self._accept(closure)]
         if closure.outcome is ClosureOutcome.WAITING:
-            if refused is not None or self.n_withdrawals > 0:
+            if is_known or self.n_withdrawals > 0:
                 closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             else:
                 return self._wait(closure)
-        if refused is not None and closure.outcome is ClosureOutcome.UNEXPECTED:
-            refused.append(closure)
         self._log(closure)
         return []
 
@@ -171,7 +185,7 @@ class LoopSearch:
     def _wait(self, closure: Closure) -> list[Closure]:
         """Hold a closure against others, and return those that are accepted now: their odds exceed those of what they contradict."""
         self._remember(closure)
-        pool = [c for c in self._pool if abs(c.j - closure.j) <= _N_NEAR and c is not closure] + [closure]
+        pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
         missed = np.array([float(self._missed.get(c.j, False)) for c in pool])
         rules = self.config.closures
         group, against = best_group(pool, self._map.chain(), self.config, missed, rules.certain_m)

@@ -33,6 +33,15 @@ class Group(NamedTuple):
     log_odds: float
 
 
+def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig, missed: float) -> float:
+    """Return the log odds of closures that agree, less those of the known ones that contradict them; missed: of each, as in :func:`best_group`."""
+    pool = [*known, *group]
+    members, others = np.arange(len(known), len(pool)), np.arange(len(known))
+    against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
+    own = _odds(pool, members, chain, config, np.full(len(pool), missed))
+    return own - max(_odds(pool, against, chain, config, np.zeros(len(pool))), 0.0)
+
+
 def best_group(
     pool: list[Closure], chain: Chain, config: SlamConfig, missed: Floats, known: float
 ) -> tuple[Group, float]:
@@ -46,12 +55,18 @@ def best_group(
     friends = np.flatnonzero(agrees[last, :last])
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
-    # a way that is not known well excludes nothing
-    is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
-    others = others[is_possible.mean(axis=1) < 0.5]
-    against = others[largest_clique(agrees[np.ix_(others, others)])]
+    against = _contradicting(pool, others, members, agrees, chain, config)
     chosen = Group(members.tolist(), _odds(pool, members, chain, config, missed))
     return chosen, _odds(pool, against, chain, config, np.zeros(len(pool)))
+
+
+def _contradicting(
+    pool: list[Closure], others: Ints, members: Ints, agrees: Bools, chain: Chain, config: SlamConfig
+) -> Ints:
+    """Return the largest set of others that contradict most of the members, however the ways between may have erred."""
+    is_possible = agreements(pool, chain, config, np.inf)[np.ix_(others, members)]
+    others = others[is_possible.mean(axis=1) < 0.5]
+    return np.asarray(others[largest_clique(agrees[np.ix_(others, others)])])
 
 
 def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> Bools:

@@ -5,6 +5,7 @@ One of them may be wrong. Where matches from three keyframes and more agree with
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.agreement import agreements
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.likelihood import ANY_SLIP, difference
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
@@ -22,6 +24,12 @@ SURE = 0.9
 
 _N_KEYFRAMES = 3
 """Keyframes whose matches must agree."""
+
+N_NEAR = 20
+"""Keyframes between closures that may speak for or against each other."""
+
+_BENT_M = 0.5
+"""A map that is off by less is not bent, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,37 +61,46 @@ class Contradiction:
         return len(set(self.pairs[:, 1].tolist()))
 
 
-def contradictions(refused: list[Closure], poses: Pose, numbers: Ints, config: SlamConfig) -> list[Contradiction]:
-    """Return the groups of matches that contradict a map, the largest first; `refused` are by row.
-
-    poses (n, 3): of the finished map; numbers (n,).
-    """
+def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
+    """Return what groups of matches, by row, say against a map, the largest first; poses (n, 3) of the map, numbers (n,)."""
     found: list[Contradiction] = []
-    for group in groups_against(refused, poses, config):
+    for group in groups:
         ends = np.array([(c.i, c.j) for c in group])
         off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
-        place = poses[ends[:, 1], :2].mean(axis=0)
-        found.append(Contradiction(place=place, pairs=numbers[ends], off=np.median(off, axis=0)))
+        median = np.median(off, axis=0)
+        if math.hypot(median[0], median[1]) > _BENT_M:
+            place = poses[ends[:, 1], :2].mean(axis=0)
+            found.append(Contradiction(place=place, pairs=numbers[ends], off=median))
     return sorted(found, key=lambda one: -one.count)
 
 
-def groups_against(refused: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
-    """Return the sets of sure matches from three keyframes and more that agree with each other and not with a map."""
-    rest = [c for c in refused if c.confidence >= SURE and _is_against(c, poses, config)]
+def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
+    """Return the sets of sure matches from three keyframes and more that agree with each other and not with a map.
+
+    Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of the way between.
+    """
+    rest = sorted(
+        (c for c in tried if c.confidence >= SURE and _is_against(c, poses, config)), key=lambda c: (c.j, c.i)
+    )
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
-    while len({c.j for c in rest}) >= _N_KEYFRAMES:
-        members = set(largest_clique(agreements(rest, chain, config, 0.0)).tolist())
-        group = [c for k, c in enumerate(rest) if k in members]
+    while rest:
+        near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
+        members = set(largest_clique(agreements(near, chain, config, 0.0)).tolist())
+        group = [c for k, c in enumerate(near) if k in members]
         if len({c.j for c in group}) >= _N_KEYFRAMES:
             found.append(group)
-        rest = [c for k, c in enumerate(rest) if k not in members]
+        else:
+            group = rest[:1]
+        taken = {(c.i, c.j) for c in group}
+        rest = [c for c in rest if (c.i, c.j) not in taken]
     return found
 
 
 def _is_against(closure: Closure, poses: Pose, config: SlamConfig) -> bool:
-    """Return whether a map still contradicts a match."""
-    off = closure.pose - se2.between(poses[closure.i], poses[closure.j])
-    off[2] = se2.wrap(off[2])
+    """Return whether a map contradicts a match, and yet by no more than a way may have slipped: else it shows another place."""
+    off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + 4.0 * config.noise.floor
-    return bool(off @ np.linalg.solve(cov, off) > config.closures.gate)
+    gate = config.closures.gate
+    is_off = off @ np.linalg.solve(cov, off) > gate
+    return bool(is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate)

@@ -94,6 +94,11 @@ class Closure:
         """Whether it is a loop closure, else a match of neighbours; of a record, where i and j are numbers."""
         return bool(is_loop(self.i, self.j))
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the match leaves nothing open."""
+        return bool(np.trace(self.covariance) < 1.0)
+
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     """Return whether the graph knows a relative pose so well that it may guide a match."""
