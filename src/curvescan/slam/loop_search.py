@@ -126,6 +126,8 @@ class LoopSearch:
     def contradictions(self) -> list[Contradiction]:
         """Return which sure matches contradict the map as it is now."""
         growing, least = self._map, self.config.closures.log_odds
+        if not growing.is_begun:
+            return []
         likely = [group for group, log_odds in self._against([]) if log_odds > least]
         return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
 
