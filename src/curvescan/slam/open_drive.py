@@ -38,12 +38,15 @@ class OpenDrive:
     def __init__(self) -> None:
         self.usual: Floats = np.zeros(2)
         self.hidden: Floats = np.zeros(2)
+        self._before: Floats = np.zeros(2)  # hidden before the keyframe, since a match measured all of the motion
+        self._since: Floats = np.zeros(2)  # the same since the keyframe
         self._turned = 0.0  # since the keyframe, radians
         self._n_open = self._n_blind = 0  # scans since then that left a direction open, or everything
 
     def begin(self) -> None:
         """Begin at a keyframe."""
-        self.hidden = np.zeros(2)
+        self._before = _turned(self._before + self._since, -self._turned)
+        self.hidden = self._since = np.zeros(2)
         self._turned = 0.0
         self._n_open = self._n_blind = 0
 
@@ -53,13 +56,13 @@ class OpenDrive:
         direction = _open_direction(step)
         if direction is None:
             self.usual = self.usual + (motion[:2] - self.usual) / _MEMORY
+            self._before = self._since = np.zeros(2)
         else:
             self._n_open += 1
             self._n_blind += not step.is_matched
             if not step.is_driven:
-                x, y = (direction @ (self.usual - motion[:2])).tolist()
-                c, s = math.cos(self._turned), math.sin(self._turned)
-                self.hidden = self.hidden + np.array([c * x - s * y, s * x + c * y])
+                hidden = _turned(direction @ (self.usual - motion[:2]), self._turned)
+                self.hidden, self._since = self.hidden + hidden, self._since + hidden
         self._turned += float(motion[2])
 
     def known(self, motion: UncertainPose) -> UncertainPose:
@@ -68,13 +71,21 @@ class OpenDrive:
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
         cov = np.zeros((3, 3))
-        cov[:2, :2] = across * np.eye(2) + np.outer(self.hidden, self.hidden)
+        # what is hidden in a row adds up, its standard deviation with it: (a + b)^2 = a^2 + (b^2 + 2 a b)
+        share = 1.0 + 2.0 * max(float(self._before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
+        cov[:2, :2] = across * np.eye(2) + share * np.outer(self.hidden, self.hidden)
         cov[2, 2] = min(float(motion.cov[2, 2]), _MOST_TURN)
         return UncertainPose(motion.pose, cov)
 
     def _most_across(self) -> float:
         """Return the greatest variance of a way that no match saw, square metres: that of going on or standing."""
         return _FLOOR**2 + float(self.usual @ self.usual) * self._n_blind**2
+
+
+def _turned(vector: Floats, angle: float) -> Floats:
+    c, s = math.cos(angle), math.sin(angle)
+    x, y = vector.tolist()
+    return np.array([c * x - s * y, s * x + c * y])
 
 
 def _open_direction(step: Step) -> Floats | None:
@@ -95,6 +106,4 @@ def _seen_before(step: Step, direction: Pose) -> Pose:
     """Return a direction in the frame of the keyframe of a match as the sensor saw it a scan before."""
     assert step.match is not None
     turn = float(step.motion[2] - step.match.pose[2])
-    c, s = math.cos(turn), math.sin(turn)
-    x, y, theta = direction.tolist()
-    return np.array([c * x - s * y, s * x + c * y, theta])
+    return np.array([*_turned(direction[:2], turn), direction[2]])
