@@ -1,6 +1,6 @@
 """Audit: sure matches that the finished map refuses, grouped by agreement.
 
-One of them may be wrong. Where matches from three keyframes and more agree with each other, the map is more likely wrong there.
+One of them may be wrong. Where many agree with each other, the map is more likely wrong there.
 """
 
 from __future__ import annotations
@@ -62,9 +62,14 @@ class Contradiction:
 
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
-    """Return what groups of matches, by row, say against a map, the largest first; poses (n, 3) of the map, numbers (n,)."""
+    """Return what groups of matches, by row, say against a map, the largest first; poses (n, 3) of the map, numbers (n,).
+
+    One keyframe may be deceived: it takes three.
+    """
     found: list[Contradiction] = []
     for group in groups:
+        if len({c.j for c in group}) < _N_KEYFRAMES:
+            continue
         ends = np.array([(c.i, c.j) for c in group])
         off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
         median = np.median(off, axis=0)
@@ -75,7 +80,7 @@ def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> l
 
 
 def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
-    """Return the sets of sure matches from three keyframes and more that agree with each other and not with a map.
+    """Return the sets of sure matches that agree with each other and not with a map.
 
     Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of the way between.
     """
@@ -88,10 +93,9 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
         near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
         members = set(largest_clique(agreements(near, chain, config, 0.0)).tolist())
         group = [c for k, c in enumerate(near) if k in members]
-        if len({c.j for c in group}) >= _N_KEYFRAMES:
-            found.append(group)
-        else:
+        if rest[0] not in group:
             group = rest[:1]
+        found.append(group)
         taken = {(c.i, c.j) for c in group}
         rest = [c for c in rest if (c.i, c.j) not in taken]
     return found
