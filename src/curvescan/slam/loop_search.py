@@ -116,8 +116,7 @@ class LoopSearch:
     def reopen(self) -> bool:
         """Accept the sure matches that contradict the map and are likelier than what they contradict; return whether any is."""
         n_before = len(self.closures)
-        known = [c for c in self._by_row() if c.is_accepted and c.is_loop]
-        for group, log_odds in self._against(known):
+        for group, log_odds in self._against():
             if log_odds > self.config.closures.log_odds:
                 for one in group:
                     self._accept(replace(one, outcome=ClosureOutcome.AGREED))
@@ -125,18 +124,23 @@ class LoopSearch:
 
     def contradictions(self) -> list[Contradiction]:
         """Return which sure matches contradict the map as it is now."""
-        growing, least = self._map, self.config.closures.log_odds
+        growing = self._map
         if not growing.is_begun:
             return []
-        likely = [group for group, log_odds in self._against([]) if log_odds > least]
+        likely = [group for group, log_odds in self._against() if log_odds > 0.0]
         return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
 
-    def _against(self, known: list[Closure]) -> list[tuple[list[Closure], float]]:
-        """Return the groups of matches, by row, that contradict the map, and the log odds of each less those of what contradicts it."""
+    def _against(self) -> list[tuple[list[Closure], float]]:
+        """Return the groups of matches, by row, that contradict the map, and the log odds of each less those of the closures it contradicts."""
         growing, chain = self._map, self._map.chain()
         tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
-        tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop and c.is_whole}  # the latest of each pair
-        refused = [c for pair, c in tried.items() if pair not in tied and c.outcome is not ClosureOutcome.WITHDRAWN]
+        tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop}  # the latest of each pair
+        known = [c for c in tried.values() if c.is_accepted]
+        refused = [
+            c
+            for pair, c in tried.items()
+            if pair not in tied and c.is_whole and c.outcome is not ClosureOutcome.WITHDRAWN
+        ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
             group = [replace(c, expectation=self._after_slips(c)) for c in group]
