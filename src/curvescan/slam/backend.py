@@ -137,8 +137,8 @@ class Backend:
         self._await()
         self._search.finish(self._n_scans)
         self._settle()
-        for k in range(_N_PASSES):
-            self._search.densify(self._n_scans, is_last=True)
+        for _ in range(_N_PASSES):
+            self._search.densify(self._n_scans)
             self._settle()
             if not self._search.reopen():
                 break

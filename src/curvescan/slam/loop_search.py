@@ -92,11 +92,10 @@ class LoopSearch:
         while self._queue:
             self._try(self._queue.popleft(), index)
 
-    def densify(self, index: int, *, is_last: bool) -> None:
-        """Match each keyframe with the nearest others: those it has not been matched with, at last also those it is not tied to."""
+    def densify(self, index: int) -> None:
+        """Match each keyframe with the nearest others that it is not tied to."""
         graph, fragments = self._map.graph, np.array(self._map.fragments)
-        if is_last:
-            self._forget_untied()
+        self._forget_untied()
         poses = graph.poses
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])

@@ -100,4 +100,4 @@ def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, 
 def _apart(chain: Chain, a: int, b: int) -> float:
     """Return how much two keyframes differ along the odometry, metres; a radian counts as a metre."""
     x, y, turn = (chain.poses[a] - chain.poses[b]).tolist()
-    return math.hypot(x, y) + abs(se2.wrap(turn))
+    return math.hypot(x, y) + abs(float(se2.wrap(turn)))
