@@ -71,8 +71,8 @@ class OpenDrive:
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
         cov = np.zeros((3, 3))
-        # what is hidden in a row adds up, its standard deviation with it: (a + b)^2 = a^2 + (b^2 + 2 a b)
-        share = 1.0 + 2.0 * max(float(self._before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
+        # slips in a row have half of their error in common: of a + b the variance is a^2 + (b^2 + a b)
+        share = 1.0 + max(float(self._before @ self.hidden), 0.0) / max(float(self.hidden @ self.hidden), 1e-12)
         cov[:2, :2] = across * np.eye(2) + share * np.outer(self.hidden, self.hidden)
         cov[2, 2] = min(float(motion.cov[2, 2]), _MOST_TURN)
         return UncertainPose(motion.pose, cov)
