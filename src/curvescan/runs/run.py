@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
+from numpy.typing import ArrayLike
+
 from curvescan.configs import as_config, nearest
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
@@ -30,7 +32,7 @@ from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
 from curvescan.slam.map import as_map
 from curvescan.slam.run import Engine
-from curvescan.types import Pose
+from curvescan.types import Pose, UncertainPose
 
 EngineName: TypeAlias = Literal["odometry", "slam"]
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -177,6 +179,7 @@ def localize(
     method: Method | str = DEFAULT_METHOD,
     config: SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
+    initial_pose: UncertainPose | ArrayLike | None = None,
     odometry_prior: bool | None = None,
     as_is: bool = False,
     command: Sequence[str] = (),
@@ -184,7 +187,7 @@ def localize(
     display: RunDisplay | None = None,
     keeps_steps: bool = True,
 ) -> Run:
-    """Return where the sensor of a log is in a saved map, with no guess, and write it into a folder.
+    """Return where the sensor of a log is in a saved map, and write it into a folder.
 
     Parameters
     ----------
@@ -196,6 +199,8 @@ def localize(
         As of :func:`curvescan.run`.
     config : SlamConfig, mapping or None
         Configuration that localization shares with SLAM.
+    initial_pose : UncertainPose, (3,) array_like or None
+        About where the first scan is taken in the map; None where nothing is known. See :meth:`Localizer.reset`.
 
     Raises
     ------
@@ -205,7 +210,9 @@ def localize(
     rules, known = as_config(config, SlamConfig(), hint=_HINT), as_map(map)
 
     def new(deskew: bool) -> Localizer:
-        return Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
+        found = Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
+        found.reset(*initial_pose) if isinstance(initial_pose, UncertainPose) else found.reset(initial_pose)
+        return found
 
     job = _Job(
         out=out,

@@ -25,9 +25,11 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.correlative import contour_length
 from curvescan.slam.localization.field import field_of
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
-from curvescan.slam.localization.search import MapSearch, Place, is_same
+from curvescan.slam.localization.prior import Prior
+from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from curvescan.slam.localization.step import NOWHERE, as_step
 from curvescan.slam.loops.closures import is_confident, vaguely
 from curvescan.slam.map import SlamMap, as_map
@@ -82,8 +84,23 @@ class Localizer:
         self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget where the sensor is: the next scan is the first of another log."""
+    def reset(self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None) -> None:
+        """Forget where the sensor is: the next scan is the first of another log.
+
+        Parameters
+        ----------
+        pose : (3,) array_like or None
+            About where the next scan is taken, x, y, theta in the frame of the map; None where nothing is known. The
+            scans decide: a place that it makes likely needs less of them, another one more.
+        covariance : (3, 3) array_like or None
+            Of `pose`; None for 0.5 m and 15 deg.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When `pose` is not three numbers, or `covariance` no covariance.
+        """
+        self._prior = None if pose is None else Prior.of(pose, covariance)  # where the sensor is, by all before
         self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
         self._deskewer = Deskewer()
         self._last: Step | None = None  # of the scan before
@@ -111,9 +128,13 @@ class Localizer:
         is_unmeasured = step.outcome in _UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         is_doubtful = step.match is not None and not is_confident(step.match, self.config)
-        self._is_torn |= is_unmeasured or is_doubtful
+        is_doubtful |= is_unmeasured
+        self._is_torn |= is_doubtful
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
+        if self._prior is not None:
+            moved = vaguely(UncertainPose(step.motion, step.motion_covariance), self.config)
+            self._prior = self._prior.moved(moved, is_doubtful=is_doubtful)
         if self._here is None or self._anchor is None:
             localized = self._look(scan, step)
         else:
@@ -147,7 +168,7 @@ class Localizer:
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
-        self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
+        self._search.add(_points(scan), moved, self._by_similarity(scan), similar, self._prior)
         self._view = step
         hits = self._confirmed(scan, self._search.winner, similar)
         if not hits:
@@ -184,7 +205,7 @@ class Localizer:
         deskewed = self._deskewed(scan, step)
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
-        alone = self._search_alone(deskewed) if self._is_torn else None
+        alone = self._search_alone(deskewed, self._prior) if self._is_torn else None
         vague = vaguely(expected, self.config)
         found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
@@ -193,13 +214,15 @@ class Localizer:
             now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
             if view.score > 0.0 and (alone is None or alone.is_best(now.pose, view.score)):
-                return self._take(step, now, StepOutcome.TRACKED, hits[0].keyframe)
+                return self._take(
+                    step, now, StepOutcome.TRACKED, hits[0].keyframe, said(contour_length(points), view.score)
+                )
         else:
             view = self._search.field.agreement(points, expected.pose)
         self._n_missed += is_due or view.score < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed)).winner)
+            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed, self._prior)).winner)
         if elsewhere:
             return self._take(step, fused(elsewhere), StepOutcome.FOUND, elsewhere[0].keyframe)
         if self._n_missed >= self.config.keyframes.n_lost:
@@ -213,10 +236,10 @@ class Localizer:
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
         return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
-    def _search_alone(self, scan: LaserScan) -> MapSearch:
+    def _search_alone(self, scan: LaserScan, prior: Prior | None = None) -> MapSearch:
         """Return what a search of the whole map finds by one scan alone."""
         alone = self._search.afresh()
-        alone.add(_points(scan), None, self._by_similarity(scan))
+        alone.add(_points(scan), None, self._by_similarity(scan), prior=prior)
         return alone
 
     def _by_similarity(self, scan: LaserScan) -> Ints | None:
@@ -227,8 +250,11 @@ class Localizer:
         seen = keyframes.signature(keyframes.prepare(scan))
         return keyframes.index.most_similar(seen, len(keyframes))
 
-    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int) -> Step:
+    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int, view: float = 0.0) -> Step:
         self._here, self._anchor, self._keyframe = here, step, keyframe
+        before, area = self._prior, self._search.area
+        is_expected = before is not None and before.log_odds(here.pose[np.newaxis], area)[0] > 0.0
+        self._prior = before.confirmed(here, view) if before is not None and is_expected else Prior(here=here)
         self._view = None
         self._search.clear()
         self._n_missed = 0

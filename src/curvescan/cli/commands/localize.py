@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from typing import Annotated, TypeAlias
+
+import tyro
 
 from curvescan.cli.options import (
     ConfigFile,
@@ -21,6 +25,11 @@ from curvescan.cli.options import (
     results_folder,
 )
 
+InitialPose: TypeAlias = Annotated[
+    tuple[float, float, float] | tuple[float, float, float, float, float] | None,
+    tyro.conf.arg(metavar="X Y DEG [M DEG]"),
+]
+
 
 def localize(
     log: LogPath,
@@ -28,6 +37,7 @@ def localize(
     *,
     map: MapFile,  # noqa: A002 - the flag's name
     out: OutFolder = None,
+    initial_pose: InitialPose = None,
     method: MethodName = "curvescan",
     preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
@@ -39,12 +49,26 @@ def localize(
 
     Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
     searched for), map.png and run.json.
+
+    Parameters
+    ----------
+    initial_pose
+        About where the sensor is at the first scan, in the frame of the map: metres, metres, degrees; then its standard
+        deviations, 0.5 m and 15 deg where they are left out. The scans decide.
     """
+    import numpy as np
+
     from curvescan.cli.console import load_kernels, run_display
     from curvescan.cli.summary import report
     from curvescan.runs.run import localize as localize_log
+    from curvescan.types import UncertainPose
 
     source, out = reading.open(log), results_folder(out, log, "localize")
+    begin = None
+    if initial_pose is not None:
+        x, y, deg, sd_m, sd_deg = (*initial_pose, 0.5, 15.0)[:5]
+        cov = np.diag(np.square([sd_m, sd_m, math.radians(sd_deg)]))
+        begin = UncertainPose(np.array([x, y, math.radians(deg)]), cov)
     with run_display(lambda: load_kernels(method, slam=True)) as display:
         result = localize_log(
             source,
@@ -53,6 +77,7 @@ def localize(
             method=method,
             config=slam_config.slam,
             matcher=configs.of(method),
+            initial_pose=begin,
             odometry_prior=preparation.wanted,
             as_is=preparation.as_is,
             command=sys.argv,
