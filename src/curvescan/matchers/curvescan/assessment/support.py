@@ -39,8 +39,8 @@ class Support:
     repetitions : dict of int to float
         Share of what supports the first that each of them explains.
     regular : tuple of int
-        Rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in a row, of which
-        the first lays those of one scan on the next ones of the other.
+        Rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in
+        a row, of which the first lays those of one scan on the next ones of the other.
     """
 
     log_odds: float
