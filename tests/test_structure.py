@@ -194,7 +194,7 @@ MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
 MOST_LONG, MOST_ARGUMENTS = 17, 22
 """Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
 
-MOST_WIDE = {"src": 193, "tests": 0, "docs": 29}
+MOST_WIDE = {"src": 112, "tests": 0, "docs": 0}
 """Wide lines: 0 is the aim."""
 
 PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
@@ -204,15 +204,15 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1555, 32, 0),
     "benchmarks": (992, 31, 0),
     "cli": (2708, 15, 0),
-    "diagnostics": (2549, 54, 0),
+    "diagnostics": (2560, 54, 0),
     "evaluation": (982, 69, 0),
-    "io": (7056, 38, 0),
-    "live": (3449, 68, 0),
+    "io": (7033, 38, 0),
+    "live": (3452, 68, 0),
     "mapping": (740, 13, 8),
     "matchers": (694, 5, 0),
     "matchers/baselines": (1816, 47, 40),
     "matchers/cfsma": (1139, 15, 17),
-    "matchers/curvescan": (4185, 193, 61),
+    "matchers/curvescan": (4195, 193, 61),
     "odometry": (2222, 42, 25),
     "paper": (2194, 183, 0),
     "plots": (851, 72, 0),

@@ -111,7 +111,8 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
             else:
                 n_groups += 1
         elif parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
-            positional.append(Flag(found.metavar or name.upper(), text))
+            word = (found.metavar or name.upper()).strip("[]")
+            positional.append(Flag(word if parameter.default is inspect.Parameter.empty else f"[{word}]", text))
         else:
             is_needed = parameter.default is inspect.Parameter.empty
             flags.append(_flag(name, kind, found, text + " Required." * is_needed))

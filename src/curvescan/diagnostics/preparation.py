@@ -34,7 +34,7 @@ class PreparedLog:
 
     @property
     def odometry_poses(self) -> Pose | None:
-        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None where it is left out."""
+        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None if unused."""
         return self.prior.poses
 
     @property

@@ -1,7 +1,8 @@
-"""What sure matches say of a gyroscope: its bias, and whether sweeps without beam times are straight once its turn is taken out.
+"""What sure matches say of a gyroscope: its bias, and whether its turn straightens sweeps without beam times.
 
-A rotating laser whose log gives no beam times sweeps from one stamp to the next. On the turn such sweeps are bent and match badly;
-undone by the gyroscope's turn over the interval before the stamp they match the better the more of the bend it explains.
+A rotating laser whose log gives no beam times sweeps from one stamp to the next. On the turn such sweeps are bent and
+match badly; undone by the gyroscope's turn over the interval before the stamp they match the better the more of the
+bend it explains.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
 
 
 def straightened(scan: LaserScan, rate: float, seconds: float) -> LaserScan:
-    """Return a scan without the turn during its sweep, which took so many seconds and ended at its stamp; the stamp stays."""
+    """Return a scan without the turn during its sweep, which took so many seconds and ended at the stamp."""
     if not (math.isfinite(rate) and seconds > 0.0) or scan.time_increment > 0.0:
         return scan
     timed = replace(scan, time_increment=seconds / max(len(scan), 1))

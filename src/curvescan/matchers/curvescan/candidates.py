@@ -67,8 +67,8 @@ def direction_to_search(
 ) -> Pose | None:
     """Return the direction along which the best pose may lie elsewhere, or None.
 
-    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a corridor, it is that way:
-    what fixes the pose along it may be people who agree by chance.
+    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a
+    corridor, it is that way: what fixes the pose along it may be people who agree by chance.
     """
     if assessment.is_weakly_observable(config.information):
         return assessment.weakest

@@ -51,8 +51,8 @@ bare corridor have less in common than they seem to where they are laid over eac
 _MAX_CANDIDATES = 8
 
 _FLAT_SIGMA = 0.1
-"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best place,
-metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
+place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,7 +139,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
 def along_weakest_direction(
     poses: Floats, assessment: Assessment, is_open: bool, walls: Pose | None, config: CurvescanConfig
 ) -> list[int]:
-    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open.
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, if weak or open.
 
     Or along the `walls`, where nearly all that agrees runs their way.
     """
@@ -159,7 +159,7 @@ def along_weakest_direction(
 
 
 def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:
-    """Return the rows along the weakest direction that may be right instead of the first: all, if it is not sure alone."""
+    """Return rows along the weakest direction that may be right instead of the first: all, unless it is sure alone."""
     if not along:
         return []
     ties = [k for k in support.repeated() if k in along]
@@ -198,7 +198,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
 
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
-    """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
+    """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
     ref, cur, guess, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
@@ -232,7 +232,7 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
 
 
 def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
-    """Return whether the readings fix the pose, though along one direction only just, and no other pose along it is as good."""
+    """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False
@@ -261,7 +261,8 @@ def nearest_of_ties(
 def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
     """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
 
-    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many millimetres.
+    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many
+    millimetres.
     """
     dx, dy, _ = weakest.tolist()
     across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
@@ -272,8 +273,8 @@ def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
     """Return the (3, 3) second moment about a pose of those that it may as well be, each as likely, itself among them.
 
-    The covariance of a pose is computed at one place along a degenerate direction, and knows the direction there to milliradians:
-    a tie a metre along lies beside it by many of its standard deviations.
+    The covariance of a pose is computed at one place along a degenerate direction, and knows the direction there to
+    milliradians: a tie a metre along lies beside it by many of its standard deviations.
     """
     min_difference = np.array([difference(tie, pose) for tie in ties])
     moment: Cov = min_difference.T @ min_difference / len(ties)
@@ -288,7 +289,7 @@ def move_to_guess(
     assessment: Assessment,
     config: CurvescanConfig,
 ) -> tuple[Pose, Assessment]:
-    """Return a pose moved along its degenerate direction to where a guess has it, and its assessment there, if the scans agree.
+    """Return a pose moved along its degenerate direction to its guess, and its assessment there, if the scans agree.
 
     Where motion along it is unobservable, the pose lies anywhere; and as the direction itself is known to a few
     milliradians only, half a metre along it that is added afterwards would turn the pose by as much.

@@ -78,7 +78,8 @@ def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats,
     """Return the beams, segments, surfels, moments and range noise of a scan.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
-    depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with it.
+    depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
+    it.
     """
     jump, arm, step = config.jump, config.arm, abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
