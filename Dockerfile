@@ -3,6 +3,10 @@
 #   docker run --rm --volume "$PWD:/data" curvescan slam /data/office.bag --out /data/results
 FROM python:3.12-slim AS build
 COPY . /source
+# what `curvescan --version` says; the image is built without the repository:
+#   docker build --build-arg COMMIT="$(git rev-parse HEAD)" --tag curvescan .
+ARG COMMIT=""
+ENV CURVESCAN_COMMIT=$COMMIT
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
 
 FROM python:3.12-slim

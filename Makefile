@@ -74,7 +74,7 @@ mutants: $(INSTALLED)
 
 # the container image; its kernels are compiled, and no file of its cache may be new after a first run
 image:
-	docker build --tag curvescan .
+	docker build --build-arg COMMIT="$$(git rev-parse HEAD)" --tag curvescan .
 
 test-image: image
 	docker run --rm curvescan demo --out /tmp/demo 2>&1 | tee .image.log

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from curvescan import __version__
+from curvescan._version import described
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
@@ -374,7 +374,7 @@ def test_help_explains_itself_and_loads_nothing_heavy(command):
 
 def test_version(capsys):
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out == f"curvescan {__version__}\n"
+    assert capsys.readouterr().out == described() + "\n"
 
 
 def test_the_methods_of_the_command_line_are_those_of_the_library():
@@ -421,7 +421,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 
 def test_the_module_runs_as_the_command_does():
     done = subprocess.run([sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=600)
-    assert done.stdout == f"curvescan {__version__}\n"
+    assert done.stdout == described() + "\n"
 
 
 @pytest.mark.slow

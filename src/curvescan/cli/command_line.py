@@ -12,7 +12,7 @@ from typing import Any
 
 import tyro
 
-from curvescan._version import __version__
+from curvescan._version import described
 from curvescan.cli.commands.batch import batch
 from curvescan.cli.commands.bench import bench
 from curvescan.cli.commands.calibrate import calibrate
@@ -109,7 +109,7 @@ def run(arguments: list[str]) -> int:
 def _help(arguments: list[str]) -> str | None:
     """Return the version, the first steps or the help on one screen, where no command is needed; else None."""
     if arguments in (["--version"], ["-V"]):
-        return f"curvescan {__version__}"
+        return described()
     if not arguments:
         return FIRST_STEPS
     if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
