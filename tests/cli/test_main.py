@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -328,6 +329,17 @@ def test_info_wraps_and_ends_with_the_command_to_run(log, capsys, monkeypatch):
     assert max(map(len, lines[:-1])) <= 60
     assert any(line.startswith(" " * 19) and line.strip() for line in lines)
     assert "to map it: curvescan slam" in " ".join(lines[-2:])
+
+
+@pytest.mark.parametrize(("columns", "width"), [(None, 120), ("70", 70)])
+def test_what_is_piped_is_as_wide_as_is_asked(log, columns, width):
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    command = [sys.executable, "-m", "curvescan", "info", str(log)]
+    done = subprocess.run(
+        command, env=environment | ({"COLUMNS": columns} if columns else {}), capture_output=True, check=True
+    )
+    lines = done.stdout.decode().splitlines()
+    assert width - 25 < max(map(len, lines[:-1])) <= width
 
 
 def test_a_picture_of_a_map_is_refused_with_what_is_needed(log, tmp_path, capsys):

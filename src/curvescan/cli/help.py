@@ -105,7 +105,8 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
             found_flags, n_found = _fields(kind, found)
             flags, n_groups = [*flags, *found_flags], n_groups + n_found
         elif parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
-            positional.append(Flag(found.metavar or name.upper(), text))
+            word = (found.metavar or name.upper()).strip("[]")
+            positional.append(Flag(word if parameter.default is inspect.Parameter.empty else f"[{word}]", text))
         else:
             is_needed = parameter.default is inspect.Parameter.empty
             flags.append(_flag(name, kind, found, text + " Required." * is_needed))

@@ -50,18 +50,9 @@ def results_folder(out: Path | None, log: Path, what: str) -> Path:
 
 
 WorldName: TypeAlias = Literal[
-    "room",
-    "corridor",
-    "bare-corridor",
-    "round-room",
-    "l-hall",
-    "t-hall",
-    "curved-hall",
-    "clutter",
-    "office",
-    "building",
-    "office-floor",
-]
+    "room", "corridor", "bare-corridor", "round-room", "l-hall", "t-hall", "curved-hall", "clutter", "office",
+    "building", "office-floor",
+]  # fmt: skip
 SensorName: TypeAlias = Literal["sick-lms200", "sick-lms200-5mm", "spinning-360", "urg-04lx", "hokuyo-270"]
 BenchmarkName: TypeAlias = Literal[
     "aces", "intel", "mit-killian-court", "mit-csail", "freiburg-079", "freiburg-hospital"

@@ -82,6 +82,10 @@ class Localizer:
         self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
 
+    def __repr__(self) -> str:
+        found = "not found" if self._here is None else "found"
+        return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
+
     def reset(self) -> None:
         """Forget where the sensor is: the next scan is the first of another log."""
         self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
