@@ -201,7 +201,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1599, 32, 0),
     "benchmarks": (992, 31, 0),
     "cli": (2709, 15, 0),
-    "diagnostics": (2560, 54, 0),
+    "diagnostics": (2478, 54, 0),
     "evaluation": (982, 69, 0),
     "io": (7033, 38, 0),
     "live": (3452, 68, 0),
