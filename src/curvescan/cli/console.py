@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -34,7 +35,9 @@ def _without_controls(text: str) -> str:
     return "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
 
 
-OUT = _PrintableConsole(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
+OUT = _PrintableConsole(
+    highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+)
 """Results."""
 
 ERR = _PrintableConsole(stderr=True, highlight=False)

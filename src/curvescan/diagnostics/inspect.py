@@ -97,7 +97,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
 
 
 def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
-    """Return what sure matches say of a gyroscope; None where it is not used, or turns against the scans or in degrees."""
+    """Return what sure matches say of a gyroscope; None where it is unused, reversed or in degrees."""
     if sense is None or sense.reference != "gyroscope" or sense.is_reversed or sense.is_in_degrees:
         return None
     turned = log.turned_by_gyro() if isinstance(log, GyroLog) else None

@@ -55,9 +55,10 @@ class Issue:
 
     @property
     def sentence(self) -> str:
-        """All of it in one sentence, with the argument that handles it."""
+        """All of it in one sentence, with what handles it: a run by itself, or an argument."""
         consequence = f": {self.consequence}" if self.consequence else ""
-        return f"{self.what}{consequence}" + (f"; try {self.argument}" if self.remedy else "")
+        handled = "; a run mends it by itself" if self.mending else f"; try {self.argument}" if self.remedy else ""
+        return f"{self.what}{consequence}{handled}"
 
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 from curvescan.errors import InvalidArgumentError, LogFileError
 from curvescan.io.files.lines import read_head
+from curvescan.io.files.paths import as_path
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
@@ -78,12 +78,12 @@ def read_log(
     )
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
+    file = as_path(path, "a log")
     if "://" in os.fspath(path):
         raise LogFileError(
             f"{os.fspath(path)} is an address, and a log is read from a file: download it first; `curvescan batch` "
             "reads logs in buckets as they are"
         )
-    file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file
     row = find_format(read_head(first, HEAD_BYTES), first)
     return apply_setup(row.load()(file, range_max=range_max, topic=topic), setup)

@@ -31,8 +31,8 @@ class BaseState:
     twist_covariance : (3, 3) float64
         Of the twist.
     map_odom : (3,) float64 or None
-        Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None until it
-        has been found there.
+        Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None
+        until it has been found there.
     """
 
     odom_base: UncertainPose

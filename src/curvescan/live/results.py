@@ -72,8 +72,8 @@ class ResultsSink(MapSink):
     ) -> tuple[str, ...]:
         """Write the results into an existing folder, after the sink was closed, and return the names of the files.
 
-        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn from
-        those that were kept, one for every 0.15 m and 20 degrees.
+        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
+        from those that were kept, one for every 0.15 m and 20 degrees.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class ResultsSink(MapSink):
         return tuple(sorted(path.name for path in folder.iterdir()))
 
     def _finished(self, engine: Slam) -> Trajectory:
-        """Return every pose of the finished graph; one that was finished is not touched again, which would move its poses."""
+        """Return every pose of the finished graph; it is finished once only, as a second time would move its poses."""
         if self._final is not None:
             return engine.trajectory()
         started = time.perf_counter()
@@ -123,7 +123,7 @@ class ResultsSink(MapSink):
         return trajectory
 
     def _maps(self, engine: Engine, poses: Pose) -> RunMaps:
-        """Return the maps of the scans that were kept, under the poses of all scans; of localization what was seen live."""
+        """Return the maps of the scans that were kept, under the poses of all scans; of localization the live view."""
         if isinstance(engine, Localizer):
             grid = self._map.grid()
             cells = engine.map.occupancy().occupied_centres

@@ -95,7 +95,7 @@ class _Paced:
 
 
 class MendedSource:
-    """A source whose scans are mended by what the first of them show; see :class:`curvescan.diagnostics.mending.StreamMender`.
+    """A source whose scans :class:`curvescan.diagnostics.mending.StreamMender` mends.
 
     Parameters
     ----------

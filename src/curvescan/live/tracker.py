@@ -88,7 +88,7 @@ class TrackedScan:
 
     @property
     def half_sweep(self) -> float:
-        """Time from the scan's stamp, of its first beam, to the moment that its pose is of, seconds: half a deskewed sweep."""
+        """Time from the scan's stamp to the moment of its pose, seconds: half the sweep where it is deskewed."""
         return middle_of_sweep(self.scan) if self.is_deskewed else 0.0
 
 

@@ -1,7 +1,8 @@
 """Viewer: a sink that draws map and path in a thread of its own, for any number of browsers.
 
-A browser is given what it has not seen: its own number of path points, the map's version, the newest scan. Nothing is kept
-for it, so a slow one misses scans, never a piece of the path, and holds up nobody. What it has missed is sent anew.
+A browser is given what it has not seen: its own number of path points, the map's version, the newest scan. Nothing is
+kept for it, so a slow one misses scans, never a piece of the path, and holds up nobody. What it has missed is sent
+anew.
 """
 
 from __future__ import annotations

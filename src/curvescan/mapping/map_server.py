@@ -74,7 +74,8 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
             _YAML.format(image=f"{name}.pgm", resolution=grid.resolution, x=x, y=y), encoding="utf-8", newline="\n"
         )
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot write {Path(folder) / name}: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"cannot write {name}.pgm and {name}.yaml into the folder {folder}: {reason}") from error
 
 
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:

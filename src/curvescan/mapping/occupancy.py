@@ -129,6 +129,8 @@ class OccupancyBuilder:
         InvalidArgumentError
             When `pose` is not three numbers, or `ignored` has not one value a beam.
         """
+        if not isinstance(scan, LaserScan):
+            raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         if ignored is not None and ignored.shape != scan.ranges.shape:
             raise InvalidArgumentError(f"ignored must have one value a beam ({len(scan)}), got shape {ignored.shape}")
         try:

@@ -17,10 +17,7 @@ from curvescan.types import Points, Pose
 
 
 def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
-    """Save the map of a run as a picture.
-
-    truth (>= n, 3).
-    """
+    """Save the map of a run as a picture; truth (>= n, 3)."""
     poses, failed = run.trajectory.poses, run.is_failed
     known = poses[np.isfinite(poses[:, 0])]
     cells, moved_cells = place.standing, place.moved
@@ -43,10 +40,7 @@ def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: P
 
 
 def draw_wheels(path: Path, log: Log, poses: Pose, *, title: str) -> None:
-    """Save the map that a log's wheel odometry alone makes of its scans.
-
-    poses (n, 3).
-    """
+    """Save the map that a log's wheel odometry alone, poses (n, 3), makes of its scans."""
     poses = from_first(poses)
     cells = occupied_cells(log, poses)
     with drawing_places(path, np.concatenate([cells, poses[:, :2]])) as (figure, [axes]):

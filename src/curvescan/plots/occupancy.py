@@ -21,10 +21,7 @@ _SHARE = 0.8
 
 
 def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
-    """Save an occupancy map as a picture.
-
-    poses (n, 3).
-    """
+    """Save an occupancy map as a picture, and the path of its poses (n, 3)."""
     low = grid.origin
     high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])
     with drawing_places(path, np.stack([low, high])) as (figure, [axes]):

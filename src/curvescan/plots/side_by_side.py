@@ -15,10 +15,7 @@ from curvescan.types import Pose
 
 
 def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: Pose | None = None) -> None:
-    """Save a picture of the maps that the same scans make under several trajectories.
-
-    truth (>= n, 3).
-    """
+    """Save a picture of the maps that the same scans make under several trajectories; truth (>= n, 3)."""
     poses = {title: from_first(track) for title, track in tracks.items()}
     cells = {title: occupied_cells(log, track) for title, track in poses.items()}
     everything = [*cells.values(), *(track[:, :2] for track in poses.values())]

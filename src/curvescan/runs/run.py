@@ -137,10 +137,8 @@ def run(
         When the results cannot be written.
     """
     if engine not in get_args(EngineName):
-        known = ", ".join(get_args(EngineName))
-        raise InvalidArgumentError(
-            f"engine must be of {known}, got {engine!r}. {nearest(str(engine), known.split(', '))}"
-        )
+        near = nearest(engine, get_args(EngineName))
+        raise InvalidArgumentError(f'engine must be "odometry" or "slam", got {engine!r:.80}; {near}'.rstrip("; "))
     if engine == "odometry" and map is not None:
         raise InvalidArgumentError("odometry continues no map: give engine='slam' with map=")
     check_exports(exports)

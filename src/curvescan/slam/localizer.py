@@ -84,6 +84,10 @@ class Localizer:
         self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
 
+    def __repr__(self) -> str:
+        found = "not found" if self._here is None else "found"
+        return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
+
     def reset(self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None) -> None:
         """Forget where the sensor is: the next scan is the first of another log.
 

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
 from typing import Annotated, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
+    LogFlags,
     LogPath,
+    LogUse,
     MapFile,
-    MethodConfigs,
-    MethodName,
     OutFolder,
-    Preparation,
-    PreparationFlags,
-    Reading,
-    ReadingFlags,
-    SlamConfigs,
     SlamFlags,
+    SlamRules,
     results_folder,
+    run_options,
 )
 
 InitialPose: TypeAlias = Annotated[
@@ -38,12 +32,8 @@ def localize(
     map: MapFile,  # noqa: A002 - the flag's name
     out: OutFolder = None,
     initial_pose: InitialPose = None,
-    method: MethodName = "curvescan",
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
+    rules: SlamRules = SlamFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
 ) -> int:
     """Find and follow the sensor of a log in a map, with no guess.
 
@@ -63,26 +53,13 @@ def localize(
     from curvescan.runs.run import localize as localize_log
     from curvescan.types import UncertainPose
 
-    source, out = reading.open(log), results_folder(out, log, "localize")
+    source, out = use.reading.open(log), results_folder(out, log, "localize")
     begin = None
     if initial_pose is not None:
         x, y, deg, sd_m, sd_deg = (*initial_pose, 0.5, 15.0)[:5]
         cov = np.diag(np.square([sd_m, sd_m, math.radians(sd_deg)]))
         begin = UncertainPose(np.array([x, y, math.radians(deg)]), cov)
-    with run_display(lambda: load_kernels(method, slam=True)) as display:
-        result = localize_log(
-            source,
-            map,
-            out=out,
-            method=method,
-            config=slam_config.slam,
-            matcher=configs.of(method),
-            initial_pose=begin,
-            odometry_prior=preparation.wanted,
-            as_is=preparation.as_is,
-            command=sys.argv,
-            source=log,
-            display=display,
-            keeps_steps=False,
-        )
+    options = run_options(log, rules.matching, use)
+    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
+        result = localize_log(source, map, out=out, config=rules.slam, initial_pose=begin, display=display, **options)
     return report(result, out)

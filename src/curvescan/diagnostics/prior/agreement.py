@@ -1,4 +1,7 @@
-"""Whether wheels, or a gyroscope, measure the motion that the scans show: short motions from all over a log, matched without a guess."""
+"""Whether wheels, or a gyroscope, measure the motion that the scans show.
+
+The test takes short motions from all over a log and matches their scans without a guess.
+"""
 
 from __future__ import annotations
 
@@ -68,13 +71,13 @@ def compare_motion(log: Log, poses: Pose) -> Agreement:
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:
-    """Return the (3,) motion between two scans by a match without a guess; None where it is not sure in all directions."""
+    """Return the (3,) motion between two scans by a match without a guess; None unless all of it is sure."""
     found = match(earlier, later)
     return found.pose if found.ok and found.confidence > _SURE and found.degenerate_direction is None else None
 
 
 def _motions(poses: Pose) -> list[tuple[int, int]]:
-    """Return pairs of scans between which the poses move: the longest motion from the first scans of each part of the log."""
+    """Return pairs of scans: of each part of the log the longest motion from its first scans."""
     found = []
     edges = np.linspace(0, max(len(poses) - 1, 0), _N_MOTIONS + 1).astype(int).tolist()
     for begin, end in pairwise(edges):

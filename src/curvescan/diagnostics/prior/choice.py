@@ -17,26 +17,22 @@ from curvescan.types import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prior:
-    """The motion prior of a log.
+    """The motion prior of a log."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by wheels or gyroscope, without lag; None where it is left out, or there is none.
-    sentence : str
-        Whether it is used, and why; empty where the log has none.
-    """
-
+    # (n, 3) float64 or None: pose of the sensor at each scan by wheels or gyroscope, without lag; None where it is
+    # left out, or there is none
     poses: Pose | None = None
-    sentence: str = ""
+    sentence: str = ""  # whether it is used, and why; empty where the log has none
 
 
 def choose_prior(
     log: Log, *, sense: RotationDirection | None = None, lag: float = 0.0, wanted: bool | None = None
 ) -> Prior:
-    """Return the motion prior of a log, whose wheels lag by so many seconds; wanted: None where it agrees with the scans, True in any case, False never.
+    """Return the motion prior of a log, whose wheels lag by so many seconds.
 
-    Raises InvalidArgumentError where it is wanted and there is none, it turns against the scans, or is the output of a SLAM.
+    With wanted=None it is used where it agrees with the scans, with True in any case, with False never.
+    Raises InvalidArgumentError where it is wanted and there is none, it turns against the scans, or is the output of a
+    SLAM.
     """
     found, poses = _poses_of(log, lag)
     if poses is None:

@@ -1,6 +1,7 @@
 """packed: arrays and words in one deflated block of bytes that the page takes apart.
 
-The length of a JSON text, the text, then the arrays one after the other; in the text an array is its type, place and length.
+The length of a JSON text, the text, then the arrays one after the other; in the text an array is its type, place and
+length.
 """
 
 from __future__ import annotations

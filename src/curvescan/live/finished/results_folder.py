@@ -138,7 +138,7 @@ def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
 def describe_map(
     slam_map: SlamMap, closures: Sequence[Mapping[str, str]], numbers: Ints, scan_of: Mapping[int, int], path: Pose
 ) -> dict[str, Any]:
-    """Return keyframes, and all closures that were tried or that the map holds, each with its outcome and where it lies.
+    """Return keyframes, and each closure that was tried or that the map holds, with its outcome and its place.
 
     numbers (k,); scan_of: scan of a keyframe by its number; path (n, 3) poses of the scans.
     """

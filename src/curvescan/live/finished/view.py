@@ -70,13 +70,14 @@ class FinishedView:
 def view(run: Any, other: Any = None) -> FinishedView:
     """Return a page of one finished run, or of two side by side; a notebook shows it, ``save("run.html")`` writes it.
 
-    The page shows map, path, keyframes, every loop closure that was tried and why it was accepted or not, ellipses, and the
-    scan at any time.
+    The page shows map, path, keyframes, every loop closure that was tried and why it was accepted or not, ellipses, and
+    the scan at any time.
 
     Parameters
     ----------
     run : str, path-like or run
-        Results folder of `curvescan odometry`, `slam` or `localize`, a map file, or what :func:`curvescan.run` returned.
+        Results folder of `curvescan odometry`, `slam` or `localize`, a map file, or what :func:`curvescan.run`
+        returned.
     other : the same or None
         A second run.
 
