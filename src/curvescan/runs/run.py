@@ -22,6 +22,7 @@ from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
@@ -30,6 +31,7 @@ from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
+from curvescan.slam.localization.grid_map import opened
 from curvescan.slam.map import as_map
 from curvescan.slam.run import Engine
 from curvescan.types import Pose, UncertainPose
@@ -171,7 +173,7 @@ def run(
 
 def localize(
     log: LogLike,
-    map: SlamMap | PathLike,  # noqa: A002 - the name that Slam gives it
+    map: SlamMap | OccupancyGrid | PathLike,  # noqa: A002 - the name that Slam gives it
     *,
     out: PathLike | None = None,
     method: Method | str = DEFAULT_METHOD,
@@ -191,8 +193,8 @@ def localize(
     ----------
     log : Log, iterable of LaserScan, str or path-like
         A log, its scans, or the path of its file.
-    map : SlamMap, str or path-like
-        The map, or the path of its file, ``map.csmap`` of a SLAM run.
+    map : SlamMap, OccupancyGrid, str or path-like
+        The map, or the path of its file: ``map.csmap`` of a SLAM run, or the YAML or PGM file of a plain map.
     out, method, matcher, odometry_prior, as_is, command, source, display, keeps_steps
         As of :func:`curvescan.run`.
     config : SlamConfig, mapping or None
@@ -205,7 +207,7 @@ def localize(
     InvalidArgumentError, LogFileError, LogFormatError, OutputError
         As :func:`curvescan.run` does.
     """
-    rules, known = as_config(config, SlamConfig(), hint=_HINT), as_map(map)
+    rules, known = as_config(config, SlamConfig(), hint=_HINT), opened(map)
 
     def new(deskew: bool) -> Localizer:
         found = Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
@@ -247,8 +249,8 @@ def _new_slam(
     return new, rules.odometry.deskew
 
 
-def _files(map: SlamMap | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
-    return () if map is None or isinstance(map, SlamMap) else (Path(map),)
+def _files(map: SlamMap | OccupancyGrid | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
+    return () if map is None or isinstance(map, SlamMap | OccupancyGrid) else (Path(map),)
 
 
 def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:

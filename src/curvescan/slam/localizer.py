@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import as_config
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
@@ -26,13 +27,13 @@ from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.correlative import contour_length
-from curvescan.slam.localization.field import field_of
+from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from curvescan.slam.localization.step import NOWHERE, as_step
 from curvescan.slam.loops.closures import is_confident, vaguely
-from curvescan.slam.map import SlamMap, as_map
+from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Ints, Points
 
@@ -50,8 +51,9 @@ class Localizer:
 
     Parameters
     ----------
-    slam_map : SlamMap or path
-        The map, or its file; it is not changed.
+    slam_map : SlamMap, OccupancyGrid or path
+        The map, or its file: ``map.csmap`` of SLAM, or a plain map of cells with its YAML file, as ROS's map_server has
+        it. It is not changed.
     method : str
         Name of the matcher.
     matcher : dataclass, mapping or None
@@ -64,22 +66,22 @@ class Localizer:
 
     def __init__(
         self,
-        slam_map: SlamMap | str | os.PathLike[str],
+        slam_map: SlamMap | OccupancyGrid | str | os.PathLike[str],
         *,
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
         n_tried: int = 12,
     ) -> None:
-        self.map = slam_map = as_map(slam_map)
         hint = "the configuration of the matcher is given as matcher="
-        self.config = as_config(config, SlamConfig(), hint=hint)
+        rules = as_config(config, SlamConfig(), hint=hint)
+        slam_map, field, self.config = with_field(opened(slam_map), rules)
+        self.map = slam_map
         self.method, self._matcher, self._n_tried = method, matcher, n_tried
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-        field = field_of(slam_map)
         self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
         self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
@@ -88,8 +90,10 @@ class Localizer:
         found = "not found" if self._here is None else "found"
         return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
 
-    def reset(self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None) -> None:
-        """Forget where the sensor is: the next scan is the first of another log.
+    def reset(
+        self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None, *, keeps_odometry: bool = False
+    ) -> None:
+        """Forget where the sensor is; an initial pose may say about where it is.
 
         Parameters
         ----------
@@ -98,6 +102,8 @@ class Localizer:
             scans decide: a place that it makes likely needs less of them, another one more.
         covariance : (3, 3) array_like or None
             Of `pose`; None for 0.5 m and 15 deg.
+        keeps_odometry : bool
+            Whether the next scan follows the last one; else it is the first of another log.
 
         Raises
         ------
@@ -105,9 +111,10 @@ class Localizer:
             When `pose` is not three numbers, or `covariance` no covariance.
         """
         self._prior = None if pose is None else Prior.of(pose, covariance)  # where the sensor is, by all before
-        self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
-        self._deskewer = Deskewer()
-        self._last: Step | None = None  # of the scan before
+        if not keeps_odometry:
+            self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
+            self._deskewer = Deskewer()
+            self._last: Step | None = None  # of the scan before
         self._search.clear()
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import tyro
 
@@ -54,11 +54,13 @@ def localize(
     from curvescan.types import UncertainPose
 
     source, out = use.reading.open(log), results_folder(out, log, "localize")
-    begin = None
+    begin: Any = None
     if initial_pose is not None:
-        x, y, deg, sd_m, sd_deg = (*initial_pose, 0.5, 15.0)[:5]
-        cov = np.diag(np.square([sd_m, sd_m, math.radians(sd_deg)]))
-        begin = UncertainPose(np.array([x, y, math.radians(deg)]), cov)
+        x, y, deg, *sigmas = initial_pose
+        here = np.array([x, y, math.radians(deg)])
+        begin = (
+            here if not sigmas else UncertainPose(here, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
+        )
     options = run_options(log, rules.matching, use)
     with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
         result = localize_log(source, map, out=out, config=rules.slam, initial_pose=begin, display=display, **options)

@@ -68,9 +68,6 @@ _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places
 more do not help."""
 
-_LEAD = 0.15
-"""A pose that is expected agrees better with the map than any other, by this share of the readings."""
-
 _SAME_M, _SAME_RAD = 0.5, 0.26
 """Poses nearer to each other are one, metres and radians."""
 
@@ -221,7 +218,7 @@ class MapSearch:
     def is_best(self, pose: Pose, fit: float) -> bool:
         """Return whether the map agrees with the last view clearly better at a pose than at any other found."""
         others = [place.fit + place.prior for place in self._found if not is_same(place.pose, pose)]
-        return fit + float(self._known(pose[np.newaxis])[0]) >= max(others, default=-1.0) + _LEAD
+        return fit + float(self._known(pose[np.newaxis])[0]) >= max(others, default=-1.0) + _MARGIN
 
     def _known(self, poses: Pose) -> Floats:
         """Return (n,) how much the prior of the last view speaks for poses (n, 3)."""
