@@ -198,9 +198,9 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1599, 32, 0),
+    "(ground)": (1670, 32, 0),
     "benchmarks": (992, 31, 0),
-    "cli": (2709, 15, 0),
+    "cli": (2733, 15, 0),
     "diagnostics": (2478, 54, 0),
     "evaluation": (982, 69, 0),
     "io": (7033, 38, 0),
