@@ -3,11 +3,18 @@
 #   docker run --rm --volume "$PWD:/data" curvescan slam /data/office.bag --out /data/results
 FROM python:3.12-slim AS build
 COPY . /source
+# what `curvescan --version` says; the image is built without the repository:
+#   docker build --build-arg COMMIT="$(git rev-parse HEAD)" --tag curvescan .
+ARG COMMIT=""
+ENV CURVESCAN_COMMIT=$COMMIT
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
+# the versions that the image was tried with; `make pins` takes new ones
+COPY constraints.txt /wheels/
+ARG CONSTRAINTS=/wheels/constraints.txt
+RUN pip install --no-cache-dir --constraint "$CONSTRAINTS" "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
 
 # Machine code for any processor of this kind: code for the one that builds would be compiled anew on others.
 ENV NUMBA_CPU_NAME=generic \

@@ -26,9 +26,6 @@ PLAIN = (0.0, 0.5, 1.0, 2.0)
 N_POSE = 3
 """Indices below it are those of a pose, a point or a small matrix; other columns have names."""
 
-LONG = {"live.py:live"}
-"""Functions that are longer: commands, with one parameter a flag."""
-
 
 def _functions(tree: ast.AST) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
     for node in ast.walk(tree):
@@ -70,7 +67,7 @@ def unnamed_columns(text: str) -> list[str]:
 
 def test_functions_fit_a_screen():
     found = {f"{path.name}:{name}" for path in SOURCE.rglob("*.py") for name in long_functions(path.read_text())}
-    assert found == LONG
+    assert found == set()
 
 
 @pytest.mark.parametrize("path", sorted(MATCHER.rglob("*.py")), ids=lambda p: p.stem)
@@ -191,7 +188,7 @@ def test_a_folder_is_small_and_says_what_it_is_for(folder):
 MAX_COLUMNS = 120
 MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
 
-MOST_LONG, MOST_ARGUMENTS = 17, 22
+MOST_LONG, MOST_ARGUMENTS = 11, 13
 """Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
 
 MOST_WIDE = {"src": 112, "tests": 0, "docs": 0}
@@ -201,18 +198,18 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1555, 32, 0),
-    "benchmarks": (948, 31, 0),
-    "cli": (2708, 15, 0),
-    "diagnostics": (2560, 54, 0),
+    "(ground)": (1599, 32, 0),
+    "benchmarks": (992, 31, 0),
+    "cli": (2709, 15, 0),
+    "diagnostics": (2478, 54, 0),
     "evaluation": (982, 69, 0),
-    "io": (7085, 38, 0),
+    "io": (7033, 38, 0),
     "live": (3452, 68, 0),
     "mapping": (740, 13, 8),
-    "matchers": (498, 5, 0),
+    "matchers": (694, 5, 0),
     "matchers/baselines": (1816, 47, 40),
-    "matchers/cfsma": (1199, 15, 17),
-    "matchers/curvescan": (4301, 193, 61),
+    "matchers/cfsma": (1139, 15, 17),
+    "matchers/curvescan": (4195, 193, 61),
     "odometry": (2222, 42, 25),
     "paper": (2194, 183, 0),
     "plots": (851, 72, 0),

@@ -64,6 +64,7 @@ from .matchers.curvescan.config import KeypointsConfig as KeypointsConfig
 from .matchers.curvescan.config import RefinementConfig as RefinementConfig
 from .matchers.curvescan.config import ScoringConfig as ScoringConfig
 from .matchers.curvescan.config import SegmentsConfig as SegmentsConfig
+from .matchers.many import match_many as match_many
 from .matchers.registry import MATCHERS as MATCHERS
 from .matchers.result import Candidate as Candidate
 from .matchers.result import Label as Label

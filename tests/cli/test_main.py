@@ -18,18 +18,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from curvescan import __version__
+from curvescan._version import described
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
 from curvescan.cli.flags import with_flags
 from curvescan.cli.options import (
     BenchmarkName,
-    ChainConfigs,
+    MatcherFlags,
     Method,
+    OdometryFlags,
     SensorName,
     WorldName,
-    odometry_config,
     results_folder,
 )
 from curvescan.diagnostics.beam_order import BeamOrder
@@ -103,16 +103,13 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
 
 @pytest.mark.parametrize("method", MATCHERS)
 def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
-    given = ChainConfigs(odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
+    matching = MatcherFlags(method=method)
+    given = OdometryFlags(matching=matching, odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
     last = OdometryConfig.scan_to_scan()
-
-    def config(chain, chain_config=given):
-        return odometry_config(method, chain, chain_config)
-
-    assert config("keys") == given.odometry
-    assert config("last") == last
-    assert config("auto", ChainConfigs()) == OdometryConfig.of_method(method)
-    assert config("auto") == (given.odometry if method == "curvescan" else last)
+    assert given.config("keys") == given.odometry
+    assert given.config("last") == last
+    assert OdometryFlags(matching=matching).config("auto") == OdometryConfig.of_method(method)
+    assert given.config("auto") == (given.odometry if method == "curvescan" else last)
 
 
 def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
@@ -374,7 +371,7 @@ def test_help_explains_itself_and_loads_nothing_heavy(command):
 
 def test_version(capsys):
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out == f"curvescan {__version__}\n"
+    assert capsys.readouterr().out == described() + "\n"
 
 
 def test_the_methods_of_the_command_line_are_those_of_the_library():
@@ -421,7 +418,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 
 def test_the_module_runs_as_the_command_does():
     done = subprocess.run([sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=600)
-    assert done.stdout == f"curvescan {__version__}\n"
+    assert done.stdout == described() + "\n"
 
 
 @pytest.mark.slow

@@ -36,24 +36,12 @@ _ROUNDS = 4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mended:
-    """A log after :func:`mend`.
+    """A log after :func:`mend`."""
 
-    Attributes
-    ----------
-    log : Log
-        The log without the faults; the log itself where nothing was mended.
-    done : tuple of Issue
-        What was mended; ``mending`` of each says how.
-    issues : tuple of Issue
-        What is still wrong or odd with it.
-    report : LogReport
-        What is in it now.
-    """
-
-    log: Log
-    done: tuple[Issue, ...]
-    issues: tuple[Issue, ...]
-    report: LogReport
+    log: Log  # the log without the faults; the log itself where nothing was mended
+    done: tuple[Issue, ...]  # what was mended; ``mending`` of each says how
+    issues: tuple[Issue, ...]  # what is still wrong or odd with it
+    report: LogReport  # what is in it now
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -42,24 +42,12 @@ _CERTAIN_SHARE = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class RotationDirection:
-    """How the turns of the scans compare with those of the robot.
+    """How the turns of the scans compare with those of the robot."""
 
-    Attributes
-    ----------
-    reference : str
-        Source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
-    n_turns : int
-        Turns between two scans that both sources measured, of the sharpest of the log.
-    n_reversed : int
-        Those in which scans and reference turn opposite ways.
-    ratio : float
-        Median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees.
-    """
-
-    reference: Reference
-    n_turns: int
-    n_reversed: int
-    ratio: float
+    reference: Reference  # source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``
+    n_turns: int  # turns between two scans that both sources measured, of the sharpest of the log
+    n_reversed: int  # those in which scans and reference turn opposite ways
+    ratio: float  # median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees
 
     @property
     def is_reversed(self) -> bool:

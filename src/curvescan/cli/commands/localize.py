@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-
 from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
+    LogFlags,
     LogPath,
+    LogUse,
     MapFile,
-    MethodConfigs,
-    MethodName,
     OutFolder,
-    Preparation,
-    PreparationFlags,
-    Reading,
-    ReadingFlags,
-    SlamConfigs,
     SlamFlags,
+    SlamRules,
     results_folder,
+    run_options,
 )
 
 
@@ -28,12 +21,8 @@ def localize(
     *,
     map: MapFile,  # noqa: A002 - the flag's name
     out: OutFolder = None,
-    method: MethodName = "curvescan",
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
+    rules: SlamRules = SlamFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
 ) -> int:
     """Find and follow the sensor of a log in a map, with no guess.
 
@@ -44,20 +33,9 @@ def localize(
     from curvescan.cli.summary import report
     from curvescan.runs.run import localize as localize_log
 
-    source, out = reading.open(log), results_folder(out, log, "localize")
-    with run_display(lambda: load_kernels(method, slam=True)) as display:
+    source, out = use.reading.open(log), results_folder(out, log, "localize")
+    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
         result = localize_log(
-            source,
-            map,
-            out=out,
-            method=method,
-            config=slam_config.slam,
-            matcher=configs.of(method),
-            odometry_prior=preparation.wanted,
-            as_is=preparation.as_is,
-            command=sys.argv,
-            source=log,
-            display=display,
-            keeps_steps=False,
+            source, map, out=out, config=rules.slam, display=display, **run_options(log, rules.matching, use)
         )
     return report(result, out)

@@ -17,19 +17,12 @@ from curvescan.types import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prior:
-    """The motion prior of a log.
+    """The motion prior of a log."""
 
-    Attributes
-    ----------
-    poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by wheels or gyroscope, without lag; None where it is left out, or there is
-        none.
-    sentence : str
-        Whether it is used, and why; empty where the log has none.
-    """
-
+    # (n, 3) float64 or None: pose of the sensor at each scan by wheels or gyroscope, without lag; None where it is
+    # left out, or there is none
     poses: Pose | None = None
-    sentence: str = ""
+    sentence: str = ""  # whether it is used, and why; empty where the log has none
 
 
 def choose_prior(

@@ -36,24 +36,12 @@ _CERTAIN = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class Gyroscope:
-    """What sure matches say of a gyroscope.
+    """What sure matches say of a gyroscope."""
 
-    Attributes
-    ----------
-    bias : float
-        Rate that it shows at rest, radians a second; 0 where too few steps are matched surely.
-    n_turns : int
-        Sharp turns in which sweeps were straightened by it.
-    gain : float
-        Mean score of matches of straightened sweeps, less that of the sweeps as they are.
-    standard_error : float
-        Of the gain; NaN with fewer than two turns.
-    """
-
-    bias: float
-    n_turns: int
-    gain: float
-    standard_error: float
+    bias: float  # rate that it shows at rest, radians a second; 0 where too few steps are matched surely
+    n_turns: int  # sharp turns in which sweeps were straightened by it
+    gain: float  # mean score of matches of straightened sweeps, less that of the sweeps as they are
+    standard_error: float  # of the gain; NaN with fewer than two turns
 
     @property
     def is_biased(self) -> bool:

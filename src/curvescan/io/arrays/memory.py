@@ -19,24 +19,14 @@ from curvescan.scan import LaserScan
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MemoryLog(ScanAccess):
-    """Scans in memory; a Log.
+    """Scans in memory; a Log."""
 
-    Attributes
-    ----------
-    scans : tuple of LaserScan
-        In the order they were recorded.
-    odometry : Trajectory or None
-        Wheel odometry: pose of the sensor at each scan.
-    name, format : str
-        For titles and messages.
-    read_errors, tag_counts, notes
-        Empty: there is no file that could be broken.
-    """
-
-    scans: tuple[LaserScan, ...]
-    odometry: Trajectory | None = None
+    scans: tuple[LaserScan, ...]  # in the order they were recorded
+    odometry: Trajectory | None = None  # wheel odometry: pose of the sensor at each scan
+    # name, format: for titles and messages
     name: str = "arrays"
     format: str = "scans in memory"
+    # read_errors, tag_counts, notes: empty: there is no file that could be broken
     read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

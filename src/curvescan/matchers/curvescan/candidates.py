@@ -28,21 +28,11 @@ _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one a
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RefinedCandidates:
-    """The candidates that come near the best, refined on all readings.
+    """The candidates that come near the best, refined on all readings."""
 
-    Attributes
-    ----------
-    weighed : WeighedPoses
-        Poses of the current scan in the reference and what speaks for each, the most likely first.
-    assessment : Assessment or None
-        Of the first; None where no pose finds enough support.
-    is_guess_decisive : bool
-        Whether a guess decided between poses that explain the scans.
-    """
-
-    weighed: WeighedPoses
-    assessment: Assessment | None
-    is_guess_decisive: bool = False
+    weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
+    assessment: Assessment | None  # of the first; None where no pose finds enough support
+    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
 
 def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:

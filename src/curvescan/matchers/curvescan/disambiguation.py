@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,34 +57,19 @@ place, metres: of keyframes a metre apart in eight logs the median error is 0.04
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AssessedPose:
-    """The best candidate without what moved, and what the scans say of it.
+    """The best candidate without what moved, and what the scans say of it."""
 
-    Attributes
-    ----------
-    weighed : WeighedPoses
-        It, and the other candidates.
-    assessment : Assessment or None
-        Of the first; None where too few readings agree.
-    is_degenerate : (3,) bool
-        Principal directions of the information that the scans leave open, the least informed first.
-    is_flat : bool
-        Whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
-        any.
-    ties : list of int
-        Rows of the candidates that may be right as well and differ by a motion along the least informed direction.
-    support : Support or None
-        What speaks for the first and against it; None where too few readings agree.
-    is_guess_decisive : bool
-        Whether a guess decided between poses that explain the scans.
-    """
-
-    weighed: WeighedPoses
-    assessment: Assessment | None = None
+    weighed: WeighedPoses  # it, and the other candidates
+    assessment: Assessment | None = None  # of the first; None where too few readings agree
+    # (3,): principal directions of the information that the scans leave open, the least informed first
     is_degenerate: Bools
+    # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
+    # any
     is_flat: bool = False
+    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
-    support: Support | None = None
-    is_guess_decisive: bool = False
+    support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
+    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
     @property
     def poses(self) -> Floats:
@@ -95,33 +81,23 @@ class AssessedPose:
         """(k,) how well the scans agree at each, at most 1."""
         return self.weighed.scores
 
+    @cached_property
+    def information(self) -> Cov:
+        """(3, 3) what the scans alone say of the first pose; zero where too few readings agree."""
+        return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Verdict:
-    """What comes of a match.
+    """What comes of a match."""
 
-    Attributes
-    ----------
-    outcome : Outcome
-        MATCHED, or why not.
-    pose : (3,) float64 or None
-        Of the current scan in the reference; None unless MATCHED, as are all below.
-    assessment : Assessment or None
-        What the scans say of it.
-    covariance : (3, 3) float64 or None
-        Of the pose.
-    is_degenerate : bool
-        Whether the scans leave a direction open.
-    confidence : float
-        Probability that the pose is right, within what its covariance says.
-    """
-
-    outcome: Outcome
+    outcome: Outcome  # MATCHED, or why not
+    # (3,) float64 or None: of the current scan in the reference; None unless MATCHED, as are all below
     pose: Pose | None = None
-    assessment: Assessment | None = None
-    covariance: Cov | None = None
-    is_degenerate: bool = False
-    confidence: float = 0.0
+    assessment: Assessment | None = None  # what the scans say of it
+    covariance: Cov | None = None  # (3, 3) float64 or None: of the pose
+    is_degenerate: bool = False  # whether the scans leave a direction open
+    confidence: float = 0.0  # probability that the pose is right, within what its covariance says
 
 
 def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
@@ -246,11 +222,11 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     support, first = assessed.support, assessed.assessment
     if support is None or first is None:
         return ()
-    information = first.information_matrix(assessed.is_degenerate)
+    information = assessed.information
     if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
         along = first.axes[:, 0] / first.units
         information = information + np.outer(along, along) / _FLAT_SIGMA**2
-    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information)
+    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
     rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
     return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
 

@@ -106,8 +106,9 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
 
 def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
     """Return the (3, 3) information of the scans alone at the pose, or without one at the best candidate."""
-    assessment = verdict.assessment or (assessed.assessment if assessed.support else None)
-    return np.zeros((3, 3)) if assessment is None else assessment.information_matrix(assessed.is_degenerate)
+    if verdict.assessment is None or verdict.assessment is assessed.assessment:
+        return assessed.information if assessed.support else np.zeros((3, 3))
+    return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
 def _score(scores: Floats) -> float:

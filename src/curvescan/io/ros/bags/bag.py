@@ -44,22 +44,13 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message as it stands in the bag.
+    """One message as it stands in the bag."""
 
-    Attributes
-    ----------
-    topic, msgtype : str
-        Where it belongs.
-    received : int
-        When the recorder received it, nanoseconds.
-    data : bytes
-        Not yet decoded; see Bag.decode.
-    """
-
+    # topic, msgtype: where it belongs
     topic: str
     msgtype: str
-    received: int
-    data: bytes
+    received: int  # when the recorder received it, nanoseconds
+    data: bytes  # not yet decoded; see Bag.decode
 
 
 class Bag:

@@ -20,33 +20,21 @@ from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """What two scans say of a pose.
+    """What two scans say of a pose."""
 
-    Attributes
-    ----------
-    codes_ref, codes_cur : (m,), (k,) uint8
-        What each reading is to the other scan; codes of labels.py.
-    partner_ref, partner_cur : (m,), (k,) int64
-        Reading of the other scan that each agrees with, -1 for none.
-    n_inliers : int
-        Readings of the current scan that agree.
-    is_static_ref, is_static_cur : (m,), (k,) bool
-        Which readings are of surfaces that did not move as a whole.
-    n_dynamic : int
-        Surfaces that did, of both scans.
-    information, spurious, axes, units
-        Principal directions of the information; see
-        :func:`curvescan.matchers.curvescan.assessment.information.pose_information`.
-    """
-
+    # codes_ref, codes_cur: (m,), (k,): what each reading is to the other scan; codes of labels.py
     codes_ref: Codes
     codes_cur: Codes
+    # partner_ref, partner_cur: (m,), (k,): reading of the other scan that each agrees with, -1 for none
     partner_ref: Ints
     partner_cur: Ints
-    n_inliers: int
+    n_inliers: int  # readings of the current scan that agree
+    # is_static_ref, is_static_cur: (m,), (k,): which readings are of surfaces that did not move as a whole
     is_static_ref: Bools
     is_static_cur: Bools
-    n_dynamic: int
+    n_dynamic: int  # surfaces that did, of both scans
+    # information, spurious, axes, units: principal directions of the information; see
+    # :func:`curvescan.matchers.curvescan.assessment.information.pose_information`
     information: Floats
     spurious: Floats
     axes: Floats

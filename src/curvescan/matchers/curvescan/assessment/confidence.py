@@ -112,27 +112,13 @@ _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WeighedPoses:
-    """Poses of one match and what speaks for each, the most likely first.
+    """Poses of one match and what speaks for each, the most likely first."""
 
-    Attributes
-    ----------
-    poses : (k, 3) float64
-        Of the current scan in the reference.
-    scores : (k,) float64
-        How well the scans agree there, at most 1.
-    evidence : (k, N_EVIDENCE) float64
-        What the surfaces say; columns of evidence.py.
-    motions : (k,) float64
-        How far each is from the guess, or from standing still: metres plus radians.
-    is_guessed : (k,) bool
-        Whether it lies where a guess has it.
-    """
-
-    poses: Floats
-    scores: Floats
-    evidence: Floats
-    motions: Floats
-    is_guessed: Bools
+    poses: Floats  # (k, 3): of the current scan in the reference
+    scores: Floats  # (k,): how well the scans agree there, at most 1
+    evidence: Floats  # (k, N_EVIDENCE): what the surfaces say; columns of evidence.py
+    motions: Floats  # (k,): how far each is from the guess, or from standing still: metres plus radians
+    is_guessed: Bools  # (k,): whether it lies where a guess has it
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return some of the poses, in another order."""

@@ -28,41 +28,25 @@ _SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
 
 class Problem(NamedTuple):
-    """What is to be matched.
+    """What is to be matched."""
 
-    Attributes
-    ----------
-    reference, current : CurvescanFeatures
-        Both scans.
-    guess : (3,) float64 or None
-        Expected pose of the current scan in the reference, metres, metres, radians.
-    config : CurvescanConfig
-        All parameters.
-    """
-
+    # reference, current: both scans
     reference: CurvescanFeatures
     current: CurvescanFeatures
+    # (3,) float64 or None: expected pose of the current scan in the reference, metres, metres, radians
     guess: Pose | None
-    config: CurvescanConfig
+    config: CurvescanConfig  # all parameters
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidates:
-    """The best poses found.
+    """The best poses found."""
 
-    Attributes
-    ----------
-    poses : (k, 3) float64
-        Poses that differ from one another, refined on the samples, best first; of the current scan in the reference.
-    scores : (k,) float64
-        How well the scans agree there, at most 1.
-    n_tried : int
-        Poses that were verified.
-    """
-
+    # (k, 3): poses that differ from one another, refined on the samples, best first; of the current scan in the
+    # reference
     poses: Floats
-    scores: Floats
-    n_tried: int
+    scores: Floats  # (k,): how well the scans agree there, at most 1
+    n_tried: int  # poses that were verified
 
 
 def propose(problem: Problem) -> Candidates:
