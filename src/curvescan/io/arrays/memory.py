@@ -19,7 +19,7 @@ from curvescan.scan import LaserScan
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MemoryLog(ScanAccess):
-    """Scans in memory; a Log."""
+    """Scans in memory, and the pose of the sensor by its wheels at each; a Log. No file could be broken."""
 
     scans: tuple[LaserScan, ...]  # in the order they were recorded
     odometry: Trajectory | None = None  # wheel odometry: pose of the sensor at each scan
