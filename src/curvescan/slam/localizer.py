@@ -1,8 +1,8 @@
 """Localizer: where a sensor is in a saved map, with no guess, and from then on.
 
-Until the sensor is found, each view is held against the whole map (:mod:`curvescan.slam.localization.search`), and the place that it speaks for is
-confirmed by matches with the keyframes around. Then the odometry leads, and keyframes correct it. Where the odometry breaks, or the map contradicts
-the scan, the whole map is looked at again: a sensor that was carried away is found elsewhere.
+Until the sensor is found, each view is held against the whole map (:mod:`curvescan.slam.localization.search`), and
+matches with the keyframes around confirm the place. Then the odometry leads, and keyframes correct it. Where the
+odometry breaks, or the map contradicts the scan, the whole map is looked at again, with what was known before.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
 _LEAST_FIT, _WORSE_FIT = 0.2, 0.05
-"""Least agreement with the map of a pose that matches confirm, and how much less than at the pose that the search found."""
+"""Least agreement with the map of a pose that matches confirm, and how much less than where the search found it."""
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -187,7 +187,7 @@ class Localizer:
         return self._take(step, fused(hits), StepOutcome.FOUND, hits[0].keyframe)
 
     def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
-        """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
+        """Return matches that put a scan at a place; none where they leave a direction open."""
         if place is None:
             return []
         searched = UncertainPose(place.pose, _SEARCHED)

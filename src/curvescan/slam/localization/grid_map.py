@@ -1,9 +1,8 @@
 """A plain occupancy map made fit for localization: from free places it is looked at as a laser would.
 
-What other programs leave of a map is cells: a picture with its YAML file, as ROS's map_server has it. Matches need scans. So
-beams are cast from free places, a step apart, and the scans become the keyframes of a map that is known exactly.
-Beams end at the first occupied cell, at the point that is nearest to its centre; those that leave the known part say
-nothing.
+Other programs leave cells: a picture with its YAML file, as ROS's map_server has it. Matches need scans. So beams are
+cast from free places, a step apart, and the scans become the keyframes of a map that is known exactly. Beams end at the
+first occupied cell, nearest to its centre; those that leave the known part say nothing.
 """
 
 from __future__ import annotations
@@ -46,8 +45,8 @@ def opened(given: SlamMap | OccupancyGrid | str | os.PathLike[str]) -> SlamMap |
         beside = [file for suffix in (".yaml", ".yml") if (file := path.with_suffix(suffix)).is_file()]
         if not beside:
             raise LogFileError(
-                f"{path} is a picture: {path.stem}.yaml beside it, which says where it lies and how large its cells are, "
-                "is missing; the map.csmap of `curvescan slam` needs none"
+                f"{path} is a picture: {path.stem}.yaml beside it, which says where it lies and how large its cells "
+                "are, is missing; the map.csmap of `curvescan slam` needs none"
             )
         path = beside[0]
     return read_map(path) if path.suffix.lower() in (".yaml", ".yml") else load_map(path)
@@ -111,7 +110,7 @@ def _scan(ranges: Floats) -> LaserScan:
 
 
 def _cast(field: DistanceField, places: Points) -> Floats:
-    """Return (n, _N_BEAMS) ranges from places (n, 2); NaN where a beam meets no wall. Each goes as far as nothing is near."""
+    """Return (n, _N_BEAMS) ranges from places (n, 2); NaN where a beam meets no wall."""
     angles = -np.pi + 2.0 * np.pi / _N_BEAMS * np.arange(_N_BEAMS)
     ways = np.column_stack((np.cos(angles), np.sin(angles)))
     n_rows, n_columns = field.distance.shape
