@@ -165,9 +165,9 @@ def test_a_sensor_that_leaves_the_map_along_doors_that_repeat_is_not_put_back_in
 
 
 @pytest.mark.slow
-def test_drives_along_real_doors_that_repeat_are_never_found_elsewhere(data: Path) -> None:
+def test_drives_along_real_doors_that_repeat_are_never_found_elsewhere(real_data: Path) -> None:
     # by rules without a prior two of four fixes of this pair were 12 m off
-    drive, other = (read_drive(data / f"cmu-wean-hall/robotdata{k}.log.gz") for k in (2, 1))
+    drive, other = (read_drive(real_data / f"cmu-wean-hall/robotdata{k}.log.gz") for k in (2, 1))
     slam_map = cs.run(other, engine="slam").map
     assert isinstance(slam_map, SlamMap)
     run = cs.localize(drive, slam_map)

@@ -20,7 +20,7 @@ from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.localization.field import DistanceField, field_of
-from curvescan.slam.map import SlamMap, load_map
+from curvescan.slam.map import SlamMap, as_map, load_map
 from curvescan.types import Floats, Points
 
 _STEP_M, _CLEARANCE_M = 1.0, 0.3
@@ -38,8 +38,8 @@ _EXACT = 1e-6
 
 def opened(given: SlamMap | OccupancyGrid | str | os.PathLike[str]) -> SlamMap | OccupancyGrid:
     """Return a map to localize in; given as one, or as the file of one: of SLAM, or of cells, YAML or PGM."""
-    if isinstance(given, SlamMap | OccupancyGrid):
-        return given
+    if not isinstance(given, str | os.PathLike):
+        return given if isinstance(given, OccupancyGrid) else as_map(given)
     path = Path(given)
     if path.suffix.lower() in (".pgm", ".png") and path.is_file():
         beside = [file for suffix in (".yaml", ".yml") if (file := path.with_suffix(suffix)).is_file()]
