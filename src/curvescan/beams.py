@@ -76,10 +76,7 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
 
 
 def beams_at(angles: Floats) -> Beams:
-    """Return beams at given angles, (n,) float64, radians, having checked the rules of LaserScan.
-
-    Raises InvalidArgumentError.
-    """
+    """Return beams at given angles, (n,) float64, radians, having checked the rules of LaserScan."""
     if not np.isfinite(angles).all():
         raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
     if angles.size < 2:

@@ -37,10 +37,7 @@ def as_config(
 
 
 def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
-    """Return a configuration with the fields of a mapping replaced, nested ones field by field.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a configuration with the fields of a mapping replaced, nested ones field by field."""
     if not isinstance(given, Mapping):
         raise InvalidArgumentError(f"{where} must be a table, got {given!r:.80}")
     values = {f.name: getattr(default, f.name) for f in fields(cast(Any, default))}

@@ -50,10 +50,7 @@ _LEAP = 100
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
-    """Return a scan as it would have been seen from one place, at the middle of its sweep.
-
-    velocity (3,). Raises InvalidArgumentError.
-    """
+    """Return a scan as it would have been seen from one place, at the middle of its sweep. velocity (3,)."""
     twist = np.asarray(velocity, dtype=np.float64)
     if twist.shape != (3,) or not np.isfinite(twist).all():
         raise InvalidArgumentError(
@@ -96,10 +93,7 @@ def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
 
 
 def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
-    """Return the velocity of a sensor that goes on as it did.
-
-    motion (3,); result (3,).
-    """
+    """Return the velocity of a sensor that goes on as it did. motion (3,); result (3,)."""
     if not seconds > 0.0:
         return np.zeros(3)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -42,10 +42,7 @@ class BaseState:
 
 
 class BaseMotion:
-    """Turns the steps of an odometry of the laser into states of the base.
-
-    mount (3,).
-    """
+    """Turns the steps of an odometry of the laser into states of the base. mount (3,)."""
 
     def __init__(self, mount: Pose) -> None:
         self._mount = UncertainPose(np.asarray(mount, dtype=np.float64), _NOWHERE)

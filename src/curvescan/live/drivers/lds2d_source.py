@@ -40,11 +40,7 @@ _SHORTEST = 0.6
 
 
 class Lds2dSource:
-    """A laser that lds2d reads.
-
-    baud: Bits a second; None for the model's; ignore_beams (int, int). Raises InvalidArgumentError,
-    MissingPackageError.
-    """
+    """A laser that lds2d reads. baud: Bits a second; None for the model's; ignore_beams (int, int)."""
 
     is_live = True
 

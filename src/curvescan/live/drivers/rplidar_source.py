@@ -18,10 +18,7 @@ _N_BUFFERED = 4096
 
 
 class RplidarSource:
-    """An RPLIDAR A1, A2 or A3 on a serial port.
-
-    ignore_beams (int, int). Raises MissingPackageError.
-    """
+    """An RPLIDAR A1, A2 or A3 on a serial port. ignore_beams (int, int)."""
 
     is_live = True
 

@@ -52,10 +52,7 @@ class Transport:
         self._n_bytes, self._seconds_read = 0, 0.0
 
     def read(self, size: int = 1) -> bytes:
-        """Return between 1 and `size` bytes, as soon as there are any.
-
-        Raises SourceError, EndOfSource.
-        """
+        """Return between 1 and `size` bytes, as soon as there are any. Raises SourceError, EndOfSource."""
         # only the time spent waiting here counts: the caller may have been busy
         started = time.monotonic()
         while not (data := self._some(size)):

@@ -93,10 +93,7 @@ def scan_of_turn(
     range_max: float,
     ignore_beams: tuple[int, int] = (0, 0),
 ) -> LaserScan | None:
-    """Return a turn as a scan; None where it has no two directions.
-
-    ignore_beams (int, int).
-    """
+    """Return a turn as a scan; None where it has no two directions. ignore_beams (int, int)."""
     angles, order = np.unique(np.mod(np.asarray(angles_rad, dtype=np.float64), 2.0 * np.pi), return_index=True)
     n = angles.size
     used = slice(ignore_beams[0], n - ignore_beams[1])
