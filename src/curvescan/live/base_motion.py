@@ -20,24 +20,13 @@ _NOWHERE = np.zeros((3, 3))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BaseState:
-    """The base at one scan.
+    """The base at one scan."""
 
-    Attributes
-    ----------
-    odom_base : UncertainPose
-        Pose of the base in odom: continuous, the chain of its motions.
-    twist : (3,) float64
-        Velocity in the base frame, m/s, m/s, rad/s.
-    twist_covariance : (3, 3) float64
-        Of the twist.
-    map_odom : (3,) float64 or None
-        Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None
-        until it has been found there.
-    """
-
-    odom_base: UncertainPose
-    twist: Floats
-    twist_covariance: Cov
+    odom_base: UncertainPose  # pose of the base in odom: continuous, the chain of its motions
+    twist: Floats  # (3,) Velocity in the base frame, m/s, m/s, rad/s
+    twist_covariance: Cov  # (3, 3) Of the twist
+    # (3,) Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None
+    # until it has been found there
     map_odom: Pose | None
 
 

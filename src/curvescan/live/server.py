@@ -54,18 +54,10 @@ Event = tuple[str, dict[str, Any]]
 
 
 class Site(Protocol):
-    """What a page shows.
+    """What a page shows."""
 
-    Attributes
-    ----------
-    page : str
-        Name of its HTML and, with .js, of its script.
-    actions : frozenset of str
-        Names of what the page may ask for.
-    """
-
-    page: str
-    actions: frozenset[str]
+    page: str  # name of its HTML and, with .js, of its script
+    actions: frozenset[str]  # names of what the page may ask for
 
     def content(self, path: str) -> Content | None:
         """Return what there is under a path; None where there is nothing."""

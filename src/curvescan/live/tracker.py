@@ -22,39 +22,19 @@ _REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrackedScan:
-    """A scan and what became of it: all that sinks get.
+    """A scan and what became of it: all that sinks get."""
 
-    Attributes
-    ----------
-    index : int
-        Number of the scan among those that were tracked, from 0.
-    scan : LaserScan
-        The scan as the source gave it.
-    step : Step
-        What the engine returned for it.
-    closures : tuple of (int, int)
-        Numbers of the two scans that each loop closure joins which this scan brought.
-    revised : Trajectory or None
-        All poses so far, where those of the past have changed; at most once a second.
-    is_deskewed : bool
-        Whether the engine deskews sweeps by the times of their beams, as a map of them must then do too.
-    seconds : float
-        Time that it took.
-    received : float
-        When the source gave the scan, by time.monotonic(), seconds.
-    n_dropped : int
-        Scans of the source that were dropped before this one because tracking was too slow.
-    """
-
-    index: int
-    scan: LaserScan
-    step: Step
+    index: int  # number of the scan among those that were tracked, from 0
+    scan: LaserScan  # the scan as the source gave it
+    step: Step  # what the engine returned for it
+    # numbers of the two scans that each loop closure joins which this scan brought
     closures: tuple[tuple[int, int], ...]
-    revised: Trajectory | None
+    revised: Trajectory | None  # all poses so far, where those of the past have changed; at most once a second
+    # whether the engine deskews sweeps by the times of their beams, as a map of them must then do too
     is_deskewed: bool
-    seconds: float
-    received: float
-    n_dropped: int
+    seconds: float  # time that it took
+    received: float  # when the source gave the scan, by time.monotonic(), seconds
+    n_dropped: int  # scans of the source that were dropped before this one because tracking was too slow
 
     @property
     def pose(self) -> Pose:

@@ -37,27 +37,13 @@ _DROPPED = ("dropped", "It was accepted, and is no longer in the map.")
 
 @dataclass(frozen=True, kw_only=True)
 class FinishedRun:
-    """A finished run.
+    """A finished run."""
 
-    Attributes
-    ----------
-    tree : mapping
-        What the page shows, to be packed.
-    slam_map : SlamMap or None
-        Its map, if it is one of SLAM.
-    numbers : (k,) int64
-        Number of each keyframe in the records of closures.
-    scan_of : mapping of int to int
-        Scan of a keyframe by its number.
-    closures : sequence of mapping
-        Rows of closures.csv.
-    """
-
-    tree: Mapping[str, Any]
-    slam_map: SlamMap | None
-    numbers: Ints
-    scan_of: Mapping[int, int]
-    closures: Sequence[Mapping[str, str]]
+    tree: Mapping[str, Any]  # what the page shows, to be packed
+    slam_map: SlamMap | None  # its map, if it is one of SLAM
+    numbers: Ints  # (k,) Number of each keyframe in the records of closures
+    scan_of: Mapping[int, int]  # scan of a keyframe by its number
+    closures: Sequence[Mapping[str, str]]  # rows of closures.csv
 
 
 def read_results(path: Path) -> FinishedRun:
