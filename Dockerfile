@@ -11,7 +11,10 @@ RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
+# the versions that the image was tried with; `make pins` takes new ones
+COPY constraints.txt /wheels/
+ARG CONSTRAINTS=/wheels/constraints.txt
+RUN pip install --no-cache-dir --constraint "$CONSTRAINTS" "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
 
 # Machine code for any processor of this kind: code for the one that builds would be compiled anew on others.
 ENV NUMBA_CPU_NAME=generic \

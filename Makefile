@@ -16,7 +16,7 @@ export MPLBACKEND := Agg
 ROS_VENV := .venv-ros
 FLEET := .venv-fleet
 
-.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image lint coverage mutants bench format clean
+.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image pins lint coverage mutants bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -75,6 +75,12 @@ mutants: $(INSTALLED)
 # the container image; its kernels are compiled, and no file of its cache may be new after a first run
 image:
 	docker build --build-arg COMMIT="$$(git rev-parse HEAD)" --tag curvescan .
+
+# constraints.txt: the newest versions that pip finds for the image
+pins:
+	docker build --build-arg CONSTRAINTS=/dev/null --tag curvescan-pins .
+	{ head -n 1 constraints.txt; docker run --rm --entrypoint pip curvescan-pins freeze --exclude curvescan; } > .pins
+	mv .pins constraints.txt
 
 test-image: image
 	docker run --rm curvescan demo --out /tmp/demo 2>&1 | tee .image.log
