@@ -66,21 +66,6 @@ class ResultsSink(MapSink):
 
         Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
         from those that were kept, one for every 0.15 m and 20 degrees.
-
-        Parameters
-        ----------
-        folder : Path
-            Where to write.
-        report : LiveReport
-            How the run went; at least one scan.
-        name : str
-            Name of the source.
-        engine : Odometry, Slam or Localizer
-            What ran.
-        log : Log or None
-            What was replayed; None for a source that cannot be read again.
-        command : sequence of str
-            The command line behind the run.
         """
         is_partial = report.error is not None or len(log or ()) > report.n_scans
         record = self._recorder.record(engine.method, is_partial=is_partial)

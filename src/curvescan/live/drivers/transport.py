@@ -32,19 +32,12 @@ class EndOfSource(Exception):  # noqa: N818 - an end, not an error
 
 
 class Transport:
-    """Bytes of a laser.
-
-    Raises SourceError, MissingPackageError.
-
-    Attributes
-    ----------
-    arrival : float or None
-        When the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times.
-    """
+    """Bytes of a laser."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port, self.baud = port, baud
         self.is_recording = port.startswith(RECORDING)
+        # when the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times
         self.arrival: float | None = None
         self._line = _opened(port, baud)
         self._is_closed = False

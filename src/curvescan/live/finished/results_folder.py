@@ -18,6 +18,7 @@ from curvescan.io.trajectories.layouts import csv_rows
 from curvescan.live.finished.status import status_of
 from curvescan.live.live_map import picture_of
 from curvescan.mapping.map_server import read_map
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry import StepOutcome
 from curvescan.runs.results import RUN_RECORD
 from curvescan.runs.view_file import beams_of, read_view_file
@@ -182,19 +183,19 @@ def describe_map(
 
 def picture_tree(slam_map: SlamMap) -> dict[str, Any] | None:
     """Return the picture of a map's occupancy, for the page."""
-    picture = picture_of(slam_map.occupancy(), 0)
-    if picture is None:
-        return None
-    return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
+    return _picture_of(slam_map.occupancy())
 
 
 def _picture(folder: Path, slam_map: SlamMap | None) -> dict[str, Any] | None:
     if slam_map is not None:
         return picture_tree(slam_map)
-    if not (folder / "map.yaml").is_file():
+    return _picture_of(read_map(folder / "map.yaml")) if (folder / "map.yaml").is_file() else None
+
+
+def _picture_of(grid: OccupancyGrid) -> dict[str, Any] | None:
+    picture = picture_of(grid, 0)
+    if picture is None:
         return None
-    picture = picture_of(read_map(folder / "map.yaml"), 0)
-    assert picture is not None, "a map of map_server has cells"
     return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
 
 
