@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.configs import as_plain
 from curvescan.io import read_csv, read_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
@@ -18,7 +19,6 @@ from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
 from curvescan.plots.canvas import as_place, drawing
 from curvescan.plots.match import save_match
-from curvescan.runs.plain import as_plain
 from curvescan.simulation import simulate
 from tests.scenes import room_scan
 

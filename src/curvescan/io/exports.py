@@ -51,7 +51,7 @@ EXPORTS: dict[str, ExportFormat] = {
     ),
     "mcap": ExportFormat(
         filename="run.mcap",
-        writer="curvescan.io.ros.writing.odometry_export:write_odometry_mcap",
+        writer="curvescan.io.ros.writing.log_writer:write_odometry_mcap",
         takes=("trajectory", "scans"),
     ),
 }

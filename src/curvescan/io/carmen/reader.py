@@ -12,7 +12,7 @@ limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A li
 laser declared as 81.90) is brought below the first of them.
 
 The times of the beams. FLASER lines do not give them; where the readings are those of a SICK PLS they follow
-from the speed of its mirror: see :mod:`curvescan.io.carmen.pls`.
+from the speed of its mirror: see :mod:`curvescan.io.carmen.index`.
 """
 
 from __future__ import annotations
