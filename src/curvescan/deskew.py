@@ -50,7 +50,7 @@ _LEAP = 100
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
-    """Return a scan as it would have been seen from one place, at the middle of its sweep. velocity (3,)."""
+    """Return a scan as seen from one place, at the middle of its sweep; velocity (3,). Raises InvalidArgumentError."""
     twist = np.asarray(velocity, dtype=np.float64)
     if twist.shape != (3,) or not np.isfinite(twist).all():
         raise InvalidArgumentError(
@@ -83,17 +83,14 @@ def middle_of_sweep(scan: LaserScan) -> float:
 
 
 def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
-    """Return how far the readings at the ends of a sweep are moved by a velocity, or by an error of one, in metres.
-
-    velocity (3,).
-    """
+    """Return how far a velocity (3,), or an error of one, moves the readings at the ends of a sweep, metres."""
     vx, vy, omega = (float(value) for value in np.asarray(velocity, dtype=np.float64))
     far = float(np.median(scan.ranges[scan.valid])) if scan.valid.any() else 0.0
     return middle_of_sweep(scan) * (math.hypot(vx, vy) + abs(omega) * far)
 
 
 def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
-    """Return the velocity of a sensor that goes on as it did. motion (3,); result (3,)."""
+    """Return the velocity (3,) of a sensor whose motion (3,) goes on."""
     if not seconds > 0.0:
         return np.zeros(3)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -28,6 +28,7 @@ from curvescan.cli.commands.odometry import odometry
 from curvescan.cli.commands.results.map import edit_map
 from curvescan.cli.commands.results.view import view
 from curvescan.cli.commands.slam import slam
+from curvescan.cli.commands.warm_up import warm_up
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import config_tables
@@ -51,6 +52,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "experiments": experiments,
     "calibrate": calibrate,
     "bench": bench,
+    "warm-up": warm_up,
 }
 
 HELP_ALL = "--help-all"

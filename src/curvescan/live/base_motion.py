@@ -23,10 +23,10 @@ class BaseState:
     """The base at one scan."""
 
     odom_base: UncertainPose  # pose of the base in odom: continuous, the chain of its motions
-    twist: Floats  # (3,) Velocity in the base frame, m/s, m/s, rad/s
-    twist_covariance: Cov  # (3, 3) Of the twist
-    # (3,) Pose of odom in map, with SLAM and in a saved map, where it stays while the laser is searched for anew; None
-    # until it has been found there
+    twist: Floats  # (3,): velocity in the base frame, m/s, m/s, rad/s
+    twist_covariance: Cov  # (3, 3): of the twist
+    # (3,): pose of odom in map, with SLAM and in a saved map, where it stays while the laser is
+    # searched for anew; None until it has been found there
     map_odom: Pose | None
 
 

@@ -100,7 +100,8 @@ class Slam:
         InvalidArgumentError
             As :meth:`Odometry.add` does.
         """
-        return self.add_placed(scan, self.odometry.add(scan, odometry_pose), odometry_pose)
+        step = self.odometry.add(scan, odometry_pose)
+        return self.add_placed(scan, step, scan.odometry if odometry_pose is None else odometry_pose)
 
     def add_placed(self, scan: LaserScan, step: Step, odometry_pose: ArrayLike | None = None) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from curvescan.scan import LaserScan
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MemoryLog(ScanAccess):
-    """Scans in memory; a Log."""
+    """Scans in memory, and the pose of the sensor by its wheels at each; a Log. No file could be broken."""
 
     scans: tuple[LaserScan, ...]  # in the order they were recorded
     odometry: Trajectory | None = None  # wheel odometry: pose of the sensor at each scan
@@ -43,7 +43,7 @@ class MemoryLog(ScanAccess):
 
 
 def as_log(scans: Log | Iterable[LaserScan]) -> Log:
-    """Return a log, or scans as one. Raises InvalidArgumentError where they are none."""
+    """Return a log, or scans as one, with the odometry they have. Raises InvalidArgumentError where they are none."""
     if isinstance(scans, Log):
         return scans
     found = tuple(scans) if isinstance(scans, Iterable) else (scans,)
@@ -53,7 +53,12 @@ def as_log(scans: Log | Iterable[LaserScan]) -> Log:
             f"a log must be a Log, an iterable of LaserScan or the path of a file, got {type(scans).__name__}"
             + f" with a {type(wrong).__name__}" * isinstance(scans, Iterable)
         )
-    return MemoryLog(scans=found, name="scans")
+    if all(scan.odometry is None for scan in found):
+        return MemoryLog(scans=found, name="scans")
+    poses = [np.full(3, np.nan) if scan.odometry is None else scan.odometry for scan in found]
+    # a run looks whether they agree with the scans before it uses them
+    found = tuple(replace(scan, odometry=None) for scan in found)
+    return MemoryLog(scans=found, odometry=_trajectory(found, poses), name="scans")
 
 
 def log_from_arrays(
@@ -118,7 +123,7 @@ def log_from_arrays(
     return MemoryLog(scans=tuple(scans), odometry=_trajectory(scans, odometry), name=name)
 
 
-def _trajectory(scans: list[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
+def _trajectory(scans: Sequence[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
     if odometry is None:
         return None
     poses = np.array(odometry, dtype=np.float64)

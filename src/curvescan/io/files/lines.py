@@ -64,10 +64,7 @@ class LineMark:
 
 
 def read_line_at(path: Path, offset: int) -> bytes:
-    """Return the line that begins at an offset, without its newline.
-
-    A plain file is not read up to there; a compressed one is unpacked.
-    """
+    """Return the line that begins at an offset, without its newline. Raises LogFileError."""
     with _opened(path) as raw:
         try:
             is_gzip = raw.read(2) == GZIP_MAGIC

@@ -50,7 +50,7 @@ class FinishedRun:
 
     tree: Mapping[str, Any]  # what the page shows, to be packed
     slam_map: SlamMap | None  # its map, if it is one of SLAM
-    numbers: Ints  # (k,) Number of each keyframe in the records of closures
+    numbers: Ints  # (k,): number of each keyframe in the records of closures
     scan_of: Mapping[int, int]  # scan of a keyframe by its number
     closures: Sequence[Mapping[str, str]]  # rows of closures.csv
 
