@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -209,9 +209,9 @@ class Reading:
 
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
-        from curvescan.io import read_log
+        from curvescan.io.reading import open_log
 
-        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup()))
+        return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup())
 
 
 ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]

@@ -34,8 +34,8 @@ _MISSING = 1.6
 def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns; memory grows by 8 bytes a
-    scan.
+    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns. :func:`find_issues` says
+    in sentences what the figures mean.
 
     Parameters
     ----------
@@ -43,11 +43,6 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         Any source of scans, a simulated one too; it may be empty.
     sensor : SensorJudgement or None
         What its scans say of the sensor, where that was judged before.
-
-    Returns
-    -------
-    LogReport
-        The figures; :func:`curvescan.diagnostics.issues.find_issues` says in sentences what they mean.
     """
     statistics = LogStatistics()
     for scan in log:

@@ -42,10 +42,7 @@ _LEAST_TURN = 0.5
 
 
 def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
-    """Return the pose of sensor b in the frame of sensor a from motions of both over the same times.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the pose of sensor b in the frame of sensor a from motions of both over the same times."""
     a, b = np.asarray(motions_a, dtype=np.float64), np.asarray(motions_b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
         raise InvalidArgumentError(f"motions must be two arrays of shape (n, 3), got {a.shape} and {b.shape}")

@@ -75,10 +75,7 @@ def relation_errors(
     near: float = NEAR,
     benchmark: BenchmarkLog | None = None,
 ) -> RelationErrors:
-    """Return the errors of a sensor's trajectory against relations of its robot.
-
-    laser_pose (3,). Raises InvalidArgumentError.
-    """
+    """Return the errors of a sensor's trajectory against relations of its robot. laser_pose (3,)."""
     robot = se2.compose(trajectory.poses, se2.inverse(laser_pose))
     is_known = ~np.isnan(robot[:, 2])
     first = find_stamps(trajectory.stamps, relations.first_stamps)

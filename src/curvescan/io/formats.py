@@ -30,8 +30,7 @@ class LogReader(Protocol):
         """Return the log, having made sure that it holds a scan.
 
         range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic:
-        Which of several lasers to read, where a format names them; None for the only one. Raises LogFormatError,
-        InvalidArgumentError.
+        Which of several lasers to read, where a format names them; None for the only one.
         """
         ...
 

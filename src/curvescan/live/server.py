@@ -77,10 +77,7 @@ class Site(Protocol):
 
 
 class PageServer:
-    """Serves the page of a site; a context.
-
-    Raises OutputError.
-    """
+    """Serves the page of a site; a context."""
 
     def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0) -> None:
         try:

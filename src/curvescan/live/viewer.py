@@ -56,22 +56,8 @@ Event = tuple[str, dict[str, Any]]
 
 
 class Viewer(MapSink):
-    """What the page shows.
-
-    Parameters
-    ----------
-    name : str
-        Name of the source, for the title.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    saved_map : SlamMap or None
-        The map that is localized in, shown from the beginning.
-    is_lossless : bool
-        Whether the tracker waits for this sink, so that no scan is missing in the map.
-    replay : Paced or None
-        The source, where the page may pause it, change its speed and hurry it on.
+    """What the page shows; `name` is its title, `replay` a source that it may pause and hurry on, the others are those of
+    :class:`curvescan.live.sinks.MapSink`.
     """
 
     def __init__(
@@ -106,9 +92,7 @@ class Viewer(MapSink):
         self._n_events = 0
         self._changed = threading.Condition()
         self._is_over = False
-        super().__init__(
-            "viewer", occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless, saved_map=saved_map
-        )
+        super().__init__("viewer", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless)
         if saved_map is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
 

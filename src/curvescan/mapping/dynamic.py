@@ -40,10 +40,7 @@ _SEGMENTS = SegmentationConfig(range_sigma=0.01, min_readings=3)
 
 
 def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
-    """Return which readings of a scan lie on something that moved since the earlier scans.
-
-    result (n_beams,).
-    """
+    """Return which readings of a scan lie on something that moved since the earlier scans. result (n_beams,)."""
     is_new = np.zeros(len(current), dtype=np.bool_)
     for scan, pose in earlier:
         is_new |= _was_free(current, scan, pose)

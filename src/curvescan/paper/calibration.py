@@ -103,10 +103,7 @@ def simulated_planes(
 
 
 def planes_of_log(scans: Iterable[LaserScan], name: str) -> tuple[PlaneGroup, ...]:
-    """Return the plane surfaces of a log as one group: segments that a straight line explains.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the plane surfaces of a log as one group: segments that a straight line explains."""
     planes: list[Points] = []
     config = replace(CfSmaConfig().segmentation, range_sigma=0.01)
     for scan in scans:

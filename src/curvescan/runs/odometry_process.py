@@ -79,10 +79,7 @@ class OdometryProcess:
             self._process.wait()
 
     def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> OdometryProcess:
-        """Begin to place scans, and return the same object, to be iterated over.
-
-        odometry_poses (n, 3).
-        """
+        """Begin to place scans, and return the same object, to be iterated over. odometry_poses (n, 3)."""
         self.odometry = odometry
         self._begun = pickle.dumps(odometry)
         self._scans, self._odometry_poses = scans, odometry_poses

@@ -25,8 +25,8 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.runs.graph_files import edges_of
 from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
-from curvescan.runs.pose_graph import edges_of
 from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
 from curvescan.scan import LaserScan

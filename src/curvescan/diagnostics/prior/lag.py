@@ -68,10 +68,7 @@ def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
 
 
 def without_lag(stamps: Floats, poses: Floats, lag: float) -> Floats:
-    """Return poses as they would be without their lag.
-
-    stamps (n,); poses (n, 3).
-    """
+    """Return poses as they would be without their lag. stamps (n,); poses (n, 3)."""
     columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
     moved = np.column_stack([np.interp(stamps + lag, stamps, column) for column in columns])
     moved[:, 2] = se2.wrap(moved[:, 2])

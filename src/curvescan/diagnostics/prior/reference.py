@@ -35,10 +35,7 @@ _SHARE = 0.9
 
 
 def why_reference(log: Log, poses: Pose) -> str:
-    """Return why the poses in a log are a reference; empty for wheel odometry.
-
-    poses (n, 3).
-    """
+    """Return why the poses in a log are a reference; empty for wheel odometry. poses (n, 3)."""
     if isinstance(log, EstimatedLog) and (why := log.why_estimated()):
         return why
     errors = _errors_of_visits(log, poses)

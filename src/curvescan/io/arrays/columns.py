@@ -28,10 +28,7 @@ class BrokenRowError(LogFormatError):
 def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
-    """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment.
-
-    Raises BrokenRowError.
-    """
+    """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment."""
     if not math.isfinite(value["stamp"]):
         raise BrokenRowError("time stamp not finite")
     if not 0.0 <= value["range_min"] < value["range_max"]:

@@ -115,10 +115,7 @@ def parse_odom(line: bytes) -> PoseRow:
 
 
 def parse_max_range(line: bytes) -> float | None:
-    """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters.
-
-    Raises BrokenLineError.
-    """
+    """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters."""
     fields = line.split(None, 3)
     if len(fields) < 2 or fields[1] != MAX_RANGE_PARAM:
         return None

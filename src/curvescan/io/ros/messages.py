@@ -96,10 +96,7 @@ def bundled_types(is_ros1: bool) -> Typestore:
 
 
 def stamp_of(header: Any) -> float:
-    """Return the stamp of a std_msgs/Header, seconds, correctly rounded.
-
-    Raises AttributeError, TypeError, OverflowError.
-    """
+    """Return the stamp of a std_msgs/Header, seconds, correctly rounded."""
     return float((header.stamp.sec * 10**9 + header.stamp.nanosec) / 10**9)
 
 

@@ -62,8 +62,7 @@ class RosbagLog(ScanAccess):
     earlier.
 
     range_max: Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs; topic:
-    Topic of sensor_msgs/LaserScan messages; None for the only one. Raises LogFileError, LogFormatError,
-    InvalidArgumentError.
+    Topic of sensor_msgs/LaserScan messages; None for the only one.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:

@@ -309,10 +309,7 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
 
 
 def plain_rows(path: Path, first: str) -> PoseRows:
-    """Return the poses of TUM text, or of CSV whose columns have names, by their first line.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return the poses of TUM text, or of CSV whose columns have names, by their first line."""
     if not first:
         raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
     is_tum = _n_numbers(first) > 3

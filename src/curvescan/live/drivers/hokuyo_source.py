@@ -23,10 +23,7 @@ _END = b"\n\n"
 
 
 class HokuyoSource:
-    """A Hokuyo on the network.
-
-    ignore_beams (int, int). Raises MissingPackageError.
-    """
+    """A Hokuyo on the network. ignore_beams (int, int)."""
 
     is_live = True
 

@@ -32,19 +32,12 @@ class EndOfSource(Exception):  # noqa: N818 - an end, not an error
 
 
 class Transport:
-    """Bytes of a laser.
-
-    Raises SourceError, MissingPackageError.
-
-    Attributes
-    ----------
-    arrival : float or None
-        When the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times.
-    """
+    """Bytes of a laser."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port, self.baud = port, baud
         self.is_recording = port.startswith(RECORDING)
+        # when the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times
         self.arrival: float | None = None
         self._line = _opened(port, baud)
         self._is_closed = False
@@ -52,10 +45,7 @@ class Transport:
         self._n_bytes, self._seconds_read = 0, 0.0
 
     def read(self, size: int = 1) -> bytes:
-        """Return between 1 and `size` bytes, as soon as there are any.
-
-        Raises SourceError, EndOfSource.
-        """
+        """Return between 1 and `size` bytes, as soon as there are any. Raises SourceError, EndOfSource."""
         # only the time spent waiting here counts: the caller may have been busy
         started = time.monotonic()
         while not (data := self._some(size)):

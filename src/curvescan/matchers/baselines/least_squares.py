@@ -37,10 +37,7 @@ def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
 
 
 def is_constrained(rows: Floats, points_cur: Points) -> bool:
-    """Return whether normal distances fix all three of x, y and theta.
-
-    rows (n, 3); points_cur (n, 2).
-    """
+    """Return whether normal distances fix all three of x, y and theta. rows (n, 3); points_cur (n, 2)."""
     if len(rows) < 3:
         return False
     information = rows.T @ rows / len(rows)

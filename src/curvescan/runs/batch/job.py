@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from curvescan.runs.plain import as_plain
+from curvescan.configs import as_plain
 
 
 @dataclass(frozen=True, kw_only=True)

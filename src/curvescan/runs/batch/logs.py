@@ -52,8 +52,6 @@ def find_logs(patterns: Iterable[str | os.PathLike[str]]) -> tuple[LogState, ...
 
     Of folders those that hold a ROS 2 bag are logs, and the files in them are not logs of their own. A path without
     wildcards is taken as it is: whether it is a log will be seen.
-
-    Raises InvalidArgumentError, StorageError, MissingPackageError.
     """
     paths: dict[Path, None] = {}
     remote: dict[str, LogState] = {}

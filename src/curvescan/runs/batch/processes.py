@@ -24,10 +24,7 @@ _PATIENCE_S = 2.0
 
 
 class ProcessPool:
-    """Starts processes.
-
-    n_workers: How many there may be at once; None for as many as there are cores.
-    """
+    """Starts processes. n_workers: How many there may be at once; None for as many as there are cores."""
 
     def __init__(self, n_workers: int | None, log: Path) -> None:
         self.n_workers = n_workers or n_usable_cores()

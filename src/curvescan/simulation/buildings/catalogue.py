@@ -54,10 +54,7 @@ room out) depend on the seed."""
 
 
 def build_world(world: World | str, seed: Seed = 0) -> World:
-    """Return a named world built with a seed, or the world itself when it is one already.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a named world built with a seed, or the world itself when it is one already."""
     if isinstance(world, World):
         return world
     return look_up(WORLDS, world, "world")(seed)

@@ -55,10 +55,7 @@ class MessageBuilder:
         return text
 
     def laser_scan(self, scan: LaserScan) -> tuple[Any, bool]:
-        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are.
-
-        Raises OutputError.
-        """
+        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are."""
         if not scan.has_uniform_angles:
             raise OutputError(
                 f"cannot write the scan at {scan.stamp} s to a ROS bag: a LaserScan message has evenly spaced beams, "

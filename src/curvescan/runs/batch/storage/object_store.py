@@ -41,10 +41,7 @@ def is_url(path: str | os.PathLike[str]) -> bool:
 
 
 def split_url(url: str) -> tuple[str, str]:
-    """Return a bucket's address and the key in it: ``s3://bucket/a/b`` is ``("s3://bucket", "a/b")``.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a bucket's address and the key in it: ``s3://bucket/a/b`` is ``("s3://bucket", "a/b")``."""
     scheme, _, rest = url.partition("://")
     bucket, _, key = rest.partition("/")
     if scheme not in SCHEMES or not bucket:
