@@ -23,8 +23,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, MapTooLargeError, require
-from curvescan.live.finished.status import status_of
-from curvescan.live.live_map import MapPicture, picture_of
+from curvescan.live.live_map import MapPicture, picture_of, status_of
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.sources import Paced
 from curvescan.live.tracker import TrackedScan, Tracker
@@ -56,9 +55,7 @@ Event = tuple[str, dict[str, Any]]
 
 
 class Viewer(MapSink):
-    """What the page shows; `name` is its title, `replay` a source that it may pause and hurry on, the others are those of
-    :class:`curvescan.live.sinks.MapSink`.
-    """
+    """What the page shows; `replay` is a source that it may pause and hurry on, the rest as of a MapSink."""
 
     def __init__(
         self,
@@ -265,7 +262,7 @@ class Viewer(MapSink):
         self._n_lost += not tracked.is_matched and tracked.index > 0
         match, c = tracked.match, tracked.covariance
         degenerate = is_degenerate(match)
-        tone, word = status_of(tracked.outcome.name, is_degenerate=degenerate)
+        tone, word = status_of(tracked.outcome.name.lower(), is_degenerate=degenerate)
         recent: Floats = np.array(self._recent)
         return {
             "index": tracked.index,
