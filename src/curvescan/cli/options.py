@@ -59,8 +59,7 @@ BenchmarkName: TypeAlias = Literal[
 ]
 """Names of tables of the library, written out so that -h loads none of them."""
 
-MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]
-"""Which matcher."""
+MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]  # which matcher
 
 MapFile: TypeAlias = Annotated[
     Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`, or map.yaml.")
@@ -158,8 +157,7 @@ def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
     return np.array([x, y, math.radians(yaw_deg)])
 
 
-Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""Given or not."""
+Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # given or not
 
 
 @dataclass(frozen=True, kw_only=True)

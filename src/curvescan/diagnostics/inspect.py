@@ -24,10 +24,8 @@ _MIN_SUSPECT_SHARE = 0.01
 _MIN_SUSPECT_COUNT = 20
 _LEAP_FACTOR = 10.0
 _LEAP_SECONDS = 1.0
-_REGULAR = 0.2
-"""A clock is regular where the middle half of its steps lies within this share of their median."""
-_MISSING = 1.6
-"""Steps from which on a sweep is missing, in medians."""
+_REGULAR = 0.2  # a clock is regular where the middle half of its steps lies within this share of their median
+_MISSING = 1.6  # steps from which on a sweep is missing, in medians
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308

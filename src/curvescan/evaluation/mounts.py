@@ -27,8 +27,7 @@ from curvescan.odometry import Odometry
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Pose
 
-WAY, TURN = 0.3, 0.3
-"""A piece of the drive ends after so much way, metres, or turn, radians."""
+WAY, TURN = 0.3, 0.3  # a piece of the drive ends after so much way, metres, or turn, radians
 
 WRONG_M, WRONG_RAD = 0.03, 0.02
 """A given mount that differs from the found one by more, metres or radians, doubles walls."""
@@ -166,8 +165,7 @@ def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
     return se2.between(poses_a[ends[:-1]], poses_a[ends[1:]]), se2.between(poses_b[ends[:-1]], poses_b[ends[1:]])
 
 
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a standard normal variable."""
+_MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
 
 
 def _at(track: Trajectory, stamps: Floats) -> Pose:

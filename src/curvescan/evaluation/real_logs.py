@@ -27,11 +27,8 @@ from curvescan.matchers.result import Outcome
 from curvescan.odometry import Odometry, RunRecord, run_odometry
 from curvescan.types import Bools, Floats
 
-RIGHT = (0.25, np.radians(3.0))
-"""A match is right within this of the log's own poses: metres, radians."""
-
-WRONG = (0.3, np.radians(10.0))
-"""A match is plainly wrong beyond either of these: metres, radians."""
+RIGHT = (0.25, np.radians(3.0))  # a match is right within this of the log's own poses: metres, radians
+WRONG = (0.3, np.radians(10.0))  # a match is plainly wrong beyond either of these: metres, radians
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -28,8 +28,7 @@ __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_e
 Which: TypeAlias = Literal["near", "far", "all"]
 """Which relations: between scans less than some seconds apart, the others, or all."""
 
-NEAR = 5.0
-"""Relations of scans less than this apart are near, seconds."""
+NEAR = 5.0  # relations of scans less than this apart are near, seconds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,8 +12,7 @@ from curvescan.se2 import uncertain
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Pose
 
-UNKNOWN = 1e6
-"""Variance of what is not known, in the square of its unit."""
+UNKNOWN = 1e6  # variance of what is not known, in the square of its unit
 
 _NOWHERE = np.zeros((3, 3))
 

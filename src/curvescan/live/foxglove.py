@@ -14,8 +14,7 @@ from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
-DEFAULT_PORT = 8766
-"""Default port; Foxglove's own, 8765, is the page's."""
+DEFAULT_PORT = 8766  # default port; Foxglove's own, 8765, is the page's
 
 _MAP_PERIOD, _MAP_SHARE = 2.0, 0.1
 """The map is sent at most every so many seconds, and in at most this share of the time."""

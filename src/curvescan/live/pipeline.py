@@ -21,11 +21,8 @@ from curvescan.live.tracker import TrackedScan, Tracker
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_CAPACITY = 4
-"""Scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s."""
-
-_POLL = 0.2
-"""Seconds between two looks at the keyboard's interrupt while no scan comes."""
+_CAPACITY = 4  # scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s
+_POLL = 0.2  # seconds between two looks at the keyboard's interrupt while no scan comes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -16,8 +16,7 @@ from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
-MAP_PERIOD = 10.0
-"""The map is written at most every so many seconds, and at the end."""
+MAP_PERIOD = 10.0  # the map is written at most every so many seconds, and at the end
 
 
 class McapRecorder(MapSink):

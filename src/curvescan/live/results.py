@@ -26,8 +26,7 @@ from curvescan.slam import Localizer, Slam
 from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
-_LONGEST_STEP_S = 2.0
-"""What moved is looked for between scans that are kept at most so far apart, seconds."""
+_LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at most so far apart, seconds
 
 
 class ResultsSink(MapSink):

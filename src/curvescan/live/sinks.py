@@ -30,11 +30,9 @@ class LiveSink(Protocol):
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; must not wait for anything slow."""
-        ...
 
     def close(self) -> None:
         """Finish what was taken in; called once, at the end."""
-        ...
 
 
 class WorkerSink:

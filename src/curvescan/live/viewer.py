@@ -36,20 +36,14 @@ from curvescan.types import Floats, Pose
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
 """The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
 
-_SEND_PERIOD = 0.025
-"""Least time between two scans sent to a browser, seconds."""
+_SEND_PERIOD = 0.025  # least time between two scans sent to a browser, seconds
 
 _HEARTBEAT = 5.0
 """A browser to which nothing was sent for so long gets a comment, seconds: that shows whether it is still there."""
 
-_MAX_CLOSURES = 1000
-"""Loop closures that are drawn at most: the newest."""
-
-_N_TIMES = 120
-"""Times of scans that a new browser is sent: as many as the page draws."""
-
-_N_POINTS = 1500
-"""Readings of a scan that are sent at most."""
+_MAX_CLOSURES = 1000  # loop closures that are drawn at most: the newest
+_N_TIMES = 120  # times of scans that a new browser is sent: as many as the page draws
+_N_POINTS = 1500  # readings of a scan that are sent at most
 
 Event = tuple[str, dict[str, Any]]
 

@@ -15,8 +15,7 @@ from curvescan.paper.scenarios import ScenarioResult
 from curvescan.runs.table import ResultTable
 from curvescan.types import Floats
 
-_ByMethod: TypeAlias = tuple[str, tuple[ScenarioResult, ...]]
-"""A method and its results, one a seed."""
+_ByMethod: TypeAlias = tuple[str, tuple[ScenarioResult, ...]]  # A method and its results, one a seed
 
 
 def random_transform_table(all_runs: dict[RandomTransformCondition, TransformResult]) -> ResultTable:

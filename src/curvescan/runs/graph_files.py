@@ -65,8 +65,7 @@ def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
     }
 
 
-GUESS_SIGMAS = (0.1, 0.1, 0.1)
-"""Standard deviations of a motion that no match measured: metres, metres, radians a step."""
+GUESS_SIGMAS = (0.1, 0.1, 0.1)  # standard deviations of a motion that no match measured: metres, metres, radians a step
 
 
 def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:

@@ -32,17 +32,10 @@ _R = TypeVar("_R")
 
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 
-_BATCH = 32
-"""Scans sent at once."""
-
-_AHEAD = 32
-"""Batches that the odometry may be ahead, so that memory does not grow with the log."""
-
-_LOOK_S = 0.2
-"""Time after which a thread that waits looks whether it is still wanted, seconds."""
-
-_MIN_SCANS = 1000
-"""Of a shorter log the process is not worth its start."""
+_BATCH = 32  # scans sent at once
+_AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
+_LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds
+_MIN_SCANS = 1000  # of a shorter log the process is not worth its start
 
 
 def can_run_ahead(n_scans: int) -> bool:

@@ -49,11 +49,9 @@ class RunDisplay(Protocol):
 
     def begin(self, stage: str, n_steps: int) -> None:
         """Begin a stage of so many steps; 0: its length is not known."""
-        ...
 
     def advance(self) -> None:
         """One step of the stage is done."""
-        ...
 
 
 class Silent:
@@ -227,8 +225,7 @@ def localize(
     return job.run(log, source, "localization", rules.odometry.deskew, new)
 
 
-_NewEngine: TypeAlias = Callable[[bool], Engine]
-"""Makes an engine that deskews, or not."""
+_NewEngine: TypeAlias = Callable[[bool], Engine]  # makes an engine that deskews, or not
 
 
 def _new_odometry(method: str, rules: OdometryConfig, matcher: MatcherConfig | None) -> tuple[_NewEngine, bool]:

@@ -111,6 +111,7 @@ class Localizer:
             When `pose` is not three numbers, or `covariance` no covariance.
         """
         self._prior = None if pose is None else Prior.of(pose, covariance)  # where the sensor is, by all before
+        self._is_told = pose is not None  # of the next scan already: its motion is in it
         if not keeps_odometry:
             self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
             self._deskewer = Deskewer()
@@ -143,9 +144,10 @@ class Localizer:
         self._is_torn |= is_doubtful
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
-        if self._prior is not None:
+        if self._prior is not None and not self._is_told:
             moved = vaguely(UncertainPose(step.motion, step.motion_covariance), self.config)
             self._prior = self._prior.moved(moved, is_doubtful=is_doubtful)
+        self._is_told = False
         if self._here is None or self._anchor is None:
             localized = self._look(scan, step)
         else:

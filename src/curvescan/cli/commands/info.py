@@ -13,8 +13,7 @@ from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 if TYPE_CHECKING:
     from curvescan.diagnostics.report import LogReport
 
-_INDENT, _LEAST_WIDTH = 19, 30
-"""Columns of names, and of text at least."""
+_INDENT, _LEAST_WIDTH = 19, 30  # columns of names, and of text at least
 
 
 def info(

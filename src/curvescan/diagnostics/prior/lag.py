@@ -18,15 +18,11 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 _N_WINDOWS = 12
-_WINDOW = 15
-"""Steps on either side of a sharp turn that are compared."""
-
-_LAGS = np.arange(-10, 31) * 0.05
-"""Lags that are tried, seconds: an odometry is late more often than early."""
+_WINDOW = 15  # steps on either side of a sharp turn that are compared
+_LAGS = np.arange(-10, 31) * 0.05  # lags that are tried, seconds: an odometry is late more often than early
 
 _LEAST_LAG = 0.1
-_BETTER = 0.6
-"""A lag is found where it leaves less than this share of the differences."""
+_BETTER = 0.6  # a lag is found where it leaves less than this share of the differences
 
 _MIN_STEPS = 30
 

@@ -17,8 +17,7 @@ OPTIONAL: Mapping[str, float] = {"range_min": 0.0, "range_max": math.inf, "time_
 """Numbers of a scan that a file may leave out, and what is then taken."""
 DEFAULTS: Mapping[str, float] = {"angle_min": math.nan, "angle_increment": math.nan, **OPTIONAL}
 COLUMNS = ("stamp", *DEFAULTS)
-POSE_COLUMNS = ("x", "y", "theta")
-"""Wheel odometry: pose of the laser at the scan."""
+POSE_COLUMNS = ("x", "y", "theta")  # wheel odometry: pose of the laser at the scan
 
 
 class BrokenRowError(LogFormatError):

@@ -23,17 +23,10 @@ from curvescan.io.files.printable import printable
 from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
 from curvescan.types import Floats, Ints
 
-_PLS_TURN = 1.0 / 25.0
-"""Time of a turn of the mirror, seconds."""
-
-_PLS_END = 51.2
-"""End of the scale of a PLS, metres."""
-
-_EVERY = 8
-"""One sweep of so many is looked at."""
-
-_N_READINGS = 1_000
-"""So many readings show on which steps they lie."""
+_PLS_TURN = 1.0 / 25.0  # time of a turn of the mirror, seconds
+_PLS_END = 51.2  # end of the scale of a PLS, metres
+_EVERY = 8  # one sweep of so many is looked at
+_N_READINGS = 1_000  # so many readings show on which steps they lie
 
 _MOST_BY_CHANCE = 0.6
 """Share of the readings on the two commonest of the five centimetres of a step: 0.40 to 0.42 in six logs of an LMS,
@@ -70,8 +63,7 @@ class PlsSigns:
         return _PLS_TURN if is_pls and self.longest <= _PLS_END else 0.0
 
 
-SICK_MM_END = 8.192
-"""End of the scale of a SICK LMS that counts millimetres, metres."""
+SICK_MM_END = 8.192  # end of the scale of a SICK LMS that counts millimetres, metres
 
 _NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 _MAX_TAGS = 64

@@ -24,12 +24,8 @@ import numpy as np
 from curvescan.errors import LogFormatError
 from curvescan.types import Floats
 
-PoseRow: TypeAlias = tuple[float, float, float]
-"""[x, y, theta]: metres, metres, radians."""
-
-MAX_RANGE_PARAM = b"robot_front_laser_max"
-"""CARMEN's parameter for the largest range of the front laser, metres."""
-
+PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians
+MAX_RANGE_PARAM = b"robot_front_laser_max"  # CARMEN's parameter for the largest range of the front laser, metres
 _N_TAIL = 3  # stamp host logger_stamp
 
 

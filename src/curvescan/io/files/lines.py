@@ -21,8 +21,7 @@ from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.read_errors import ReadErrorCounter
 
 GZIP_MAGIC = b"\x1f\x8b"
-MAX_LINE_BYTES = 1 << 20
-"""Longest line that is read: twenty times a line of 5,000 readings with remissions."""
+MAX_LINE_BYTES = 1 << 20  # longest line that is read: twenty times a line of 5,000 readings with remissions
 
 _CHUNK_BYTES = 1 << 16
 

@@ -24,11 +24,8 @@ from curvescan.io.files.printable import printable
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
-HIDDEN_PREFIX = ".curvescan-"
-"""Beginning of the names of temporary folders."""
-
-RECORDS = ("run.json", "results.json")
-"""Files that list, under ``"files"``, the results they belong to."""
+HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
+RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
 
 IS_WINDOWS = os.name == "nt"
 

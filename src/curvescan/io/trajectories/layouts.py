@@ -25,8 +25,7 @@ from curvescan.io.files.output import output_file
 from curvescan.io.files.printable import printable
 from curvescan.types import Cov, Floats, Pose
 
-TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]
-"""Formats in which a trajectory is written and read."""
+TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]  # formats in which a trajectory is written and read
 
 CSV_HEADER = (
     "stamp", "x", "y", "theta",

@@ -9,8 +9,7 @@ from curvescan.errors import InvalidArgumentError
 if TYPE_CHECKING:
     from curvescan.live.sources import ScanSource
 
-DRIVERS = ("lds2d", "rplidar", "hokuyo")
-"""Names of the drivers."""
+DRIVERS = ("lds2d", "rplidar", "hokuyo")  # names of the drivers
 
 
 def open_driver(

@@ -16,11 +16,8 @@ from curvescan.errors import MissingPackageError, SourceError
 
 PIP_COMMAND = "pip install 'curvescan[lidar]'"
 
-SILENCE = 2.0
-"""A port from which nothing comes for so long is silent, seconds."""
-
-NONSENSE = 5.0
-"""A port whose bytes make no turn for so long sends something else, seconds."""
+SILENCE = 2.0  # a port from which nothing comes for so long is silent, seconds
+NONSENSE = 5.0  # a port whose bytes make no turn for so long sends something else, seconds
 
 _POLL = 0.1
 _URL_WAIT = 0.005

@@ -15,11 +15,8 @@ from curvescan.scan import LaserScan
 _LATE = 0.5
 """A turn that ends later than expected by this share of a turn was delivered late, and keeps the time expected."""
 
-_SLEW = 0.1
-"""Share of a smaller delay by which the clock follows."""
-
-_MAX_LATE = 10
-"""After so many late turns in a row it is the clock that was wrong: turns were lost."""
+_SLEW = 0.1  # share of a smaller delay by which the clock follows
+_MAX_LATE = 10  # after so many late turns in a row it is the clock that was wrong: turns were lost
 
 
 class TurnClock:

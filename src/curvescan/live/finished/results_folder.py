@@ -28,8 +28,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
-_FOLLOWED = 0.5
-"""The optimum follows an edge of more weight."""
+_FOLLOWED = 0.5  # the optimum follows an edge of more weight
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
 _DROPPED = ("dropped", "It was accepted, and is no longer in the map.")

@@ -30,11 +30,9 @@ class Job(Protocol):
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run over a log and write the results into a folder that need not exist; errors are raised."""
-        ...
 
     def warm_up(self) -> None:
         """Compile what the job needs, once, before the workers start."""
-        ...
 
 
 def digest_of(job: Job) -> str:

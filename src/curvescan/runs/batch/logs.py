@@ -15,8 +15,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.runs.batch.storage.object_store import Bucket, StoredObject, is_url, split_url
 
-BAG_MARK = "metadata.yaml"
-"""A folder of a bucket that holds this file is a ROS 2 bag, which is one log."""
+BAG_MARK = "metadata.yaml"  # a folder of a bucket that holds this file is a ROS 2 bag, which is one log
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,7 @@ from curvescan.simulation.buildings.world import World
 
 _T = TypeVar("_T")
 
-Seed = int | np.random.SeedSequence
-"""What decides a random world: the same seed, the same bits."""
+Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
 WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "room": lambda _: room(),

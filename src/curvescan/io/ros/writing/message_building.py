@@ -23,8 +23,7 @@ MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
 _SECOND = 10**9
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
-_UNKNOWN = 1e6
-"""Variance of a speed that is not known, (m/s)^2 and (rad/s)^2."""
+_UNKNOWN = 1e6  # variance of a speed that is not known, (m/s)^2 and (rad/s)^2
 
 
 class MessageBuilder:
