@@ -266,7 +266,7 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
 
 
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
-    from curvescan.live.drivers.opening import open_driver
+    from curvescan.live.drivers import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
