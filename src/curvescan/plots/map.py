@@ -1,4 +1,4 @@
-"""The map of a run, that of its wheels alone (the figure 7 of the paper), the same scans mapped twice, and the graph."""
+"""The map of a run, that of its wheels alone (the paper's figure 7), the same scans mapped twice, and the graph."""
 
 from __future__ import annotations
 
