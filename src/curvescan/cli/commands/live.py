@@ -284,7 +284,7 @@ def _opened(path: Path) -> tuple[Any, Any]:
 
 
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
-    from curvescan.live.drivers.opening import open_driver
+    from curvescan.live.drivers import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
