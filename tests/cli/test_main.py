@@ -342,10 +342,10 @@ def test_what_is_piped_is_as_wide_as_is_asked(log, columns, width):
     assert width - 25 < max(map(len, lines[:-1])) <= width
 
 
-def test_a_picture_of_a_map_is_refused_with_what_is_needed(log, tmp_path, capsys):
+def test_a_picture_without_its_yaml_file_is_refused_with_what_is_needed(log, tmp_path, capsys):
     (tmp_path / "floor.pgm").write_bytes(b"P5\n1 1\n255\n0")
     assert run(["localize", str(log), "--map", str(tmp_path / "floor.pgm")]) == 1
-    assert "give the map.csmap of `curvescan slam`" in capsys.readouterr().err
+    assert "floor.yaml beside it" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [["odometry"], ["info", "a", "--no-such"]])
