@@ -3,22 +3,28 @@
 #   docker run --rm --volume "$PWD:/data" curvescan slam /data/office.bag --out /data/results
 FROM python:3.12-slim AS build
 COPY . /source
+# what `curvescan --version` says; the image is built without the repository:
+#   docker build --build-arg COMMIT="$(git rev-parse HEAD)" --tag curvescan .
+ARG COMMIT=""
+ENV CURVESCAN_COMMIT=$COMMIT
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
+# the versions that the image was tried with; `make pins` takes new ones
+COPY constraints.txt /wheels/
+ARG CONSTRAINTS=/wheels/constraints.txt
+RUN pip install --no-cache-dir --constraint "$CONSTRAINTS" "$(echo /wheels/*.whl)[cloud,fast,lidar]" && rm -r /wheels
 
-# Machine code for any processor of this kind: code for the one that builds would be compiled anew on others.
-ENV NUMBA_CPU_NAME=generic \
-    NUMBA_CACHE_DIR=/var/cache/curvescan/kernels \
+ENV NUMBA_CACHE_DIR=/var/cache/curvescan/kernels \
     MPLCONFIGDIR=/var/cache/curvescan/matplotlib \
     MPLBACKEND=Agg
 
-# The main job, and all that it has not compiled; whoever the container runs as may write to the caches.
+# Machine code for any processor of this kind: code for the one that builds would be compiled anew on others. The main
+# job makes the fonts' cache. Whoever the container runs as may write to the caches.
 RUN mkdir -p "$NUMBA_CACHE_DIR" "$MPLCONFIGDIR" \
-    && curvescan demo --out /tmp/demo \
-    && python -c "import curvescan; curvescan.warm_up()" \
+    && curvescan warm-up --cache "$NUMBA_CACHE_DIR" \
+    && NUMBA_CPU_NAME=generic curvescan demo --out /tmp/demo \
     && rm -r /tmp/demo \
     && chmod -R a+rwX /var/cache/curvescan
 

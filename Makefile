@@ -16,13 +16,15 @@ export MPLBACKEND := Agg
 ROS_VENV := .venv-ros
 FLEET := .venv-fleet
 
-.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image lint coverage mutants bench format clean
+.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image pins lint coverage mutants bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
 
-test: lint
-	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
+# kernels are compiled once, and not by each worker, while the other core checks the sources
+test: $(INSTALLED)
+	$(BIN)/python -c 'import curvescan; [curvescan.warm_up(method) for method in curvescan.MATCHERS]' & compiling=$$!; \
+		$(MAKE) --no-print-directory lint && wait $$compiling
 	$(BIN)/pytest -q -n 2 --dist worksteal
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2 --dist worksteal -m kernels  # reads past the end are seen here
 
@@ -74,7 +76,13 @@ mutants: $(INSTALLED)
 
 # the container image; its kernels are compiled, and no file of its cache may be new after a first run
 image:
-	docker build --tag curvescan .
+	docker build --build-arg COMMIT="$$(git rev-parse HEAD)" --tag curvescan .
+
+# constraints.txt: the newest versions that pip finds for the image
+pins:
+	docker build --build-arg CONSTRAINTS=/dev/null --tag curvescan-pins .
+	{ head -n 1 constraints.txt; docker run --rm --entrypoint pip curvescan-pins freeze --exclude curvescan; } > .pins
+	mv .pins constraints.txt
 
 test-image: image
 	docker run --rm curvescan demo --out /tmp/demo 2>&1 | tee .image.log

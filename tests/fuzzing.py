@@ -12,7 +12,7 @@ import random
 import sqlite3
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
-from curvescan.cli.options import ChainConfigs, MethodConfigs
+from curvescan.cli.options import config_tables
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import find_issues
 from curvescan.errors import CurvescanError
@@ -128,13 +128,8 @@ def _check_log(log: Log) -> None:
         raise Finding(f"text that spoils the terminal: {spoken!r:.500}")
 
 
-def _default_configs() -> dict[str, object]:
-    groups = MethodConfigs(), ChainConfigs()
-    return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
-
-
 def _read_config(path: Path, _: random.Random) -> None:
-    read_config(path, _default_configs())
+    read_config(path, config_tables())
 
 
 # ---- mutations of bytes
@@ -405,7 +400,7 @@ def targets(folder: Path) -> dict[str, Callable[[], Target]]:
 
     def config() -> Target:
         path = folder / "config.toml"
-        write_config(path, _default_configs())
+        write_config(path, config_tables())
         whole = path.read_bytes()
         small = b'[curvescan]\n[idc]\niterations = 3\n[cfsma.segmentation]\nx = [1.0, "a"]\n'
         return Target(read=_read_config, seeds=(whole, small), mutations=TEXT)

@@ -213,7 +213,7 @@ def test_damaged_files_are_compiled_again(tmp_path, tiny, ending):
 def test_machine_code_filed_under_another_variant_is_not_run(tmp_path, tiny):
     tiny["NUMBA_CACHE_DIR"] = str(tmp_path / "kernels")
     ask(tiny, "from tiny.callee import part\nprint(part(1.0), int(part(3)))")
-    (first,) = (tmp_path / "kernels").rglob("callee.part*.1.nbc")
+    (first,) = (tmp_path / "kernels").rglob("tiny.callee.part*.1.nbc")
     second = first.with_name(first.name.replace(".1.nbc", ".2.nbc"))
     data = first.read_bytes()
     first.write_bytes(second.read_bytes())
@@ -222,18 +222,67 @@ def test_machine_code_filed_under_another_variant_is_not_run(tmp_path, tiny):
     assert ask(tiny, code)[:2] == (2.0, 1)
 
 
-def test_a_numba_that_takes_no_hint_is_not_let_to_cache(tmp_path, tiny):
-    deaf = (
-        "from numba.core.caching import FunctionCache\n"
-        "implementation = FunctionCache._impl_class\n"
-        "beside = [c for c in implementation._locator_classes if 'InTree' in c.__name__]\n"
-        "implementation._locator_classes = beside\n"
-    )
-    assert ask(tiny, deaf + ASK)[0] == 4.0
-    write_tiny(tmp_path / "site", 20.0)
-    value, _, said = ask(tiny, deaf + ASK)
-    assert value == 42.0
-    assert said.count("cannot keep its machine code") == 1
+def test_a_place_that_numba_is_told_of_is_not_taken(tmp_path, tiny):
+    tiny |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_CACHE_LOCATOR_CLASSES": "InTreeCacheLocator"}
+    assert ask(tiny)[:2] == (4.0, 2)
+    assert ask(tiny)[:2] == (4.0, 0)
+    assert list((tmp_path / "kernels").rglob("*.nbc"))
+    assert not list((tmp_path / "site").rglob("*.nbc"))
+
+
+@pytest.fixture
+def brought(tmp_path, tiny):
+    """Machine code for any processor, made elsewhere; and the environment of a process that finds version 1 here."""
+    write_tiny(tmp_path / "elsewhere", 1.0)
+    there = tiny | {"PYTHONPATH": str(tmp_path / "elsewhere"), "NUMBA_CACHE_DIR": str(tmp_path / "made")}
+    assert ask(there | {"NUMBA_CPU_NAME": "generic"})[1] == 2
+    return tmp_path / "made"
+
+
+@pytest.mark.parametrize("way", ["NUMBA_CACHE_DIR", "package"])
+def test_code_for_any_processor_is_loaded_wherever_the_package_is(tmp_path, tiny, brought, way):
+    place = tmp_path / "site" / "tiny" / "_kernels" if way == "package" else tmp_path / "moved"
+    brought.rename(place)
+    if way == "NUMBA_CACHE_DIR":
+        tiny["NUMBA_CACHE_DIR"] = str(place)
+    for path in (tmp_path / "site" / "tiny").glob("*.py"):
+        os.utime(path, (1e9, 1e9))  # installed at another time
+    assert ask(tiny) == (4.0, 0, "")
+
+
+def test_code_that_came_with_the_package_is_read_where_nothing_can_be_written(tmp_path, tiny, brought):
+    brought.rename(tmp_path / "site" / "tiny" / "_kernels")
+    (tmp_path / "site" / "tiny" / "__pycache__").write_text("")
+    (tmp_path / "user").write_text("")
+    assert ask(tiny) == (4.0, 0, "")
+
+
+def test_code_for_this_processor_goes_before_code_for_any(tmp_path, tiny, brought):
+    tiny["NUMBA_CACHE_DIR"] = str(tmp_path / "own")
+    assert ask(tiny)[1] == 2
+    shutil.copytree(brought, tmp_path / "site" / "tiny" / "_kernels")
+    for path in (tmp_path / "site" / "tiny" / "_kernels").rglob("*.nbc"):
+        path.write_bytes(b"damaged")
+    assert ask(tiny) == (4.0, 0, "")
+
+
+@pytest.mark.parametrize("what", ["version", "processor", "damaged", "Numba"])
+def test_code_that_does_not_fit_is_passed_over_in_silence(tmp_path, tiny, brought, what):
+    if what == "version":
+        write_tiny(tmp_path / "site", 20.0)
+    elif what == "processor":  # of another kind: what is compiled for a named one is not for any
+        shutil.rmtree(brought)
+        named = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(brought)}
+        ask(tiny | named)
+    else:
+        for path in brought.rglob("*.nbc" if what == "damaged" else "*.nbi"):
+            data = path.read_bytes()
+            path.write_bytes(data[:10] if what == "damaged" else data.replace(numba.__version__.encode(), b"0" * 6))
+    before = {path: path.read_bytes() for path in brought.rglob("*.nb?")}
+    brought.rename(tmp_path / "site" / "tiny" / "_kernels")
+    assert ask(tiny) == (42.0 if what == "version" else 4.0, 2, "")
+    after = (tmp_path / "site" / "tiny" / "_kernels").rglob("*.nb?")
+    assert {path.name: path.read_bytes() for path in after} == {path.name: data for path, data in before.items()}
 
 
 def test_nobody_elses_kernels_are_moved(tmp_path, tiny):
@@ -267,8 +316,8 @@ def test_every_kernel_of_the_package_is_cached_under_the_digest():
     assert folder is not None
     assert len(_jit._kernels) > 40
     for kernel in _jit._kernels:
-        assert folder in Path(kernel.stats.cache_path).parents
-        assert isinstance(kernel._cache, _kernel_cache.ForgivingCache)
+        assert Path(kernel.stats.cache_path) == folder
+        assert isinstance(kernel._cache, _kernel_cache.KernelCache)
     assert os.environ.get("NUMBA_CACHE_DIR", "") == numba.config.CACHE_DIR
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 
 import pytest
+from packaging.requirements import Requirement
 
+from curvescan import __version__
 from tests.conftest import ROOT
 
 yaml = pytest.importorskip("yaml")
@@ -54,3 +57,37 @@ def test_the_image_has_extras_that_there_are():
     # heavy ones are asked for by name alone
     assert "ray" not in extras
     assert not any("ray" in word for word in PROJECT["optional-dependencies"]["dev"])
+
+
+def test_the_image_has_a_version_of_each_library_that_the_package_allows():
+    text = (ROOT / "Dockerfile").read_text("utf-8")
+    assert "COPY constraints.txt" in text
+    assert '--constraint "$CONSTRAINTS"' in text
+    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
+    assert all(re.fullmatch(r"[\w.]+", version) for version in pins.values())
+    [extras] = re.findall(r"\.whl\)\[([\w,]+)\]", text)
+    asked = [*PROJECT["dependencies"], *(one for e in extras.split(",") for one in PROJECT["optional-dependencies"][e])]
+    for requirement in map(Requirement, asked):
+        assert pins[requirement.name.lower()] in requirement.specifier, requirement
+
+
+def test_the_citation_is_complete_and_says_what_zenodo_is_told():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    zenodo = json.loads((ROOT / ".zenodo.json").read_text("utf-8"))
+    # required by version 1.2.0 of the format, and what a reader looks for
+    assert citation["cff-version"] == "1.2.0"
+    assert {"message", "abstract", "repository-code", "references"} <= citation.keys()
+    assert citation["version"] == zenodo["version"] == __version__
+    assert citation["license"] == zenodo["license"] == PROJECT["license"]
+    assert citation["repository-code"] == PROJECT["urls"]["Homepage"]
+    for name in ("title", "keywords"):
+        assert citation[name] == zenodo[name]
+    assert f"<p>{citation['abstract']}</p>" == zenodo["description"]
+    assert [one["name"] for one in zenodo["creators"]] == [one["name"] for one in citation["authors"]]
+    # the fields that Zenodo refuses an upload without
+    assert zenodo["upload_type"] == "software"
+    [paper] = citation["references"]
+    assert [f"{one['family-names']}, {one['given-names']}" for one in paper["authors"]] == re.findall(
+        r"\w[\w-]+, \w\.", zenodo["references"][0].split("(")[0]
+    )

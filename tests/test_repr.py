@@ -43,6 +43,7 @@ def objects():
         "record": (run.record, "RunRecord('curvescan': 6 scans, 0 not matched)"),
         "odometry": (odometry, "Odometry('curvescan', 1 scans)"),
         "step": (step, "Step(0: STARTED, x=0.0000 m"),
+        "localizer": (cs.Localizer(cs.run(simulated, "slam").map), "Localizer(curvescan: in a map of "),
         "builder": (builder, "OccupancyBuilder(1 scans in cells of 0.05 m)"),
         "grid": (builder.grid(), "OccupancyGrid("),
         "edge": (cs.PoseEdge(i=1, j=2, pose=(1.0, 2.0, 0.5), covariance=None), "PoseEdge(1 -> 2: x=1.0000 m"),
@@ -51,7 +52,7 @@ def objects():
 
 NAMES = (
     "scan prepared match candidate uncertain failed simulation world pair slice held trajectory empty run record "
-    "odometry step builder "
+    "odometry step localizer builder "
     "grid edge"
 )
 

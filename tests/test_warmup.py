@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -83,9 +86,35 @@ print(*sorted(variants() - before))
     assert run(code) == ""
 
 
-def test_an_unknown_method_is_refused():
+def test_what_is_unknown_or_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(cs.InvalidArgumentError, match="unknown"):
         cs.warm_up("slam")
+    with pytest.raises(cs.InvalidArgumentError, match="processor must be one of generic, native, got 'pentium'"):
+        cs.warm_up(cache=tmp_path, processor="pentium")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(cs.OutputError, match="cannot be written"):
+        cs.warm_up(cache=tmp_path / "file" / "kernels")
+
+
+@pytest.mark.slow
+def test_a_cache_for_any_processor_serves_a_package_that_lies_elsewhere(tmp_path):
+    cs.warm_up("cfsma", slam=False, cache=tmp_path / "kernels")
+    site = tmp_path / "site"
+    shutil.copytree(Path(cs.__file__).parent, site / "curvescan", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.move(tmp_path / "kernels", site / "curvescan" / "_kernels")
+    code = """
+sim = simulate("office", n_scans=6)
+results = [cs.match(sim[0], sim[5], method="cfsma").pose.tolist()]
+odometry = cs.Odometry("cfsma")
+results += [odometry.add(scan).pose.tolist() for scan in sim]
+print(_jit.n_compiled(), results)
+"""
+    env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+    env |= {"PYTHONPATH": str(site), "XDG_CACHE_HOME": str(tmp_path / "user")}
+    done = subprocess.run([sys.executable, "-c", BEGIN + code], env=env, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    # the bits of code for this processor
+    assert done.stdout.strip() == "0 " + run(code).partition(" ")[2]
 
 
 @pytest.mark.slow

@@ -1,15 +1,14 @@
 """The one place that names Numba's flags.
 
 ``error_model="numpy"`` keeps NaN and division semantics; ``fastmath`` stays off because under it
-``isnan`` is always False and a missing reading would pass for a measurement. ``cache=True`` stores the
-machine code on disk so that only the first run compiles; see :mod:`curvescan._kernel_cache`.
+``isnan`` is always False and a missing reading would pass for a measurement. Machine code is kept on disk so that only
+the first run compiles; see :mod:`curvescan._kernel_cache`.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
@@ -17,7 +16,7 @@ from numba.core import event
 from numba.core.registry import CPUDispatcher
 
 from curvescan._compilation import watch
-from curvescan._kernel_cache import ForgivingCache, cache_folder, numba_caches_in
+from curvescan._kernel_cache import KernelCache
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -60,17 +59,9 @@ def _compiled(function: Callable[_P, _R], **flags: str) -> Callable[_P, _R]:
 
 
 def _dispatcher(function: Callable[..., Any], **flags: str) -> Any:
-    folder = cache_folder()
-    if folder is not None:
-        with numba_caches_in(folder):
-            cached = _njit(cache=True, **flags)(function)
-        # a Numba that keeps the code anywhere else may bring back that of another version
-        if folder in Path(cached.stats.cache_path).parents:
-            cached._cache = ForgivingCache(cached._cache)
-            return cached
-    uncached = _njit(**flags)(function)
-    uncached._cache = ForgivingCache(uncached._cache)
-    return uncached
+    dispatcher = _njit(**flags)(function)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
 
 
 class _Listener(event.Listener):

@@ -6,6 +6,10 @@ package's machine code is kept in a folder named after a digest of the package's
 NUMBA_CACHE_DIR, else beside the package in its __pycache__, else in the user's cache folder. Folders of
 other digests are removed once they have not been used for a day. Removing one that is in use does no
 harm: what is missing is compiled again.
+
+Nothing in such a folder says where the package is installed, so that it can be made on one machine and read on
+another: all folders are read, and also one that came with the package, `_kernels`. Code for this processor is taken
+first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same results.
 """
 
 from __future__ import annotations
@@ -17,14 +21,14 @@ import logging
 import os
 import re
 import shutil
+import sys
 import tempfile
-import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 _numba_config: Any = numba.config
 _ROOT = Path(__file__).parent
@@ -37,18 +41,16 @@ _FOLDER_PREFIX = f"{__package__}-kernels-"
 _DIGEST_LENGTH = 16
 _UNUSED_S = 86_400.0
 
+_SHIPPED = "_kernels"
+_ANY_PROCESSOR = ("generic", "")  # name and features, as Numba tells them of code compiled with NUMBA_CPU_NAME=generic
+
 _faults: list[str] = []
-_setting_numba = threading.Lock()
 
 
 @functools.cache
 def cache_folder() -> Path | None:
     """Return the folder of this version's machine code, or None where none can be written."""
-    digest = source_digest(_ROOT)
-    if digest is None:
-        return None
-    for parent in _cache_parents():
-        folder = parent / (_FOLDER_PREFIX + digest)
+    for parent, folder in _places():
         try:
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
@@ -60,19 +62,13 @@ def cache_folder() -> Path | None:
     return None
 
 
-@contextlib.contextmanager
-def numba_caches_in(folder: Path) -> Iterator[None]:
-    """Let Numba choose `folder` for what is decorated inside, and for nobody else's kernels."""
-    wanted = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": ""}
-    with _setting_numba:
-        usual = {k: getattr(_numba_config, k) for k in wanted if hasattr(_numba_config, k)}
-        try:
-            for name in usual:
-                setattr(_numba_config, name, wanted[name])
-            yield
-        finally:
-            for name, value in usual.items():
-                setattr(_numba_config, name, value)
+@functools.cache
+def read_folders() -> tuple[Path, ...]:
+    """Return the folders that hold machine code of this version, the one that is written to first."""
+    written, places = cache_folder(), _places()
+    brought = [_ROOT / _SHIPPED / folder.name for _, folder in places[:1]]
+    others = [folder for folder in (*(folder for _, folder in places), *brought) if folder != written]
+    return (*([written] if written else []), *(folder for folder in others if folder.is_dir()))
 
 
 def source_digest(root: Path) -> str | None:
@@ -108,47 +104,78 @@ def source_digest(root: Path) -> str | None:
     return digest.hexdigest()[:_DIGEST_LENGTH] if reached else None
 
 
-class ForgivingCache:
-    """Numba's cache of one kernel, whose faults cost time and never a result.
+class _Names(CompileResultCacheImpl):
+    """Numba's way to write machine code, under a name that is the same wherever the package is installed."""
+
+    def __init__(self, function: Any) -> None:  # not Numba's, which goes by the path of the file
+        self._locator = self
+        self._py_file, self._lineno = function.__code__.co_filename, function.__code__.co_firstlineno
+        name = f"{function.__module__}.{function.__qualname__}"
+        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name in one file apart."""
+        return str(self._lineno)
+
+
+class KernelCache(FunctionCache):
+    """The machine code of one kernel, whose faults cost time and never a result.
 
     What cannot be read (cut short by a full disk or a lost power supply) is compiled again; what cannot
     be written is not kept, which is said once. Two processes that compile two variants of one kernel at
     the same time can leave an index that names the one for the other; this is noticed here.
     """
 
-    def __init__(self, cache: Any) -> None:
-        self._cache = cache
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._cache, name)
+    def __init__(self, function: Any) -> None:  # not Numba's, which looks for a folder for each function
+        self._name, self._py_func, self._impl = repr(function), function, _Names(function)
+        base, folder = self._impl.filename_base, cache_folder()
+        self._cache_path = None if folder is None else str(folder)
+        self._files = [
+            IndexDataCacheFile(cache_path=str(one), filename_base=base, source_stamp=one.name) for one in read_folders()
+        ]
+        self.enable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code kept for argument types `sig`, or None."""
-        try:
-            loaded = self._cache.load_overload(sig, target_context)
-        except Exception:  # noqa: BLE001  a damaged pickle can raise anything
-            loaded = None
-            with contextlib.suppress(OSError):
-                self._cache.flush()
-        return loaded if loaded is not None and loaded.signature.args == sig else None
+        target_context.refresh()
+        own = self._index_key(sig, target_context.codegen())
+        for key in (own, (sig, (own[1][0], *_ANY_PROCESSOR), own[2])):
+            for file in self._files:
+                try:
+                    data = file.load(key)
+                    loaded = data and self._impl.rebuild(target_context, data)
+                except Exception:  # noqa: BLE001  a damaged pickle can raise anything
+                    loaded = None
+                    if file is self._files[0] and self._cache_path is not None:  # what was brought is left as it is
+                        with contextlib.suppress(OSError):
+                            file.flush()
+                if loaded and loaded.signature.args == sig:
+                    return loaded
+        return None
 
-    def save_overload(self, sig: Any, compiled: Any) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         """Keep machine code for argument types `sig`, if it can be written."""
-        try:
-            self._cache.save_overload(sig, compiled)
-        except OSError as error:
-            _say_not_kept(f"{self._cache.cache_path}: {error.strerror}")
-        if self._cache.cache_path is None:
+        if self._cache_path is None:
             _say_not_kept("no folder for it can be written")
+            return
+        try:
+            if self._impl.check_cachable(data):
+                Path(self._cache_path).mkdir(parents=True, exist_ok=True)
+                self._files[0].save(self._index_key(sig, data.codegen), self._impl.reduce(data))
+        except OSError as error:
+            _say_not_kept(f"{self._cache_path}: {error.strerror}")
 
 
-def _cache_parents() -> list[Path]:
+@functools.cache
+def _places() -> list[tuple[Path, Path]]:
+    """Return where this version's machine code may be written, with the folders that these are in."""
+    digest = source_digest(_ROOT)
     parents = [Path(_numba_config.CACHE_DIR)] if _numba_config.CACHE_DIR else []
     parents.append(_ROOT / "__pycache__")
     user = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
     with contextlib.suppress(RuntimeError):  # a user without a home
         parents.append(Path(user).expanduser())
-    return [parent.absolute() for parent in parents]
+    return [(one.absolute(), one.absolute() / (_FOLDER_PREFIX + digest)) for one in parents] if digest else []
 
 
 def _sweep(parent: Path, used: Path) -> None:

@@ -11,37 +11,19 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError
 from curvescan.types import Floats, Points
 
-_EVEN = 0.01
-"""Share of a step by which beams may stray from evenly spaced ones and still be looked up as such."""
-
-_LONE_STEP = math.radians(1.0)
-"""Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
-
-
-_MOST_TURNS = 2.0
-"""A sweep of more turns is one in degrees: drivers overlap the ends of a turn by a few beams, no more."""
+_EVEN = 0.01  # share of a step by which beams may stray from evenly spaced ones and still be looked up as such
+_LONE_STEP = math.radians(1.0)  # step of a sweep of fewer than two beams, radians: it has none, and any serves
+_MOST_TURNS = 2.0  # a sweep of more turns is one in degrees: drivers overlap the ends of a turn by a few beams, no more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beams:
-    """Where the beams of a sweep point.
+    """Where the beams of a sweep point, radians."""
 
-    Attributes
-    ----------
-    angles : (n,) float64
-        Radians, rising or falling, not wrapped; read-only.
-    directions : (n, 2) float64
-        Their unit vectors; read-only.
-    angle_min, angle_increment : float
-        First angle; mean step of uniform beams, else median step; radians.
-    is_uniform : bool
-        Whether the angles are angle_min + i * angle_increment, but for a hundredth of a step.
-    """
-
-    angles: Floats
-    angle_min: float
-    angle_increment: float
-    is_uniform: bool
+    angles: Floats  # (n,): rising or falling, not wrapped; read-only
+    angle_min: float  # the first angle
+    angle_increment: float  # mean step of uniform beams, else median step
+    is_uniform: bool  # whether the angles are angle_min + i * angle_increment, but for a hundredth of a step
 
     @cached_property
     def directions(self) -> Points:
@@ -76,10 +58,7 @@ def even_beams(n: int, angle_min: float, angle_increment: float) -> Beams:
 
 
 def beams_at(angles: Floats) -> Beams:
-    """Return beams at given angles, (n,) float64, radians, having checked the rules of LaserScan.
-
-    Raises InvalidArgumentError.
-    """
+    """Return beams at angles (n,), radians, that keep the rules of LaserScan. Raises InvalidArgumentError."""
     if not np.isfinite(angles).all():
         raise InvalidArgumentError("angles must be finite, got NaN or an infinity among them")
     if angles.size < 2:

@@ -36,24 +36,17 @@ velocity itself makes when it does not change."""
 _MOST_MOVED = 0.5
 """A reading that a sweep's motion moves by more than this share of its range is dropped: where it lies is not known."""
 
-_FASTEST_SENSOR = 1_000.0
-"""No sensor moves so fast, metres a second."""
+_FASTEST_SENSOR = 1_000.0  # no sensor moves so fast, metres a second
 
 _SHORTEST, _LONGEST = 0.5, 1.5
 """Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
 
-_MOST_PERIODS = 3
-"""A step of more periods than this is a pause: how long the motion took is not known."""
-
-_LEAP = 100
-"""A step of more periods than this is a leap of the clock."""
+_MOST_PERIODS = 3  # a step of more periods than this is a pause: how long the motion took is not known
+_LEAP = 100  # a step of more periods than this is a leap of the clock
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:
-    """Return a scan as it would have been seen from one place, at the middle of its sweep.
-
-    velocity (3,). Raises InvalidArgumentError.
-    """
+    """Return a scan as seen from one place, at the middle of its sweep; velocity (3,). Raises InvalidArgumentError."""
     twist = np.asarray(velocity, dtype=np.float64)
     if twist.shape != (3,) or not np.isfinite(twist).all():
         raise InvalidArgumentError(
@@ -86,20 +79,14 @@ def middle_of_sweep(scan: LaserScan) -> float:
 
 
 def sweep_shift(scan: LaserScan, velocity: ArrayLike) -> float:
-    """Return how far the readings at the ends of a sweep are moved by a velocity, or by an error of one, in metres.
-
-    velocity (3,).
-    """
+    """Return how far a velocity (3,), or an error of one, moves the readings at the ends of a sweep, metres."""
     vx, vy, omega = (float(value) for value in np.asarray(velocity, dtype=np.float64))
     far = float(np.median(scan.ranges[scan.valid])) if scan.valid.any() else 0.0
     return middle_of_sweep(scan) * (math.hypot(vx, vy) + abs(omega) * far)
 
 
 def predicted_velocity(motion: ArrayLike, seconds: float) -> Floats:
-    """Return the velocity of a sensor that goes on as it did.
-
-    motion (3,); result (3,).
-    """
+    """Return the velocity (3,) of a sensor whose motion (3,) goes on."""
     if not seconds > 0.0:
         return np.zeros(3)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from curvescan.beams import Beams, beams_at, even_beams
 from curvescan.errors import InvalidArgumentError, UnitWarning
-from curvescan.types import Bools, Floats, Ints, Points
+from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,9 @@ class LaserScan:
         From a beam to the next in the order of `ranges`, seconds, >= 0; 0: not known.
     scan_time : float
         From a sweep to the next, seconds, >= 0; 0: not known.
+    odometry : (3,) array_like or None
+        Pose of the sensor at this scan by its wheels, [x, y, theta] in a frame of their own, NaN where it is unknown:
+        odometry, SLAM and localization expect its motion. None without.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class LaserScan:
     angles: Floats = None  # type: ignore[assignment]
     time_increment: float = 0.0
     scan_time: float = 0.0
+    odometry: Pose | None = None
     _beams: Beams = field(init=False)
 
     def __post_init__(self) -> None:
@@ -105,6 +109,8 @@ class LaserScan:
                     f"intensities must have one value a beam ({self.ranges.size}), got {intensities.size}"
                 )
             object.__setattr__(self, "intensities", intensities)
+        if self.odometry is not None:
+            object.__setattr__(self, "odometry", as_odometry_pose(self.odometry, "odometry"))
         self._warn_of_millimetres()
 
     def _warn_of_millimetres(self) -> None:
@@ -273,8 +279,7 @@ def valid_readings(scan: LaserScan) -> Readings:
     )
 
 
-_FAR = 250.0
-"""Metres: no 2D laser without a stated limit measures all of its surroundings farther than this."""
+_FAR = 250.0  # metres: no 2D laser without a stated limit measures all of its surroundings farther than this
 
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4
@@ -294,6 +299,16 @@ def _read_only_row(values: ArrayLike, name: str) -> Floats:
         raise InvalidArgumentError(f"{name} must be 1-D, got shape {row.shape}")
     row.setflags(write=False)
     return row
+
+
+def as_odometry_pose(given: ArrayLike, name: str) -> Pose:
+    """Return a pose by wheels, whose values may be NaN. Raises InvalidArgumentError."""
+    pose = _read_only_row(given, name)
+    if pose.shape != (3,) or np.isinf(pose).any():
+        raise InvalidArgumentError(
+            f"{name} must be three numbers [x, y, theta], finite or NaN where it is unknown, got {given!r:.80}"
+        )
+    return pose
 
 
 def _as_float(value: object, name: str) -> float:

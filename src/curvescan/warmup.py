@@ -1,17 +1,24 @@
 """Warm-up: a simulated drive through two rooms compiles every kernel of a real one.
 
-Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others.
+Machine code is kept on disk, so that this takes seconds in the first run of a version and a second in the others. It
+can be made for another machine: for an image, or for a package that brings it.
 """
 
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import tempfile
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from curvescan._compilation import watch
+from curvescan._processes import python_command
+from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import build_maps
 from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
@@ -22,9 +29,11 @@ from curvescan.types import Pose
 if TYPE_CHECKING:
     from curvescan.slam import Slam
 
+Processor: TypeAlias = Literal["generic", "native"]
+"""For which processor code is made: any of the kind of this one (6 % slower, the same results), or this one alone."""
+
 _N_BEAMS, _RANGE_MAX_M, _PERIOD_S, _RADIUS_M = 360, 5.0, 0.1, 0.3
-_N_LAP = 10
-"""Scans of a lap on a circle."""
+_N_LAP = 10  # scans of a lap on a circle
 
 _ROOM = ((-2.0, 2.5, -1.5, 1.8), (-1.0, 1.2, -1.0, 4.0))
 """Rooms are two rectangles that the sensor stands in, x and y of their walls in metres: here an L with corners."""
@@ -33,7 +42,13 @@ _HALL = ((-50.0, 50.0, -1.0, 1.0), (-50.0, 50.0, -1.0, 1.0))
 """Two walls without an end: a direction is unobservable, and nothing is shared with the room."""
 
 
-def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
+def warm_up(
+    method: str = DEFAULT_METHOD,
+    *,
+    slam: bool = True,
+    cache: str | os.PathLike[str] | None = None,
+    processor: Processor = "generic",
+) -> float:
     """Compile all kernels that matching, odometry, SLAM and maps need, or load them from the cache.
 
     The first match of a process does the same for itself, piece by piece, when it may be least welcome: a robot that
@@ -46,6 +61,12 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
         Name of the matcher; see ``MATCHERS``.
     slam : bool
         Whether to compile those of SLAM and localization too.
+    cache : str, path or None
+        Folder for code that travels: another process compiles it, and whoever finds the folder in NUMBA_CACHE_DIR, or
+        as `_kernels` in the installed package, loads it wherever that is. Code of another version of curvescan, Numba
+        or Python, or of another kind of processor, is passed over in silence. None: the cache of this machine.
+    processor : str
+        For which processor that folder is: "generic" for any of the kind of this one, "native" for this one alone.
 
     Returns
     -------
@@ -55,12 +76,17 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
     Raises
     ------
     InvalidArgumentError
-        When the method is unknown.
+        When the method or the processor is unknown.
     MissingPackageError
-        When it needs a package that is not installed.
+        When the method needs a package that is not installed.
+    OutputError
+        When the folder cannot be written, or the other process fails.
     """
     started = time.perf_counter()
     find_matcher(method, None)
+    if cache is not None:
+        _compile_into(Path(cache).absolute(), f"compile_all({method!r}, {slam})", processor)
+        return time.perf_counter() - started
     with watch.held():
         laps = _laps()
         _drive(method, laps)
@@ -71,6 +97,31 @@ def warm_up(method: str = DEFAULT_METHOD, *, slam: bool = True) -> float:
     gc.collect()
     gc.freeze()
     return time.perf_counter() - started
+
+
+def compile_all(method: str, slam: bool) -> None:
+    """Compile what a run needs, and the few kernels of the simulator that `curvescan demo` needs besides."""
+    from curvescan.simulation import simulate
+
+    list(simulate("office", n_scans=2, n_people=1))
+    warm_up(method, slam=slam)
+
+
+def _compile_into(folder: Path, call: str, processor: str) -> None:
+    """Have another process keep its machine code in a folder: where it goes is settled when kernels are imported."""
+    if processor not in get_args(Processor):
+        raise InvalidArgumentError(f"processor must be one of {', '.join(get_args(Processor))}, got {processor!r}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror}; give a folder that can") from error
+    ours = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")}
+    named = {"NUMBA_CPU_NAME": processor} if processor == "generic" else {}
+    env = ours | named | {"NUMBA_CACHE_DIR": str(folder)}
+    status = subprocess.run(python_command(__name__, call), env=env, check=False).returncode
+    if status:
+        raise OutputError(f"{folder}: the process that compiles ended with status {status}, for the reason above")
 
 
 def _laps() -> Pose:

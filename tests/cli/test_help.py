@@ -47,6 +47,11 @@ def test_every_flag_of_a_command_is_in_its_help(capsys):
         assert method in text
 
 
+def test_an_argument_that_may_be_left_out_stands_in_brackets(capsys):
+    run(["view", "-h"])
+    assert "usage: curvescan view RESULTS [OTHER] [FLAGS]" in capsys.readouterr().out
+
+
 def test_the_list_of_commands_fits_one_screen(capsys):
     assert run(["-h"]) == 0
     text = capsys.readouterr().out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -17,18 +18,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from curvescan import __version__
+from curvescan._version import described
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
 from curvescan.cli.console import load_usable_methods
 from curvescan.cli.flags import with_flags
 from curvescan.cli.options import (
     BenchmarkName,
-    ChainConfigs,
+    MatcherFlags,
     Method,
+    OdometryFlags,
     SensorName,
     WorldName,
-    odometry_config,
     results_folder,
 )
 from curvescan.diagnostics.beam_order import BeamOrder
@@ -102,16 +103,13 @@ def test_odometry_takes_gzip_and_parameters(log, tmp_path):
 
 @pytest.mark.parametrize("method", MATCHERS)
 def test_a_chain_that_suits_the_method_is_that_of_the_library(method):
-    given = ChainConfigs(odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
+    matching = MatcherFlags(method=method)
+    given = OdometryFlags(matching=matching, odometry=OdometryConfig(keyframes=KeyframesConfig(distance=0.3)))
     last = OdometryConfig.scan_to_scan()
-
-    def config(chain, chain_config=given):
-        return odometry_config(method, chain, chain_config)
-
-    assert config("keys") == given.odometry
-    assert config("last") == last
-    assert config("auto", ChainConfigs()) == OdometryConfig.of_method(method)
-    assert config("auto") == (given.odometry if method == "curvescan" else last)
+    assert given.config("keys") == given.odometry
+    assert given.config("last") == last
+    assert OdometryFlags(matching=matching).config("auto") == OdometryConfig.of_method(method)
+    assert given.config("auto") == (given.odometry if method == "curvescan" else last)
 
 
 def test_the_order_of_the_beams_is_asked_for_where_it_matters(log, tmp_path, capsys, monkeypatch):
@@ -229,7 +227,9 @@ def test_demo_needs_no_data(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_bench_measures_and_tabulates(log, tmp_path, capsys):
+def test_bench_measures_and_tabulates(log, tmp_path, capsys, monkeypatch):
+    for module in ("benchmark", "report"):
+        monkeypatch.setattr(f"curvescan.benchmarks.{module}.BEAM_COUNTS", (181, 361))
     arguments = ["bench", "--pairs", "2", "--runs", "3", "--logs", str(log), "--out", str(tmp_path / "bench")]
     assert run(arguments) == 0
     printed = capsys.readouterr().out
@@ -333,10 +333,21 @@ def test_info_wraps_and_ends_with_the_command_to_run(log, capsys, monkeypatch):
     assert "to map it: curvescan slam" in " ".join(lines[-2:])
 
 
-def test_a_picture_of_a_map_is_refused_with_what_is_needed(log, tmp_path, capsys):
+@pytest.mark.parametrize(("columns", "width"), [(None, 120), ("70", 70)])
+def test_what_is_piped_is_as_wide_as_is_asked(log, columns, width):
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    command = [sys.executable, "-m", "curvescan", "info", str(log)]
+    done = subprocess.run(
+        command, env=environment | ({"COLUMNS": columns} if columns else {}), capture_output=True, check=True
+    )
+    lines = done.stdout.decode().splitlines()
+    assert width - 25 < max(map(len, lines[:-1])) <= width
+
+
+def test_a_picture_without_its_yaml_file_is_refused_with_what_is_needed(log, tmp_path, capsys):
     (tmp_path / "floor.pgm").write_bytes(b"P5\n1 1\n255\n0")
     assert run(["localize", str(log), "--map", str(tmp_path / "floor.pgm")]) == 1
-    assert "give the map.csmap of `curvescan slam`" in capsys.readouterr().err
+    assert "floor.yaml beside it" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [["odometry"], ["info", "a", "--no-such"]])
@@ -362,7 +373,7 @@ def test_help_explains_itself_and_loads_nothing_heavy(command):
 
 def test_version(capsys):
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out == f"curvescan {__version__}\n"
+    assert capsys.readouterr().out == described() + "\n"
 
 
 def test_the_methods_of_the_command_line_are_those_of_the_library():
@@ -409,7 +420,7 @@ def test_ctrl_c_before_there_is_anything_leaves_nothing(log, tmp_path, capsys, m
 
 def test_the_module_runs_as_the_command_does():
     done = subprocess.run([sys.executable, "-m", "curvescan", "--version"], capture_output=True, text=True, timeout=600)
-    assert done.stdout == f"curvescan {__version__}\n"
+    assert done.stdout == described() + "\n"
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ def with_codes(share, *, beams=slice(None), value=51.1, seed=1):
 def test_codes_in_beams_all_around_are_ignored_and_said(share):
     mended = mend(with_codes(share))
     assert [issue.kind for issue in mended.done] == ["undeclared_codes"]
+    assert mended.done[0].sentence.endswith("; a run mends it by itself")
     (sentence,) = mended.remarks
     assert sentence.startswith("ignored: readings beyond 50.6 m, codes for no return (")
     assert sentence.endswith("as_is=True keeps them")

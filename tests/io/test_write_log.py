@@ -413,3 +413,5 @@ def test_scans_alone_are_written(tmp_path):
     with pytest.raises(InvalidArgumentError, match="a log must be a Log, an iterable of LaserScan"):
         write_log(tmp_path / "y.csv", scan)
     assert not (tmp_path / "y.csv").exists()
+    with pytest.raises(InvalidArgumentError, match="the file to write must be given as a path, got list"):
+        write_log([scan], tmp_path / "y.csv")

@@ -233,3 +233,5 @@ def test_a_value_out_of_range_is_told(name, value, rule):
 def test_a_pose_of_two_numbers_is_told():
     with pytest.raises(InvalidArgumentError, match=r"pose must be three numbers \[x, y, theta\], got \(0, 0\)"):
         OccupancyBuilder().add(LaserScan([1.0], angle_min=0.0, angle_increment=0.1), (0, 0))
+    with pytest.raises(InvalidArgumentError, match="scan must be a LaserScan, got list"):
+        OccupancyBuilder().add([1.0], (0.0, 0.0, 0.0))

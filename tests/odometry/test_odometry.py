@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -157,6 +158,8 @@ def test_wrong_arguments_are_named():
         cs.Odometry().add(np.ones(3))
     with pytest.raises(cs.InvalidArgumentError, match="odometry_pose must be three numbers"):
         cs.Odometry().add(blank(), odometry_pose=[0.0, 1.0])
+    with pytest.raises(cs.InvalidArgumentError, match=r"odometry must be three numbers .*got \(0.0, inf, 0.0\)"):
+        replace(blank(), odometry=(0.0, np.inf, 0.0))
     with pytest.raises(cs.InvalidArgumentError, match="recovery_sigma_m must be > 0, got 0"):
         MotionConfig(recovery_sigma_m=0)
     with pytest.raises(cs.InvalidArgumentError, match="must not be less than least_sigma_m"):
@@ -356,3 +359,38 @@ def test_a_match_beats_wheels_that_contradict_it(crept, n_least, n_most):
     true_end = cs.se2.between(truth[0], truth[-1])
     errors = [np.hypot(*cs.se2.between(true_end, run.trajectory.poses[-1])[:2]) for run in (alone, helped)]
     assert errors[1] < errors[0] + 0.005
+
+
+@pytest.mark.parametrize("new", [cs.Odometry, cs.Slam])
+def test_what_the_wheels_measured_may_come_with_the_scan(new):
+    # along a bare corridor the scans leave the way open, and the wheels alone tell it
+    log = cs.simulate("bare-corridor", n_scans=60, seed=1)
+    way = cs.se2.between(log.truth.poses[0], log.truth.poses)
+    apart, together, alone = new(), new(), new()
+    for scan, pose in zip(log, way, strict=True):
+        known, given = replace(scan, odometry=pose), apart.add(scan, pose)
+        step = together.add(known)
+        np.testing.assert_array_equal(step.pose, given.pose)
+        np.testing.assert_array_equal(step.covariance, given.covariance)
+        last = alone.add(scan)
+    assert way[-1, 0] > 3.0
+    np.testing.assert_allclose(step.pose[:2], way[-1, :2], atol=0.1)
+    assert np.trace(last.covariance[:2, :2]) > 10.0 * np.trace(step.covariance[:2, :2])
+    if new is cs.Slam:
+        assert slam_bits(together) == slam_bits(apart)
+
+
+def slam_bits(slam):
+    slam.finish()
+    return slam.trajectory().poses.tobytes(), len(slam.map.ends)
+
+
+def test_a_run_of_scans_with_wheels_uses_them_where_they_agree():
+    log = cs.simulate("office", n_scans=60, seed=1)
+    scans = [replace(scan, odometry=pose) for scan, pose in zip(log, log.truth.poses, strict=True)]
+    used, left_out = cs.run(scans), cs.run(scans, odometry_prior=False)
+    assert used.record.has_prior
+    assert not left_out.record.has_prior
+    assert left_out.trajectory == cs.run(list(log)).trajectory
+    backwards = [replace(scan, odometry=cs.se2.inverse(pose)) for scan, pose in zip(log, log.truth.poses, strict=True)]
+    assert not cs.run(backwards).record.has_prior

@@ -134,6 +134,11 @@ def test_paths_stand_for_maps(log_file, tmp_path):
     slam = cs.Slam(map=str(path))
     slam.add(log[3])
     assert slam.map.n_sessions == 2
+    for given in (None, 3):
+        with pytest.raises(cs.InvalidArgumentError, match="a map must be given as a path, got "):
+            cs.Localizer(given)
+    with pytest.raises(cs.LogFormatError, match="no free place"):  # a plain map is localized in; this one is empty
+        cs.Localizer(cs.OccupancyBuilder().grid())
 
 
 def test_scans_are_a_log(log_file):
@@ -143,11 +148,13 @@ def test_scans_are_a_log(log_file):
         cs.run(3)
     with pytest.raises(cs.InvalidArgumentError, match="got list with a float"):
         cs.run([*scans, 1.0])
+    with pytest.raises(cs.InvalidArgumentError, match="a log must be given as a path, got list"):
+        cs.read_log(scans)
 
 
 def test_an_engine_that_is_none_is_told_with_the_nearest(log_file):
     with pytest.raises(
-        cs.InvalidArgumentError, match=r"engine must be of odometry, slam, got 'slamm'. did you mean 'slam'"
+        cs.InvalidArgumentError, match=r"engine must be .odometry. or .slam., got 'slamm'; did you mean 'slam'\?$"
     ):
         cs.run(log_file, "slamm")
     with pytest.raises(cs.InvalidArgumentError, match="odometry continues no map: give engine='slam'"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
 from curvescan.benchmarks.profile import StageTime, measure_stages
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
-from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
+from curvescan.benchmarks.speed import Speed, measure_many, measure_speed, with_beams
 from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import DEFAULT_METHOD, MATCHERS
@@ -20,14 +20,9 @@ from curvescan.paper.random_transform import (
     run_random_transforms,
 )
 
-BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
-"""Beams over 180 degrees for which times are taken."""
-
-STAGED = (DEFAULT_METHOD, "cfsma")
-"""Methods whose times are measured stage by stage."""
-
-EXPERIMENT_1_WORLDS = ("room", "office", "building")
-"""Simulated worlds of experiment 1."""
+BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)  # beams over 180 degrees for which times are taken
+STAGED = (DEFAULT_METHOD, "cfsma")  # methods whose times are measured stage by stage
+EXPERIMENT_1_WORLDS = ("room", "office", "building")  # simulated worlds of experiment 1
 
 EXPERIMENT_1_SENSOR = "sick-lms200"
 """Conditions of experiment 1 with this sensor are run, the one of all other benchmarks: 10 mm of noise."""
@@ -41,6 +36,7 @@ class Benchmark:
     n_pairs: int
     n_runs: int
     speeds: tuple[Speed, ...]  # of 361 beams, one a method
+    many: dict[str, float]  # seconds of each of many matches, by how they are called
     stages: tuple[StageTime, ...]  # of the methods STAGED, stage by stage
     growth: dict[str, tuple[Speed, ...]]  # for each method, one a number of BEAM_COUNTS
     scenarios: tuple[ScenarioScore, ...]  # scenario by scenario, one a method
@@ -62,6 +58,7 @@ def run_benchmark(
 ) -> Benchmark:
     """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
     speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
+    many = measure_many(50 * min(n_pairs, 200), n_pairs=min(n_pairs, 200), seed=seed)
     scenarios, open_worlds = _scores(methods, n_pairs, seed, progress)
     experiment_1 = _experiment_1(n_runs, seed, progress)
     judged = [
@@ -74,6 +71,7 @@ def run_benchmark(
         n_pairs=n_pairs,
         n_runs=n_runs,
         speeds=speeds,
+        many=many,
         stages=stages,
         growth=growth,
         scenarios=scenarios,

@@ -7,12 +7,12 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import tyro
 
-from curvescan._version import __version__
+from curvescan._version import described
 from curvescan.cli.commands.batch import batch
 from curvescan.cli.commands.bench import bench
 from curvescan.cli.commands.calibrate import calibrate
@@ -28,13 +28,13 @@ from curvescan.cli.commands.odometry import odometry
 from curvescan.cli.commands.results.map import edit_map
 from curvescan.cli.commands.results.view import view
 from curvescan.cli.commands.slam import slam
+from curvescan.cli.commands.warm_up import warm_up
 from curvescan.cli.flags import with_flags
 from curvescan.cli.help import overview, short_help
-from curvescan.cli.options import ChainConfigs, MethodConfigs, SlamConfigs
+from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
 from curvescan.io.files.printable import printable
-from curvescan.mapping.config import OccupancyConfig
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,
@@ -52,14 +52,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "experiments": experiments,
     "calibrate": calibrate,
     "bench": bench,
+    "warm-up": warm_up,
 }
-
-CONFIG_ARGUMENTS: dict[str, type[Any]] = {
-    "configs": MethodConfigs,
-    "chain_config": ChainConfigs,
-    "slam_config": SlamConfigs,
-}
-"""Arguments of commands that a file given with --config fills, and what they hold: each field a table."""
 
 HELP_ALL = "--help-all"
 FIRST_STEPS = """\
@@ -72,11 +66,8 @@ curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three 
 All commands: curvescan -h"""
 """What is printed without arguments."""
 
-MAX_SENTENCE = 4_000
-"""Longest sentence about an error, characters: a path may have so many."""
-
-MAX_NAME = 80
-"""Longest name of a command in a sentence."""
+MAX_SENTENCE = 4_000  # longest sentence about an error, characters: a path may have so many
+MAX_NAME = 80  # longest name of a command in a sentence
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -109,7 +100,7 @@ def run(arguments: list[str]) -> int:
 def _help(arguments: list[str]) -> str | None:
     """Return the version, the first steps or the help on one screen, where no command is needed; else None."""
     if arguments in (["--version"], ["-V"]):
-        return f"curvescan {__version__}"
+        return described()
     if not arguments:
         return FIRST_STEPS
     if not {"-h", "--help"} & set(arguments) or HELP_ALL in arguments:
@@ -140,28 +131,27 @@ def _commands(arguments: list[str]) -> dict[str, Callable[..., int]]:
         return COMMANDS
     from curvescan.io.config import read_config
 
-    defaults = {
-        field.name: getattr(group(), field.name) for group in CONFIG_ARGUMENTS.values() for field in fields(group)
-    }
-    read = read_config(path, {**defaults, "map": OccupancyConfig()})
-    configs: dict[str, object] = {
-        argument: group(**{field.name: read[field.name] for field in fields(group)})
-        for argument, group in CONFIG_ARGUMENTS.items()
-    }
-    configs["occupancy"] = read["map"]
-    return {name: _with_configs(command, configs) for name, command in COMMANDS.items()}
+    read = {type(config): config for config in read_config(path, config_tables()).values()}
+    return {name: _with_configs(command, read) for name, command in COMMANDS.items()}
 
 
-def _with_configs(command: Callable[..., int], configs: Mapping[str, object]) -> Callable[..., int]:
-    """Return the command with other defaults for those of the arguments `configs` names that it has."""
+def _with_configs(command: Callable[..., int], read: Mapping[type, object]) -> Callable[..., int]:
+    """Return the command with what was read as the defaults of its parameters."""
     signature = inspect.signature(command)
-    if not configs.keys() & signature.parameters.keys():
-        return command
 
     @functools.wraps(command)
     def changed(*args: Any, **kwargs: Any) -> int:
         return command(*args, **kwargs)
 
-    parameters = [p.replace(default=configs[p.name]) if p.name in configs else p for p in signature.parameters.values()]
+    parameters = [p.replace(default=_filled(p.default, read)) for p in signature.parameters.values()]
     changed.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return changed
+
+
+def _filled(default: Any, read: Mapping[type, object]) -> Any:
+    """Return the default of an argument: a configuration as it was read, flags with those that they hold."""
+    if type(default) in read:
+        return read[type(default)]
+    if not is_dataclass(default) or isinstance(default, type):
+        return default
+    return replace(default, **{f.name: _filled(getattr(default, f.name), read) for f in fields(default)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -34,11 +35,12 @@ def _without_controls(text: str) -> str:
     return "".join(ch if ch.isprintable() or ch in "\n\t" else "?" for ch in text)
 
 
-OUT = _PrintableConsole(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
+OUT = _PrintableConsole(
+    highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+)
 """Results."""
 
-ERR = _PrintableConsole(stderr=True, highlight=False)
-"""Progress and notices, so that results can be piped."""
+ERR = _PrintableConsole(stderr=True, highlight=False)  # progress and notices, so that results can be piped
 
 
 class _SpeedColumn(ProgressColumn):
@@ -51,8 +53,7 @@ class _SpeedColumn(ProgressColumn):
         return Text("" if speed is None else f"{speed:,.0f} {self._unit}/s")
 
 
-_REFRESH = 0.1
-"""Least time between two drawings of a progress bar, seconds."""
+_REFRESH = 0.1  # least time between two drawings of a progress bar, seconds
 
 
 @contextmanager

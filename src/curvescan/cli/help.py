@@ -18,8 +18,7 @@ _ArgConfig: Any = type(tyro.conf.arg())
 
 _MAX_WIDTH = 100
 _MAX_LINES = 29
-_MAX_FLAG = 38
-"""Columns for a flag and its values; more values stand in its text."""
+_MAX_FLAG = 38  # columns for a flag and its values; more values stand in its text
 _CUT = " ..."
 
 
@@ -102,20 +101,33 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
         kind, found = _unwrapped(hints[name])
         text = texts.get(name) or found.help
         if is_dataclass(kind):
-            inner = get_type_hints(kind, include_extras=True)
-            if found.is_flat and not any(is_dataclass(_unwrapped(hint)[0]) for hint in inner.values()):
-                docs = {p.arg_name: p.description or "" for p in parse_from_object(kind).params}
-                flags += (
-                    _flag(field.name, *_unwrapped(inner[field.name]), docs[field.name], text) for field in fields(kind)
-                )
-            else:
-                n_groups += 1
+            found_flags, n_found = _fields(kind, found)
+            flags, n_groups = [*flags, *found_flags], n_groups + n_found
         elif parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
-            positional.append(Flag(found.metavar or name.upper(), text))
+            word = (found.metavar or name.upper()).strip("[]")
+            positional.append(Flag(word if parameter.default is inspect.Parameter.empty else f"[{word}]", text))
         else:
             is_needed = parameter.default is inspect.Parameter.empty
             flags.append(_flag(name, kind, found, text + " Required." * is_needed))
     return positional, flags, n_groups
+
+
+def _fields(kind: Any, found: _Extras) -> tuple[list[Flag], int]:
+    """Return the flags of a record of flags, and how many groups of parameters it leaves to --help-all."""
+    if not found.is_flat:
+        return [], 1
+    hints = get_type_hints(kind, include_extras=True)
+    docs = {p.arg_name: p.description or "" for p in parse_from_object(kind).params}
+    flags: list[Flag] = []
+    n_groups = 0
+    for field in fields(kind):
+        inner, extras = _unwrapped(hints[field.name])
+        if is_dataclass(inner):
+            found_flags, n_found = _fields(inner, extras)
+            flags, n_groups = [*flags, *found_flags], n_groups + n_found
+        else:
+            flags.append(_flag(field.name, inner, extras, docs.get(field.name) or extras.help, found.help))
+    return flags, n_groups
 
 
 def _flag(name: str, kind: Any, found: _Extras, text: str, group: str = "") -> Flag:

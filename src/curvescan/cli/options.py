@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+import sys
+from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
@@ -49,35 +50,42 @@ def results_folder(out: Path | None, log: Path, what: str) -> Path:
 
 
 WorldName: TypeAlias = Literal[
-    "room",
-    "corridor",
-    "bare-corridor",
-    "round-room",
-    "l-hall",
-    "t-hall",
-    "curved-hall",
-    "clutter",
-    "office",
-    "building",
-    "office-floor",
-]
+    "room", "corridor", "bare-corridor", "round-room", "l-hall", "t-hall", "curved-hall", "clutter", "office",
+    "building", "office-floor",
+]  # fmt: skip
 SensorName: TypeAlias = Literal["sick-lms200", "sick-lms200-5mm", "spinning-360", "urg-04lx", "hokuyo-270"]
 BenchmarkName: TypeAlias = Literal[
     "aces", "intel", "mit-killian-court", "mit-csail", "freiburg-079", "freiburg-hospital"
 ]
 """Names of tables of the library, written out so that -h loads none of them."""
 
-MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]
-"""Which matcher."""
+MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]  # which matcher
 
-MapFile: TypeAlias = Annotated[Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`.")]
+MapFile: TypeAlias = Annotated[
+    Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`, or map.yaml.")
+]
 """A map that was saved."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MethodConfigs:
-    """Parameters of every method; those of the method that runs are used."""
+Chain: TypeAlias = Literal["auto", "keys", "last"]
+"""What a scan is matched with: keyframes, the last scan, or what suits the method."""
 
+ConfigFile: TypeAlias = Annotated[
+    Path | None,
+    tyro.conf.arg(
+        metavar="FILE",
+        help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags override it.",
+    ),
+]
+"""Read by main()."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatcherFlags:
+    """The matcher, and parameters of every one; those of the method that runs are used."""
+
+    method: MethodName = "curvescan"
+    config: ConfigFile = None
     curvescan: CurvescanConfig = field(default_factory=CurvescanConfig)
     """The default matcher."""
     cfsma: CfSmaConfig = field(default_factory=CfSmaConfig)
@@ -93,52 +101,43 @@ class MethodConfigs:
     plicp: PlIcpConfig = field(default_factory=PlIcpConfig)
     """Point to line ICP (Censi 2008)."""
 
-    def of(self, method: Method) -> MatcherConfig:
-        """Return the parameters of one method."""
-        config: MatcherConfig = getattr(self, method)
+    @property
+    def matcher(self) -> MatcherConfig:
+        """Parameters of the method."""
+        config: MatcherConfig = getattr(self, self.method)
         return config
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChainConfigs:
-    """Parameters of the odometry."""
+Matching: TypeAlias = Annotated[MatcherFlags, tyro.conf.arg(name="")]
+"""The matcher, as flags --method, --config and --METHOD.PARAMETER."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryFlags:
+    """The matcher and the odometry."""
+
+    matching: Matching = MatcherFlags()
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Keyframes, the motion model, and their gates."""
 
+    def config(self, chain: Chain = "auto") -> OdometryConfig:
+        """Return the configuration of the odometry; "auto" uses keyframes where they suit the matcher."""
+        uses_keys = chain == "keys" or (chain == "auto" and OdometryConfig.keys_suit(self.matching.method))
+        config = self.odometry if uses_keys else OdometryConfig.scan_to_scan()
+        return replace(config, deskew=self.odometry.deskew)
+
 
 @dataclass(frozen=True, kw_only=True)
-class SlamConfigs:
-    """Parameters of SLAM."""
+class SlamFlags:
+    """The matcher, and SLAM or localization."""
 
+    matching: Matching = MatcherFlags()
     slam: SlamConfig = field(default_factory=SlamConfig)
     """Keyframes, loop closures, the optimizer, and the odometry in front."""
 
 
-Chain: TypeAlias = Literal["auto", "keys", "last"]
-"""What a scan is matched with: keyframes, the last scan, or what suits the method."""
-
-ConfigFile: TypeAlias = Annotated[
-    Path | None,
-    tyro.conf.arg(
-        metavar="FILE",
-        help="TOML file of parameters, one table a method, as `curvescan calibrate` writes it. Flags override it.",
-    ),
-]
-"""Read by main()."""
-
-Configs: TypeAlias = Annotated[
-    MethodConfigs, tyro.conf.arg(name="", help="Parameters of the methods; those of the method that runs are used.")
-]
-"""Parameters of all methods, as flags --METHOD.PARAMETER."""
-
-ChainConfig: TypeAlias = Annotated[
-    ChainConfigs, tyro.conf.arg(name="", help="Parameters of the odometry, where keyframes are used.")
-]
-"""Parameters of the odometry, as flags --odometry.PARAMETER."""
-
-SlamFlags: TypeAlias = Annotated[SlamConfigs, tyro.conf.arg(name="", help="Parameters of SLAM and localization.")]
-"""Parameters of SLAM, as flags --slam.PARAMETER."""
+OdometryRules: TypeAlias = Annotated[OdometryFlags, tyro.conf.arg(name="")]
+SlamRules: TypeAlias = Annotated[SlamFlags, tyro.conf.arg(name="")]
 
 MapConfig: TypeAlias = Annotated[OccupancyConfig, tyro.conf.arg(name="map", help="How to make the occupancy map.")]
 """Parameters of the occupancy map, as flags --map.PARAMETER."""
@@ -158,8 +157,7 @@ def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
     return np.array([x, y, math.radians(yaw_deg)])
 
 
-Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""Given or not."""
+Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # given or not
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,9 +207,9 @@ class Reading:
 
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
-        from curvescan.io import read_log
+        from curvescan.io.reading import open_log
 
-        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup()))
+        return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup())
 
 
 ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]
@@ -239,14 +237,35 @@ class Preparation:
         return True if self.odometry_prior else False if self.laser_only else None
 
 
-PreparationFlags: TypeAlias = Annotated[
-    Preparation, tyro.conf.arg(name="", help="What of a log is used, and what is mended in it.")
-]
-"""What of a log is used, and what is mended in it, as flags of their own."""
+@dataclass(frozen=True, kw_only=True)
+class LogFlags:
+    """How a log is read, what of it is used, and what is mended in it."""
+
+    preparation: Annotated[
+        Preparation, tyro.conf.arg(name="", help="What of a log is used, and what is mended in it.")
+    ] = Preparation()
+    reading: ReadingFlags = Reading()
 
 
-def odometry_config(method: Method, chain: Chain, given: ChainConfigs) -> OdometryConfig:
-    """Return the configuration of the odometry; "auto" uses keyframes where they suit the matcher."""
-    uses_keys = chain == "keys" or (chain == "auto" and OdometryConfig.keys_suit(method))
-    config = given.odometry if uses_keys else OdometryConfig.scan_to_scan()
-    return replace(config, deskew=given.odometry.deskew)
+LogUse: TypeAlias = Annotated[LogFlags, tyro.conf.arg(name="")]
+"""How a log is read and what of it is used, as flags of their own."""
+
+
+def run_options(log: Path, matching: MatcherFlags, use: LogFlags) -> dict[str, Any]:
+    """Return what `run` and `localize` of the library are told alike."""
+    return {
+        "method": matching.method,
+        "matcher": matching.matcher,
+        "odometry_prior": use.preparation.wanted,
+        "as_is": use.preparation.as_is,
+        "command": sys.argv,
+        "source": log,
+        "keeps_steps": False,
+    }
+
+
+def config_tables() -> dict[str, object]:
+    """Return the tables that a file given with --config may have, by name, with their defaults."""
+    methods = MatcherFlags()
+    tables = {f.name: getattr(methods, f.name) for f in fields(methods) if f.name not in ("method", "config")}
+    return {**tables, "odometry": OdometryConfig(), "slam": SlamConfig(), "map": OccupancyConfig()}

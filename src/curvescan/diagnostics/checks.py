@@ -1,4 +1,4 @@
-"""The checks of a log, one row each: kind, test, sentence, consequence, the argument that handles it, what a run does by itself."""
+"""The checks of a log, a row each: kind, test, sentence, consequence, argument that handles it, mending by a run."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ _MISSING = 0.005
 _REST_IS_READ = "; the rest of the log is read"
 
 _STALE, _CERTAINLY_STALE = 0.1, 0.2
-"""Shares of readings that repeat the sweep before: the sound logs at hand have up to 0.09, the faulty ones 0.30 and 0.32."""
+"""Shares of readings that repeat the sweep before: sound logs at hand have up to 0.09, faulty ones 0.30 and 0.32."""
 
-_MIN_ORDERED = 20
-"""Pairs of scans from which on their mean gain is about as certain as its standard error says."""
+_MIN_ORDERED = 20  # pairs of scans from which on their mean gain is about as certain as its standard error says
 
 _SCATTERED = 0.7
 """Bins that no beam hit are scattered, 0.27 to 0.39 of them beside another; beams along a wall repeat in long runs."""
 
-Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What an issue is about."""
+Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]  # what an issue is about
 
 Value: TypeAlias = float | bool | tuple[int, int]
 
@@ -84,7 +82,8 @@ def _range_limit(r: LogReport) -> float:
 def _codes(r: LogReport) -> str:
     assert r.code_band is not None
     low, high, share = r.code_band
-    return f"{share:.1%} of all readings lie between {low:.2f} and {high:.2f} m, at the top of the range, in beams all around"
+    place = "at the top of the range, in beams all around"
+    return f"{share:.1%} of all readings lie between {low:.2f} and {high:.2f} m, {place}"
 
 
 def _fixed_ends(r: LogReport) -> tuple[int, int]:
@@ -143,7 +142,8 @@ CHECKS: tuple[Check, ...] = (
         "stale_beams",
         lambda r: r.stale_share >= _STALE,
         lambda r: (
-            f"{r.stale_share:.0%} of the readings are those of the sweep before, to the last digit, while the others change"
+            f"{r.stale_share:.0%} of the readings are those of the sweep before, to the last digit, "
+            "while the others change"
         ),
         "the driver keeps old values where a beam met nothing new; they smear when the sensor moves",
         lambda _: ("drop_stale", True),
@@ -157,8 +157,8 @@ CHECKS: tuple[Check, ...] = (
         "fixed_beams",
         lambda r: bool(r.fixed_beams),
         lambda r: (
-            f"beams {', '.join(str(a) if a == b else f'{a} to {b}' for a, b in r.fixed_beams)} keep their reading within "
-            "3 cm while the others change"
+            f"beams {', '.join(str(a) if a == b else f'{a} to {b}' for a, b in r.fixed_beams)} "
+            "keep their reading within 3 cm while the others change"
         ),
         "they see the robot itself, which moves along and is no part of the room",
         lambda r: ("ignore_beams", _fixed_ends(r)) if any(_fixed_ends(r)) else None,
@@ -186,7 +186,8 @@ CHECKS: tuple[Check, ...] = (
         "turns_against",
         _is_reversed,
         lambda r: (
-            f"the scans turn against the {_sense(r).reference} in {_sense(r).n_reversed} of {_sense(r).n_turns} sharp turns"
+            f"the scans turn against the {_sense(r).reference} "
+            f"in {_sense(r).n_reversed} of {_sense(r).n_turns} sharp turns"
         ),
         lambda r: (
             "the beams run the other way than the log says (a clockwise or upside-down sensor)"
@@ -231,7 +232,8 @@ CHECKS: tuple[Check, ...] = (
         "the beams have no times of their own; a sweep takes the time from one stamp to the next",
         None,
         lambda r: (
-            f"straightened: sweeps, by the gyroscope's turn during each; they agree better in {_gyroscope(r).n_turns} turns"
+            "straightened: sweeps, by the gyroscope's turn during each; "
+            f"they agree better in {_gyroscope(r).n_turns} turns"
         ),
     ),
     Check(
@@ -270,8 +272,8 @@ CHECKS: tuple[Check, ...] = (
         "missing_sweeps",
         _is_missing,
         lambda r: (
-            f"about {r.time.n_missing:,} of {r.time.n_steps + 1 + r.time.n_missing:,} sweeps are missing: a step usually "
-            f"takes {r.time.step_median:.3g} s, the longest {r.time.step_max:.3g} s"
+            f"about {r.time.n_missing:,} of {r.time.n_steps + 1 + r.time.n_missing:,} sweeps are missing: "
+            f"a step usually takes {r.time.step_median:.3g} s, the longest {r.time.step_max:.3g} s"
         ),
         "the robot moved further between the scans beside them",
     ),

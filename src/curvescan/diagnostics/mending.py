@@ -1,7 +1,7 @@
 """mend: a log without what is wrong with it beyond doubt.
 
-A check (:mod:`curvescan.diagnostics.checks`) whose evidence leaves no doubt says what is done about it; the rest is proposed.
-What a user has set up by hand is left as it is.
+A check (:mod:`curvescan.diagnostics.checks`) whose evidence leaves no doubt says what is done about it; the rest is
+proposed. What a user has set up by hand is left as it is.
 """
 
 from __future__ import annotations
@@ -24,36 +24,19 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_DROPS = ("stale_beams", "undeclared_codes")
-"""Kinds of issues whose mending leaves readings out."""
-
-_JUDGED_AT = (100, 1000)
-"""Scans after which a running laser is judged."""
-
-_ROUNDS = 4
-"""Most inspections: what is mended first can hide what is mended next."""
+_DROPS = ("stale_beams", "undeclared_codes")  # kinds of issues whose mending leaves readings out
+_JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
+_ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mended:
-    """A log after :func:`mend`.
+    """A log after :func:`mend`."""
 
-    Attributes
-    ----------
-    log : Log
-        The log without the faults; the log itself where nothing was mended.
-    done : tuple of Issue
-        What was mended; ``mending`` of each says how.
-    issues : tuple of Issue
-        What is still wrong or odd with it.
-    report : LogReport
-        What is in it now.
-    """
-
-    log: Log
-    done: tuple[Issue, ...]
-    issues: tuple[Issue, ...]
-    report: LogReport
+    log: Log  # the log without the faults; the log itself where nothing was mended
+    done: tuple[Issue, ...]  # what was mended; ``mending`` of each says how
+    issues: tuple[Issue, ...]  # what is still wrong or odd with it
+    report: LogReport  # what is in it now
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -64,7 +47,7 @@ class Mended:
 
 
 def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mended:
-    """Return a log without what is wrong with it beyond doubt: codes for no return, stale beams, turned or mirrored beams.
+    """Return a log mended where it is wrong beyond doubt: no-return codes, stale, turned or mirrored beams.
 
     Parameters
     ----------
@@ -158,7 +141,7 @@ class StreamMender:
 
 
 class _Corrected(LogView):
-    """A log whose readings end at a limit, with another scale and bias of its gyroscope, its sweeps straightened by it; a Log."""
+    """A Log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by the gyroscope."""
 
     def __init__(self, log: Log, *, range_max: float, scale: float, bias: float, seconds: float) -> None:
         super().__init__(log)

@@ -14,18 +14,10 @@ from curvescan.types import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PreparedLog:
-    """A log as a run takes it.
+    """A log as a run takes it."""
 
-    Attributes
-    ----------
-    mended : Mended
-        The log without what is wrong with it beyond doubt, what that was, and what is still wrong.
-    prior : Prior
-        The motion by wheels or gyroscope, and why it is used or left out.
-    """
-
-    mended: Mended
-    prior: Prior
+    mended: Mended  # the log without what is wrong with it beyond doubt, what that was, and what is still wrong
+    prior: Prior  # the motion by wheels or gyroscope, and why it is used or left out
 
     @property
     def log(self) -> Log:
@@ -34,7 +26,7 @@ class PreparedLog:
 
     @property
     def odometry_poses(self) -> Pose | None:
-        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None where it is left out."""
+        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None if unused."""
         return self.prior.poses
 
     @property

@@ -130,8 +130,8 @@ class LogReport:
     n_blind_beams : int
         Beams, in the arrangement of the first scan, that never give a valid reading.
     stale_share : float
-        Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old value.
-        NaN where the scene does not change enough.
+        Share of the readings that repeat the sweep before beyond what noise explains, 0 to 1: bins that kept an old
+        value. NaN where the scene does not change enough.
     stale_run : float
         Share of the readings that repeat the sweep before whose next beam does too; NaN without any.
     fixed_beams : tuple of (int, int)

@@ -26,14 +26,9 @@ Reference: TypeAlias = Literal["wheel odometry", "gyroscope"]
 _N_PAIRS = 300
 _MAX_TURN = math.radians(40.0)
 _MIN_OVERLAP = 0.2
-_TRUNCATED = 0.5
-"""Differences of range count up to this many metres: what lies beyond is another surface."""
-
-_CLEARER = 0.8
-"""A shift counts where its cost is less than this share of that of the same shift the other way."""
-
-_DEGREES = (30.0, 90.0)
-"""A gyroscope that turns so many times as far as the scans gives degrees."""
+_TRUNCATED = 0.5  # differences of range count up to this many metres: what lies beyond is another surface
+_CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
+_DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
 
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
@@ -42,24 +37,12 @@ _CERTAIN_SHARE = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class RotationDirection:
-    """How the turns of the scans compare with those of the robot.
+    """How the turns of the scans compare with those of the robot."""
 
-    Attributes
-    ----------
-    reference : str
-        Source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``.
-    n_turns : int
-        Turns between two scans that both sources measured, of the sharpest of the log.
-    n_reversed : int
-        Those in which scans and reference turn opposite ways.
-    ratio : float
-        Median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees.
-    """
-
-    reference: Reference
-    n_turns: int
-    n_reversed: int
-    ratio: float
+    reference: Reference  # source of the robot's turns: ``"wheel odometry"`` or ``"gyroscope"``
+    n_turns: int  # turns between two scans that both sources measured, of the sharpest of the log
+    n_reversed: int  # those in which scans and reference turn opposite ways
+    ratio: float  # median of the reference's turn over the scans', without sign: 1, or 57.3 for a gyroscope in degrees
 
     @property
     def is_reversed(self) -> bool:

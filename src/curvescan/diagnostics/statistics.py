@@ -17,8 +17,7 @@ from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-Layout = tuple[int, float, float, bool]
-"""Number of beams, angle_min, mean step, whether the sweep is a full circle."""
+Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
 
 _MAX_CODES = 1024
 _MAX_LAYOUTS = 256
@@ -27,55 +26,23 @@ _N_TOP = 16
 
 @dataclass
 class LogStatistics:
-    """Counters over the scans seen so far.
+    """Counters over the scans seen so far; fresh readings are those of scans that do not repeat the one before."""
 
-    Attributes
-    ----------
-    stamps : array of float
-        Seconds, one a scan.
-    n_timed : int
-        Scans that give the time from one beam to the next.
-    sweep_seconds : float
-        Longest time from the first to the last beam, by these times; 0 without.
-    beams : BeamStatistics
-        Statistics of stale beams and of beams that see the robot itself.
-    layouts : Counter of Layout
-        Scans by arrangement of the beams.
-    range_min, range_max : float
-        Smallest lower and largest upper limit of a valid reading, metres.
-    n_readings, n_valid : int
-        Of all scans together.
-    n_fresh_readings : int
-        Of the scans that do not repeat the one before.
-    n_blank : int
-        Scans without a valid reading.
-    n_repeats : int
-        Scans whose readings are those of the scan before.
-    largest_reading : float
-        Metres; NaN before the first valid reading.
-    codes : Counter of float
-        Values that are no reading; after the first thousand different ones, further ones are not counted.
-    top : dict of float to int
-        How often each of the 16 largest valid values occurs, exactly, among the fresh readings.
-    top_of_range : TopOfRange
-        Counts of the fresh readings by distance.
-    """
-
-    stamps: array[float] = field(default_factory=lambda: array("d"))
-    n_timed: int = 0
-    sweep_seconds: float = 0.0
+    stamps: array[float] = field(default_factory=lambda: array("d"))  # seconds, one a scan
+    n_timed: int = 0  # scans that give the time from one beam to the next
+    sweep_seconds: float = 0.0  # longest time from the first to the last beam, by these times; 0 without
     beams: BeamStatistics = field(default_factory=BeamStatistics)
-    layouts: Counter[Layout] = field(default_factory=Counter)
+    layouts: Counter[Layout] = field(default_factory=Counter)  # scans by arrangement of the beams
     range_min: float = math.inf
-    range_max: float = 0.0
+    range_max: float = 0.0  # of a valid reading, metres: the smallest lower and the largest upper limit
     n_readings: int = 0
     n_valid: int = 0
     n_fresh_readings: int = 0
-    n_blank: int = 0
-    n_repeats: int = 0
-    codes: Counter[float] = field(default_factory=Counter)
-    top: dict[float, int] = field(default_factory=dict)
-    top_of_range: TopOfRange = field(default_factory=TopOfRange)
+    n_blank: int = 0  # scans without a valid reading
+    n_repeats: int = 0  # scans whose readings are those of the scan before
+    codes: Counter[float] = field(default_factory=Counter)  # values that are no reading: the first thousand of them
+    top: dict[float, int] = field(default_factory=dict)  # exact counts of the 16 largest valid values, fresh
+    top_of_range: TopOfRange = field(default_factory=TopOfRange)  # the fresh readings by distance
     _previous: Floats | None = None
 
     @property

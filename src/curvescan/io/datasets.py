@@ -21,24 +21,14 @@ _HOST = "https://raw.githubusercontent.com"
 
 @dataclass(frozen=True, kw_only=True)
 class Dataset:
-    """A public file, and where it comes from.
+    """A public file, and where it comes from."""
 
-    Attributes
-    ----------
-    about : str
-        Sensor, place, length.
-    path : str
-        Where the file stands: repository, version, path in it. It is unpacked where the name ends in ``.bz2``.
-    n_bytes, sha256 : int, str
-        Size and digest of the content.
-    licence, citation : str
-        Under which licence it may be used, and whom to name.
-    """
-
-    about: str
-    path: str
+    about: str  # sensor, place, length
+    path: str  # Where the file stands: repository, version, path in it. It is unpacked where the name ends in ``.bz2``.
+    # n_bytes, sha256: size and digest of the content
     n_bytes: int
     sha256: str
+    # licence, citation: under which licence it may be used, and whom to name
     licence: str
     citation: str
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 from curvescan.errors import InvalidArgumentError, LogFileError
 from curvescan.io.files.lines import read_head
+from curvescan.io.files.paths import as_path
 from curvescan.io.formats import HEAD_BYTES, find_format
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
@@ -27,7 +27,8 @@ def read_log(
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
-    The scans are read from the file by each iteration, one in memory at a time.
+    The scans, at least one, are read from the file by each iteration, one in memory at a time. What is broken in the
+    file is in the log's ``read_errors``.
 
     Parameters
     ----------
@@ -53,11 +54,6 @@ def read_log(
         Whether the log has the beams in the reverse of the order in which they were swept, so that they are turned
         round: for some drivers of RPLIDARs, whose sweeps cannot be deskewed otherwise.
 
-    Returns
-    -------
-    Log
-        With at least one scan. What is broken in the file is in its ``read_errors``.
-
     Raises
     ------
     LogFileError
@@ -76,14 +72,19 @@ def read_log(
         drop_stale=drop_stale,
         backwards=backwards,
     )
+    return open_log(path, range_max=range_max, topic=topic, setup=setup)
+
+
+def open_log(path: str | os.PathLike[str], *, range_max: float | None, topic: str | None, setup: SensorSetup) -> Log:
+    """Return the log in a file; see :func:`curvescan.read_log`."""
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
+    file = as_path(path, "a log")
     if "://" in os.fspath(path):
         raise LogFileError(
             f"{os.fspath(path)} is an address, and a log is read from a file: download it first; `curvescan batch` "
             "reads logs in buckets as they are"
         )
-    file = Path(path)
     first = storage_files(file)[0] if file.is_dir() else file
     row = find_format(read_head(first, HEAD_BYTES), first)
     return apply_setup(row.load()(file, range_max=range_max, topic=topic), setup)

@@ -20,32 +20,7 @@ from curvescan.scan import LaserScan, mirrored, swept_backwards
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSetup:
-    """How a laser is set up, where its log does not say so or is wrong.
-
-    Parameters
-    ----------
-    ignore_beams : (int, int)
-        How many beams at the beginning and at the end of each scan, in the log's order, give no reading: they see
-        the robot, or nothing that can be trusted.
-    laser_pose : (3,) float or None
-        Pose x, y, theta of the laser on the robot, metres, metres, radians: it carries the wheel odometry to the
-        laser in place of the log's own mount. Theta is where the laser's x axis points. None: what the log says.
-    upside_down : bool or None
-        Whether the laser hangs upside down, so that its scans are mirrored. None: what the log says.
-    clockwise : bool
-        Whether the laser turns against what its log says, so that its scans are mirrored.
-    drop_stale : bool
-        Whether a beam that repeats its value of the sweep before to the last digit gives no reading: some drivers leave
-        the old value standing where a turn of the sensor brought no new one.
-    backwards : bool
-        Whether the log has the beams of a sweep in the reverse of the order in which they were swept, as some drivers
-        of RPLIDARs do: they are turned round, so that the times of the beams hold.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When a number breaks these rules.
-    """
+    """How a laser is set up, where its log does not say so or is wrong; see :func:`curvescan.read_log`."""
 
     ignore_beams: tuple[int, int] = (0, 0)
     laser_pose: tuple[float, float, float] | None = None

@@ -18,6 +18,7 @@ from typing import Protocol, cast
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_file, output_folder
+from curvescan.io.files.paths import as_path
 from curvescan.io.log import Log
 from curvescan.scan import LaserScan
 
@@ -27,7 +28,6 @@ class LogWriter(Protocol):
 
     def __call__(self, path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
         """Write all scans and the odometry of a log, one scan in memory at a time. Raises OutputError."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ def write_log(
     OutputError
         When it cannot be written there, `path` is the source, or a scan cannot be said in the format.
     """
-    target, log = Path(path), as_log(log)
+    target, log = as_path(path, "the file to write"), as_log(log)
     row = _choose(target, format)
     if source is not None:
         _check_is_other(target, Path(source))

@@ -26,22 +26,11 @@ from curvescan.slam import Localizer, Slam
 from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
-_LONGEST_STEP_S = 2.0
-"""What moved is looked for between scans that are kept at most so far apart, seconds."""
+_LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at most so far apart, seconds
 
 
 class ResultsSink(MapSink):
-    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own.
-
-    Parameters
-    ----------
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    is_lossless : bool
-        Whether the tracker waits for this sink.
-    """
+    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own."""
 
     def __init__(
         self, *, occupancy: OccupancyConfig | None = None, mode: str = "odometry", is_lossless: bool = False
@@ -50,7 +39,9 @@ class ResultsSink(MapSink):
         self._recorder = Recorder()
         # scans are kept without SLAM too: the maps are made of them at the end
         is_kept = mode != "localization"
-        super().__init__("results", occupancy=occupancy, is_revisable=is_kept, capacity=2000, is_lossless=is_lossless)
+        super().__init__(
+            "results", mode=mode, occupancy=occupancy, is_lossless=is_lossless, is_revisable=is_kept, capacity=2000
+        )
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; its pose at once, so that none is missing in the trajectory."""
@@ -72,23 +63,8 @@ class ResultsSink(MapSink):
     ) -> tuple[str, ...]:
         """Write the results into an existing folder, after the sink was closed, and return the names of the files.
 
-        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn from
-        those that were kept, one for every 0.15 m and 20 degrees.
-
-        Parameters
-        ----------
-        folder : Path
-            Where to write.
-        report : LiveReport
-            How the run went; at least one scan.
-        name : str
-            Name of the source.
-        engine : Odometry, Slam or Localizer
-            What ran.
-        log : Log or None
-            What was replayed; None for a source that cannot be read again.
-        command : sequence of str
-            The command line behind the run.
+        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
+        from those that were kept, one for every 0.15 m and 20 degrees.
         """
         is_partial = report.error is not None or len(log or ()) > report.n_scans
         record = self._recorder.record(engine.method, is_partial=is_partial)
@@ -114,7 +90,7 @@ class ResultsSink(MapSink):
         return tuple(sorted(path.name for path in folder.iterdir()))
 
     def _finished(self, engine: Slam) -> Trajectory:
-        """Return every pose of the finished graph; one that was finished is not touched again, which would move its poses."""
+        """Return every pose of the finished graph; it is finished once only, as a second time would move its poses."""
         if self._final is not None:
             return engine.trajectory()
         started = time.perf_counter()
@@ -123,7 +99,7 @@ class ResultsSink(MapSink):
         return trajectory
 
     def _maps(self, engine: Engine, poses: Pose) -> RunMaps:
-        """Return the maps of the scans that were kept, under the poses of all scans; of localization what was seen live."""
+        """Return the maps of the scans that were kept, under the poses of all scans; of localization the live view."""
         if isinstance(engine, Localizer):
             grid = self._map.grid()
             cells = engine.map.occupancy().occupied_centres

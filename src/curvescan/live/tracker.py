@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,39 +23,20 @@ _REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrackedScan:
-    """A scan and what became of it: all that sinks get.
+    """A scan and what became of it: all that sinks get."""
 
-    Attributes
-    ----------
-    index : int
-        Number of the scan among those that were tracked, from 0.
-    scan : LaserScan
-        The scan as the source gave it.
-    step : Step
-        What the engine returned for it.
-    closures : tuple of (int, int)
-        Numbers of the two scans that each loop closure joins which this scan brought.
-    revised : Trajectory or None
-        All poses so far, where those of the past have changed; at most once a second.
-    is_deskewed : bool
-        Whether the engine deskews sweeps by the times of their beams, as a map of them must then do too.
-    seconds : float
-        Time that it took.
-    received : float
-        When the source gave the scan, by time.monotonic(), seconds.
-    n_dropped : int
-        Scans of the source that were dropped before this one because tracking was too slow.
-    """
-
-    index: int
-    scan: LaserScan
-    step: Step
+    index: int  # number of the scan among those that were tracked, from 0
+    scan: LaserScan  # the scan as the source gave it
+    step: Step  # what the engine returned for it
+    # numbers of the two scans that each loop closure joins which this scan brought
     closures: tuple[tuple[int, int], ...]
-    revised: Trajectory | None
+    revised: Trajectory | None  # all poses so far, where those of the past have changed; at most once a second
+    # whether the engine deskews sweeps by the times of their beams, as a map of them must then do too
     is_deskewed: bool
-    seconds: float
-    received: float
-    n_dropped: int
+    seconds: float  # time that it took
+    received: float  # when the source gave the scan, by time.monotonic(), seconds
+    n_dropped: int  # scans of the source that were dropped before this one because tracking was too slow
+    wheels: Pose | None = None  # pose of the sensor by its wheels, in a frame of their own
 
     @property
     def pose(self) -> Pose:
@@ -88,23 +70,16 @@ class TrackedScan:
 
     @property
     def half_sweep(self) -> float:
-        """Time from the scan's stamp, of its first beam, to the moment that its pose is of, seconds: half a deskewed sweep."""
+        """Time from the scan's stamp to the moment of its pose, seconds: half the sweep where it is deskewed."""
         return middle_of_sweep(self.scan) if self.is_deskewed else 0.0
 
 
 class Tracker:
-    """Drives an engine scan by scan.
-
-    Parameters
-    ----------
-    engine : Odometry, Slam or Localizer
-        What estimates the poses.
-    odometry_poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by its wheels, of a log that is replayed.
-    """
+    """Drives an engine scan by scan; odometry_poses (n, 3): the sensor by its wheels, of a log that is replayed."""
 
     def __init__(self, engine: Engine, odometry_poses: Pose | None = None) -> None:
         self.engine = engine
+        self.lock = threading.Lock()  # the engine belongs to who holds it
         self._odometry_poses = odometry_poses
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
@@ -116,22 +91,15 @@ class Tracker:
     ) -> TrackedScan:
         """Return where the sensor was at this scan.
 
-        Parameters
-        ----------
-        scan : LaserScan
-            The next scan.
-        received : float or None
-            When it came, by time.monotonic(), seconds; None: now.
-        n_dropped : int
-            Scans that were dropped so far.
-        odometry_pose : (3,) float64 or None
-            Pose of the sensor by its wheels, in a frame of their own; see :meth:`curvescan.Odometry.add`.
+        received: when it came, by time.monotonic(), seconds, None for now; n_dropped: scans that were dropped so far;
+        odometry_pose (3,): pose of the sensor by its wheels, see :meth:`curvescan.Odometry.add`.
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
         if odometry_pose is None:
             odometry_pose = pose_at(self._odometry_poses, self._n_scans)
-        step = self.engine.add(scan, odometry_pose)
+        with self.lock:
+            step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
         self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
         self._is_revised |= step.is_revised
@@ -145,6 +113,7 @@ class Tracker:
             seconds=seconds,
             received=received,
             n_dropped=n_dropped,
+            wheels=odometry_pose,
         )
         self._n_scans += 1
         return tracked

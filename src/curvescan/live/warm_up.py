@@ -1,4 +1,4 @@
-"""warm_up: compile every kernel and run an engine over a short simulated drive, so that nothing compiles while a robot waits."""
+"""warm_up: compile every kernel before a robot waits for it, by running an engine over a short simulated drive."""
 
 from __future__ import annotations
 

@@ -11,17 +11,13 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
 from curvescan.types import Ints, Points, Pose
 
-_BATCH = 500_000
-"""Points gathered before they are merged into cells, so that memory follows the area and not the log."""
+_BATCH = 500_000  # points gathered before they are merged into cells, so that memory follows the area and not the log
 
 _HALF = 2**31
 
 
 def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) -> Points:
-    """Return the centres of all cells of a square grid in which a reading ended.
-
-    poses (n, 3): Pose of the sensor at each scan, frame of the map; a NaN row leaves its scan out; result (k, 2).
-    """
+    """Return (k, 2) centres of all cells in which a reading ended; a scan without a pose (n, 3) is left out."""
     cells = OccupiedCells(cell)
     for scan, pose in zip(scans, poses, strict=False):
         if not np.isnan(pose).any():

@@ -29,6 +29,7 @@ __all__ = [
     "find_matcher",
     "match",
     "prepare",
+    "prepared",
 ]
 
 
@@ -75,7 +76,7 @@ def prepare(
     InvalidArgumentError
         When `scan` is not a LaserScan, the method is unknown or the config is another method's.
     """
-    return _prepared(scan, find_matcher(method, config), "scan")
+    return prepared(scan, find_matcher(method, config), "scan")
 
 
 def match(
@@ -121,13 +122,14 @@ def match(
         When an argument is not of the kinds above.
     """
     matcher = find_matcher(method, config)
-    ref, cur = _prepared(reference, matcher, "reference"), _prepared(current, matcher, "current")
+    ref, cur = prepared(reference, matcher, "reference"), prepared(current, matcher, "current")
     result = matcher.match(ref.features, cur.features, prior_of(prior, guess))
     watch.report()
     return replace(result, reference=ref.scan, current=cur.scan)
 
 
-def _prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:
+def prepared(scan: LaserScan | PreparedScan, matcher: Matcher, name: str) -> PreparedScan:
+    """Return a scan with the features of a matcher: itself, where it has them. Raises InvalidArgumentError."""
     if isinstance(scan, PreparedScan):
         if scan.matcher is matcher:
             return scan

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
@@ -23,8 +22,7 @@ from curvescan.odometry.motion_model import MotionModel
 from curvescan.odometry.observation import Matching, Observation, Placement, State, try_references
 from curvescan.odometry.step import Step
 from curvescan.odometry.strategies import STRATEGIES, start
-from curvescan.scan import LaserScan
-from curvescan.types import Pose
+from curvescan.scan import LaserScan, as_odometry_pose
 
 
 class Odometry:
@@ -95,7 +93,8 @@ class Odometry:
             The next scan; the order of the calls is the order.
         odometry_pose : (3,) array_like or None
             Pose of the sensor at this scan by its wheels, or another odometry, in a frame of their own: metres, metres,
-            radians. NaN where it is unknown: (nan, nan, theta) from a gyro. Only its changes are used.
+            radians. NaN where it is unknown: (nan, nan, theta) from a gyro. Only its changes are used. None for
+            ``scan.odometry``.
 
         Returns
         -------
@@ -110,7 +109,7 @@ class Odometry:
         if not isinstance(scan, LaserScan):
             raise InvalidArgumentError(f"scan must be a LaserScan, got {type(scan).__name__}")
         state = self._state
-        pose = None if odometry_pose is None else _as_odometry_pose(odometry_pose)
+        pose = scan.odometry if odometry_pose is None else as_odometry_pose(odometry_pose, "odometry_pose")
         observation = Observation(
             scan=scan,
             prediction=state.motion.predict(scan.stamp, pose),
@@ -165,16 +164,3 @@ def _as_step(observation: Observation, placement: Placement) -> Step:
         is_prior_rejected=placement.is_prior_rejected,
         is_driven=observation.prediction.is_measured and not placement.is_prior_rejected,
     )
-
-
-def _as_odometry_pose(odometry_pose: ArrayLike) -> Pose:
-    try:
-        pose = np.asarray(odometry_pose, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgumentError(f"odometry_pose must be three numbers [x, y, theta]: {error}") from error
-    if pose.shape != (3,) or np.isinf(pose).any():
-        raise InvalidArgumentError(
-            "odometry_pose must be three numbers [x, y, theta], finite or NaN where it is unknown, "
-            f"got {odometry_pose!r}"
-        )
-    return pose

@@ -73,7 +73,7 @@ def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tu
     is_wide = n_places > 1 and ratio < 0.6
     rows, columns = (n_places, 1) if is_wide else (1, n_places)
     width = 11.0 / columns if n_places > 1 else min(10.0, max(7.0, 9.0 / ratio))
-    with drawing(path, columns * width, rows * (width * ratio + 0.5) + 1.0) as figure:
+    with drawing(path, columns * width, rows * ((width - 0.5) * ratio + 0.5) + 1.0) as figure:
         places = np.ravel(figure.subplots(rows, columns)).tolist()
         for axes in places:
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))

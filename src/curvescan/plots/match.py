@@ -38,10 +38,7 @@ _SENSOR: dict[str, Any] = {"marker": (3, 0, -90), "color": PATH, "ms": 8.0, "ls"
 def save_match(
     folder: Path, result: MatchResult, *, scans: tuple[LaserScan, LaserScan], names: tuple[str, str], cfsma: CfSmaConfig
 ) -> None:
-    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder.
-
-    scans (LaserScan, LaserScan); names (str, str).
-    """
+    """Write segments.png, curvature.png, matched.png and match.json of a match into a folder."""
     paper = result if result.method == "cfsma" else match(*scans, method="cfsma", config=cfsma)
     trace = paper.trace
     assert isinstance(trace, CfSmaTrace)
@@ -151,10 +148,7 @@ def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
 
 
 def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur: Points) -> None:
-    """Draw the points of both scans in one frame on axes: matched ones blue and orange, others grey.
-
-    Where the scans do not match, all points of each scan have its colour.
-    """
+    """Draw the points of both scans in one frame: matched ones blue and orange, others grey; all, where none match."""
     took_part = (result.labels_reference == Label.MATCHED, result.labels_current == Label.MATCHED)
     if result.ok:
         axes.plot(*points_ref.T, ".", color=GREY, ms=2.5, label="not matched")

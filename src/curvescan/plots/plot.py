@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+import os
+import textwrap
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +21,8 @@ from curvescan.plots.canvas import FIRST, PATH, SECOND, as_place
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
-from curvescan.slam import Slam, SlamMap
+from curvescan.slam import Localizer, Slam, SlamMap
+from curvescan.slam.map import as_map
 from curvescan.types import Cov, Pose
 
 if TYPE_CHECKING:
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = ["map", "match", "trajectory"]
 
+_Path: TypeAlias = str | os.PathLike[str]
+_TITLE = 45  # columns of a title, as a subplot takes it
 _N_ELLIPSES = 12
 _SIGMAS = 3.0
 _ELLIPSE = 64  # corners of its polygon
@@ -39,12 +44,10 @@ class MappedRun(Protocol):
     @property
     def record(self) -> RunRecord:
         """The steps in columns."""
-        ...
 
     @property
     def map(self) -> SlamMap | OccupancyGrid | None:
         """The map; None where it would be too large."""
-        ...
 
 
 def match(
@@ -82,7 +85,8 @@ def match(
     axes.plot([], [], ".", color=FIRST, label=f"first scan{matched}")
     axes.plot([], [], ".", color=SECOND, label=f"second scan{matched}")
     title = f"{result.n_matched:,} readings matched" if result.ok else result.outcome.value
-    as_place(axes, f"{result.method}: {title}")
+    as_place(axes)
+    axes.set_title("\n".join(textwrap.wrap(f"{result.method}: {title}", _TITLE)))
     axes.legend(loc="best", fontsize="small")
     return axes
 
@@ -131,7 +135,7 @@ def trajectory(
 
 
 def map(  # noqa: A001 - its name in the public contract
-    source: MappedRun | Slam | SlamMap | OccupancyGrid | OccupancyBuilder | Log,
+    source: MappedRun | Slam | Localizer | SlamMap | OccupancyGrid | OccupancyBuilder | Log | _Path,
     trajectory: Trajectory | ArrayLike | None = None,
     *,
     ax: Axes | None = None,
@@ -140,8 +144,8 @@ def map(  # noqa: A001 - its name in the public contract
 
     Parameters
     ----------
-    source : Run, Slam, SlamMap, OccupancyGrid, OccupancyBuilder or Log
-        A map, or what one is made from: a run, SLAM as it is now, or a log with the `trajectory` of its sensor.
+    source : Run, Slam, Localizer, SlamMap, OccupancyGrid, OccupancyBuilder, Log or path
+        A map or its file, or what one is made from: a run, SLAM as it is now, a log with its sensor's `trajectory`.
     trajectory : Trajectory, (n, 3) array_like or None
         Pose of the sensor at each scan of a Log; for a map it is drawn on it where it is given. A run and a Slam bring
         their own.
@@ -172,19 +176,19 @@ def map(  # noqa: A001 - its name in the public contract
 
 def _grid_of(source: Any, trajectory: Trajectory | ArrayLike | None) -> OccupancyGrid:
     """Return the occupancy map of what `map` takes."""
-    found = source.map if isinstance(source, MappedRun | Slam) else source
+    found = source.map if isinstance(source, MappedRun | Slam | Localizer) else source
     if isinstance(found, OccupancyGrid):
         return found
     if isinstance(found, OccupancyBuilder):
         return found.grid()
-    if isinstance(found, SlamMap):
-        return found.occupancy()
+    if isinstance(found, SlamMap | str | os.PathLike):
+        return as_map(found).occupancy()
     if isinstance(source, MappedRun):
         raise InvalidArgumentError("the run has no occupancy map: it would be too large, or no scan has a reading")
     if not isinstance(found, Log):
         raise InvalidArgumentError(
-            "source must be a Run, a Slam, a SlamMap, an OccupancyGrid, an OccupancyBuilder or a Log, "
-            f"got {type(source).__name__}"
+            "source must be a Run, a Slam, a Localizer, a SlamMap or its file, an OccupancyGrid, an OccupancyBuilder or"
+            f" a Log, got {type(source).__name__}"
         )
     if trajectory is None:
         raise InvalidArgumentError("the map of a log needs the poses of its scans: give trajectory=")

@@ -137,7 +137,8 @@ class Run:
 
     def __repr__(self) -> str:
         n, n_failed = len(self.record.outcomes), int(np.count_nonzero(self.record.is_failed))
-        what = "odometry" if not isinstance(self.engine, Slam | Localizer) else type(self.engine).__name__.lower()
+        names = {Slam: "SLAM", Localizer: "localization"}
+        what = names.get(type(self.engine), "odometry")
         partial = ", interrupted" * self.record.is_partial
         trusted = "trusted" if self.verdict.is_trusted else "not to be trusted"
         written = f", {len(self.files)} files written" if self.files else ""

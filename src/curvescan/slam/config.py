@@ -93,6 +93,10 @@ class NoiseConfig:
         variance = self.slip**2 * step * (2.0 * way + step)
         return UncertainPose(motion.pose, motion.cov + self.floor + np.diag([variance, variance, 0.0]))
 
+    def doubled(self, pose: UncertainPose) -> UncertainPose:
+        """Return a pose of twice its standard deviations and those of the floor: motions that follow each other err together."""
+        return UncertainPose(pose.pose, 4.0 * (pose.cov + self.floor))
+
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""
         return self.kept * covariance + self.floor

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import cast
 
 import numpy as np
 
@@ -59,7 +60,8 @@ class SlamMap:
         return len(self.scans)
 
     def __repr__(self) -> str:
-        return f"SlamMap({len(self):,} keyframes, {len(self.ends):,} edges, {self.n_sessions} sessions)"
+        sessions = f"{self.n_sessions} session{'s' * (self.n_sessions != 1)}"
+        return f"SlamMap({len(self):,} keyframes, {len(self.ends):,} edges, {sessions})"
 
     @property
     def n_sessions(self) -> int:
@@ -95,20 +97,7 @@ class SlamMap:
         OutputError
             When the file cannot be written.
         """
-        content = MapContent(
-            scans=self.scans,
-            poses=self.poses,
-            covariances=self.covariances,
-            indices=self.indices,
-            sessions=self.sessions,
-            ends=self.ends,
-            measured=self.measured,
-            edge_covariances=self.edge_covariances,
-            kinds=self.kinds,
-            weights=self.weights,
-            grid=self.grid,
-        )
-        write_map_file(path, content)
+        write_map_file(path, cast(MapContent, {field.name: getattr(self, field.name) for field in fields(self)}))
 
 
 def as_map(given: SlamMap | str | os.PathLike[str]) -> SlamMap:

@@ -7,7 +7,6 @@ left aside, so that a later version may add some.
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.io.arrays.npz_file import NpzFile
 from curvescan.io.files.output import output_file
+from curvescan.io.files.paths import as_path
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
@@ -87,7 +87,7 @@ def write_map_file(path: str | os.PathLike[str], content: MapContent) -> None:
 
 def read_map_file(path: str | os.PathLike[str]) -> MapContent:
     """Return what a map file holds; see :func:`curvescan.load_map`."""
-    path = Path(path)
+    path = as_path(path, "a map")
     if not path.is_file():
         raise LogFileError(f"map {path} does not exist: check the path")
     with path.open("rb") as opened:

@@ -5,30 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
 from curvescan._interrupts import reported_as
-from curvescan.cli.options import (
-    ChainConfig,
-    ChainConfigs,
-    ConfigFile,
-    Configs,
-    Flag,
-    MapConfig,
-    MethodConfigs,
-    MethodName,
-    Preparation,
-    PreparationFlags,
-    Reading,
-    ReadingFlags,
-    SlamConfigs,
-    SlamFlags,
-    odometry_config,
-)
+from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
 from curvescan.io.files.printable import printable
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
     from curvescan.runs.batch.batch import BatchDisplay
@@ -39,24 +25,31 @@ Patterns: TypeAlias = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf
 """Paths of logs, or patterns of them."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class WorkFlags:
+    """How the logs are run."""
+
+    resume: Flag = False
+    """Leave out logs whose results stand: same log, same options, same version. What failed is run again."""
+    engine: Literal["local", "ray"] = "local"
+    """Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names."""
+    workers: int | None = None
+    """How many logs at once; one a core if not given."""
+    timeout: float = 3600
+    """Time that one log may take, seconds; inf for any."""
+
+
 def batch(
     patterns: Patterns,
     /,
     *,
     out: str,
     slam: Flag = False,
-    resume: Flag = False,
-    engine: Literal["local", "ray"] = "local",
-    workers: int | None = None,
-    timeout: float = 3600.0,
-    method: MethodName = "curvescan",
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
+    work: Annotated[WorkFlags, tyro.conf.arg(name="")] = WorkFlags(),
+    rules: OdometryRules = OdometryFlags(),  # noqa: B008 - frozen
+    slam_rules: Annotated[SlamConfig, tyro.conf.arg(name="slam")] = SlamConfig(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
-    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Run odometry or SLAM over many logs, on all cores or a Ray cluster; one bad log stops no other.
 
@@ -72,39 +65,24 @@ def batch(
         Folder for the results; made if it is missing. May be one of a bucket: s3://, gs:// or az://.
     slam
         SLAM in place of odometry.
-    resume
-        Leave out logs whose results stand: same log, same options, same version. What failed is run again.
-    engine
-        Where the logs are run: on this machine, or on the Ray cluster that RAY_ADDRESS names.
-    workers
-        How many logs at once; one a core if not given.
-    timeout
-        Time that one log may take, seconds; inf for any.
     """
     from curvescan.cli.console import ERR, OUT
     from curvescan.cli.flags import with_flags
     from curvescan.runs.batch.batch import run_batch
-    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
 
-    shared: dict[str, Any] = {
-        "method": method,
-        "matcher": configs.of(method),
-        "odometry_prior": preparation.wanted,
-        "as_is": preparation.as_is,
-        "occupancy": occupancy,
-        "logs": LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup()),
-        "command": tuple(sys.argv),
-    }
-    job: Job
-    if slam:
-        job = SlamJob(config=slam_config.slam, **shared)
-    else:
-        job = OdometryJob(config=odometry_config(method, "auto", chain_config), **shared)
+    job = _job(rules, slam_rules if slam else None, use, occupancy)
     listed = f"{out}/manifest{'/' if '://' in out else '.jsonl'}"
     sentence = f"interrupted: the logs listed in {listed} are done; --resume goes on with the others"
     with reported_as(printable(sentence, 1000)), _display() as display:
         result = run_batch(
-            patterns, out=out, job=job, engine=engine, workers=workers, timeout=timeout, resume=resume, display=display
+            patterns,
+            out=out,
+            job=job,
+            engine=work.engine,
+            workers=work.workers,
+            timeout=work.timeout,
+            resume=work.resume,
+            display=display,
         )
     OUT.print(_table(result.records))
     for record in result.records:
@@ -118,6 +96,22 @@ def batch(
         f"{len(result.records) - n_trusted - result.n_failed:,} not to be trusted, {result.n_failed:,} failed"
     )
     return 1 if result.n_failed else 0
+
+
+def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy: OccupancyConfig) -> Job:
+    from curvescan.runs.batch.jobs import LogOptions, OdometryJob, SlamJob
+
+    reading = use.reading
+    shared: dict[str, Any] = {
+        "method": rules.matching.method,
+        "matcher": rules.matching.matcher,
+        "odometry_prior": use.preparation.wanted,
+        "as_is": use.preparation.as_is,
+        "occupancy": occupancy,
+        "logs": LogOptions(range_max=reading.range_max, topic=reading.topic, setup=reading.setup()),
+        "command": tuple(sys.argv),
+    }
+    return OdometryJob(config=rules.config(), **shared) if slam is None else SlamJob(config=slam, **shared)
 
 
 def _table(records: tuple[BatchRecord, ...]) -> object:

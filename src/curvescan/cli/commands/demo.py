@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
-from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
-    MethodConfigs,
-    MethodName,
-    SensorName,
-    SlamConfigs,
-    SlamFlags,
-    WorldName,
-)
+from curvescan.cli.options import SensorName, SlamFlags, SlamRules, WorldName
 from curvescan.io.datasets import DATASETS
+
+if TYPE_CHECKING:
+    from curvescan.simulation.recording import Simulation
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
@@ -33,10 +28,7 @@ def demo(
     scans: int = 700,
     people: int = 0,
     seed: int = 0,
-    method: MethodName = "curvescan",
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
+    rules: SlamRules = SlamFlags(),  # noqa: B008 - frozen
 ) -> int:
     """Drive a simulated robot in a loop through a building, close the loop, and compare with the truth.
 
@@ -60,25 +52,36 @@ def demo(
         Random seed; selects the building and the route.
     """
     if log is not None:
-        return _map_public_log(log, out, method=method, config=config, configs=configs, slam_config=slam_config)
-    from curvescan import run, simulate
-    from curvescan.cli.console import ERR, OUT, load_kernels, run_display
+        return _map_public_log(log, out, rules)
+    from curvescan import simulate
+    from curvescan.cli.console import ERR
+
+    def simulated() -> Simulation:
+        with ERR.status("simulating"):
+            return simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
+
+    return _map_simulation(simulated, out, rules)
+
+
+def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamFlags) -> int:
+    from curvescan import run
+    from curvescan.cli.console import OUT, load_kernels, run_display
     from curvescan.cli.summary import errors_of, report
     from curvescan.io import output_folder
-    from curvescan.plots.side_by_side import draw_side_by_side
+    from curvescan.plots.map import draw_side_by_side
     from curvescan.runs.results import save_run
 
-    with output_folder(out) as folder:
-        with ERR.status("simulating"):
-            simulation = simulate(world, sensor=sensor, n_scans=scans, n_people=people, seed=seed)
+    matching = rules.matching
+    with output_folder(out) as folder:  # first of all: a place that cannot be written costs no work
+        simulation = simulated()
         truth = simulation.truth.poses
-        with run_display(lambda: load_kernels(method, slam=True)) as display:
+        with run_display(lambda: load_kernels(matching.method, slam=True)) as display:
             result = run(
                 simulation,
                 "slam",
-                method=method,
-                matcher=configs.of(method),
-                config=slam_config.slam,
+                method=matching.method,
+                matcher=matching.matcher,
+                config=rules.slam,
                 truth=truth,
                 command=sys.argv,
                 display=display,
@@ -98,7 +101,7 @@ def demo(
     return 0
 
 
-def _map_public_log(name: str, out: Path, **flags: Any) -> int:
+def _map_public_log(name: str, out: Path, rules: SlamFlags) -> int:
     from curvescan.cli.commands.evaluate import evaluate
     from curvescan.cli.commands.slam import slam
     from curvescan.cli.console import ERR
@@ -107,7 +110,7 @@ def _map_public_log(name: str, out: Path, **flags: Any) -> int:
     with ERR.status(f"fetching {name}"):
         log = fetch(name)
         relations = fetch(f"{name}.relations") if f"{name}.relations" in DATASETS else None
-    status = slam(log, out=out, **flags)
+    status = slam(log, out=out, rules=rules)
     if relations is not None:
         evaluate(out, relations=relations)
     return status

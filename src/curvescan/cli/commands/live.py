@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import tyro
 
 import curvescan
-from curvescan.cli.options import Flag, MethodName, Preparation, PreparationFlags, Reading, ReadingFlags
+from curvescan.cli.options import Flag, LogFlags, LogUse, MethodName, Preparation, Reading
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.output import output_folder
 from curvescan.mapping.config import OccupancyConfig
@@ -21,6 +21,7 @@ from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.preparation import PreparedLog
+    from curvescan.diagnostics.verdict import Verdict
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
@@ -29,29 +30,128 @@ if TYPE_CHECKING:
 Mode: TypeAlias = Literal["SLAM", "odometry", "localization"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class SourceFlags:
+    """The laser, or what takes its place."""
+
+    driver: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and
+    others (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar]."""
+    port: Annotated[str | None, tyro.conf.arg(metavar="PORT")] = None
+    """Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
+    HOST:PORT for hokuyo."""
+    speed: float = 1.0
+    """Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes."""
+    scans: int | None = None
+    """End after so many scans of the simulated robot."""
+    people: int = 3
+    """How many people walk around the simulated robot."""
+    seed: int = 0
+    """Random seed; selects the simulated building and its people."""
+
+    def open(self, log: Path | None, use: LogFlags) -> ScanSource:
+        """Return the source that the flags ask for."""
+        from curvescan.cli.console import ERR
+        from curvescan.live import LogSource, SimulatedSource
+        from curvescan.live.sources import MendedSource
+
+        if log is not None and self.driver is not None:
+            raise InvalidArgumentError("LOG and --driver exclude each other: give one")
+        if self.driver is not None:
+            source = _laser(self.driver, self.port, use.reading)
+            if use.preparation.as_is:
+                return source
+            return MendedSource(source, lambda sentence: ERR.print(sentence, markup=False))
+        if log is not None:
+            return LogSource(use.reading.open(log), speed=self.speed)
+        return SimulatedSource(n_scans=self.scans, n_people=self.people, seed=self.seed, speed=self.speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineFlags:
+    """What follows the laser."""
+
+    odometry_only: Flag = False
+    """Odometry instead of SLAM: past poses are not revised."""
+    map: Annotated[Path | None, tyro.conf.arg(name="map", metavar="FILE")] = None
+    """Localize in this map: map.csmap of `curvescan slam`, or the YAML or PGM file of a plain map."""
+    method: MethodName = "curvescan"
+
+    def __post_init__(self) -> None:
+        if self.map is not None and self.odometry_only:
+            raise InvalidArgumentError("--map and --odometry-only exclude each other: give one")
+
+    @property
+    def mode(self) -> Mode:
+        """SLAM, odometry or localization."""
+        return "localization" if self.map is not None else "odometry" if self.odometry_only else "SLAM"
+
+    def engine(self, saved: Any, *, can_deskew: bool) -> Engine:
+        """Return the odometry, SLAM or localizer."""
+        if self.mode == "odometry":
+            odometry = curvescan.OdometryConfig.of_method(self.method)
+            return curvescan.Odometry(self.method, config=replace(odometry, deskew=can_deskew))
+        config = curvescan.SlamConfig()
+        config = replace(config, odometry=replace(config.odometry, deskew=can_deskew))
+        if saved is not None:
+            return curvescan.Localizer(saved, method=self.method, config=config)
+        return curvescan.Slam(self.method, config=config)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageFlags:
+    """Where a run is shown."""
+
+    host: str = "127.0.0.1"
+    """Address that the page is served at; 0.0.0.0 lets other machines look on."""
+    http_port: int | None = None
+    """Port of the page; 8765, or a free one if that is in use."""
+    no_page: Flag = False
+    """No page: only --out, --record, --foxglove and the summary."""
+    foxglove: Flag = False
+    """Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove]."""
+    foxglove_port: int = 8766
+    """Port of the websocket for Foxglove; 0 for any that is free."""
+    keep_open: Flag = False
+    """Serve the page after the source has ended, until Ctrl-C."""
+
+    def open(self, pages: ExitStack, source: ScanSource, maps: dict[str, Any]) -> tuple[Viewer | None, list[MapSink]]:
+        """Return the page, if there is one, and all that shows the run, served until `pages` are closed."""
+        import curvescan.live as live_package  # each loads when it is named: the page needs neither plots nor bags
+        from curvescan.cli.console import ERR
+        from curvescan.cli.serving import free_port, open_browser
+        from curvescan.live import Viewer
+        from curvescan.live.server import PageServer
+        from curvescan.live.sources import Paced
+
+        viewer: Viewer | None = None
+        sinks: list[MapSink] = []
+        if not self.no_page:
+            viewer = Viewer(source.name, replay=source if isinstance(source, Paced) else None, **maps)
+            sinks.append(viewer)
+            server = PageServer(viewer, host=self.host, port=free_port(self.host, self.http_port))
+            ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
+            open_browser(server.url)
+            if maps["saved_map"] is None:
+                _preview(source, viewer)
+        if self.foxglove:
+            served = live_package.FoxgloveSink(source.name, host=self.host, port=self.foxglove_port, **maps)
+            pages.callback(served.stop)
+            sinks.append(served)
+            ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
+        return viewer, sinks
+
+
 def live(
     log: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[LOG]")] = None,
     /,
     *,
-    driver: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
-    port: Annotated[str | None, tyro.conf.arg(metavar="PORT")] = None,
-    speed: float = 1.0,
+    source: Annotated[SourceFlags, tyro.conf.arg(name="")] = SourceFlags(),
     out: Path | None = None,
     record: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mcap")] = None,
-    odometry_only: Flag = False,
-    map: Annotated[Path | None, tyro.conf.arg(name="map", metavar="FILE")] = None,  # noqa: A002 - the flag's name
-    host: str = "127.0.0.1",
-    http_port: int | None = None,
-    no_page: Flag = False,
-    foxglove: Flag = False,
-    foxglove_port: int = 8766,
-    keep_open: Flag = False,
-    method: MethodName = "curvescan",
-    scans: int | None = None,
-    people: int = 3,
-    seed: int = 0,
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
+    engine: Annotated[EngineFlags, tyro.conf.arg(name="")] = EngineFlags(),
+    page: Annotated[PageFlags, tyro.conf.arg(name="")] = PageFlags(),
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
     occupancy: Annotated[OccupancyConfig, tyro.conf.arg(name="occupancy")] = OccupancyConfig(),  # noqa: B008 - frozen
 ) -> int:
     """Track a running laser and show map, path and scan on a page in the browser.
@@ -63,110 +163,86 @@ def live(
     ----------
     log
         A log to replay, of any format that `curvescan odometry` reads.
-    driver
-        Driver of a laser, one of lds2d:MODEL, rplidar, hokuyo. lds2d drives lasers of LDROBOT, YDLIDAR, RPLIDAR and
-        others (lds2d:LDROBOT-LD19, say). Drivers need the extra curvescan[lidar].
-    port
-        Where the laser is: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, recording://FILE of raw bytes;
-        HOST:PORT for hokuyo.
-    speed
-        Speed of a replay or the simulation: 1 as recorded, 10 ten times as fast, 0 as fast as it goes.
     out
         Folder for the results: the files of `curvescan slam`, or of `odometry` or `localize`.
     record
         MCAP file for scans, poses and map.
-    odometry_only
-        Odometry instead of SLAM: past poses are not revised.
-    map
-        A map saved by `curvescan slam`: localize in it.
-    host
-        Address that the page is served at; 0.0.0.0 lets other machines look on.
-    http_port
-        Port of the page; 8765, or a free one if that is in use.
-    no_page
-        No page: only --out, --record, --foxglove and the summary.
-    foxglove
-        Serve scans, odometry, transforms and map to Foxglove as well; needs the extra curvescan[foxglove].
-    foxglove_port
-        Port of the websocket for Foxglove; 0 for any that is free.
-    keep_open
-        Serve the page after the source has ended, until Ctrl-C.
-    scans
-        End after so many scans of the simulated robot.
-    people
-        How many people walk around the simulated robot.
-    seed
-        Random seed; selects the simulated building and its people.
     occupancy
         How to make the occupancy map.
     """
-    import curvescan.live as live_package  # each loads when it is named: the first picture needs neither plots nor bags
-    from curvescan.cli.console import ERR, OUT
-    from curvescan.cli.serving import free_port, open_browser, wait
-    from curvescan.live import LogSource, Tracker, Viewer
-    from curvescan.live.server import PageServer
-    from curvescan.live.sources import MendedSource
+    from curvescan.cli.serving import wait
 
-    source: ScanSource
-    if log is not None and driver is not None:
-        raise InvalidArgumentError("LOG and --driver exclude each other: give one")
-    if driver is not None:
-        source = _laser(driver, port, reading)
-        if not preparation.as_is:
-            source = MendedSource(source, lambda sentence: ERR.print(sentence, markup=False))
-    elif log is not None:
-        source = LogSource(reading.open(log), speed=speed)
-    else:
-        source = _simulation(scans, people, seed, speed)
-    mode = _mode(map, odometry_only)
-    saved = None if map is None else _saved_map(map)
-    maps: dict[str, Any] = {"mode": mode, "occupancy": occupancy, "is_lossless": not source.is_live}
+    laser = source.open(log, use)
     with ExitStack() as pages:
-        viewer = None
-        if not no_page:
-            viewer = Viewer(source.name, saved_map=saved, **maps)
-            server = PageServer(viewer, host=host, port=free_port(host, http_port))
-            ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
-            open_browser(server.url)
-            if saved is None:
-                _preview(source, viewer)
-        sinks: list[MapSink] = [] if viewer is None else [viewer]
-        if foxglove:
-            served = live_package.FoxgloveSink(source.name, host=host, port=foxglove_port, saved_map=saved, **maps)
-            pages.callback(served.stop)
-            sinks.append(served)
-            ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
+        saved, drawn = (None, None) if engine.map is None else _opened(engine.map)
+        maps = {"mode": engine.mode, "occupancy": occupancy, "is_lossless": not laser.is_live}
+        viewer, sinks = page.open(pages, laser, {**maps, "saved_map": drawn})
         with output_folder(out) if out else nullcontext() as folder:
-            results = live_package.ResultsSink(**maps) if out else None
-            prepared = _prepare(source.log, preparation) if isinstance(source, LogSource) else None
-            if prepared is not None and isinstance(source, LogSource):
-                source.log = prepared.log
-            can_deskew = prepared is None or prepared.sensor.can_deskew
-            engine = _engine(mode, method, saved, viewer, can_deskew=can_deskew)
-            if results is not None:
-                sinks.append(results)
-            if record is not None:
-                sinks.append(live_package.McapRecorder(record, saved_map=saved, **maps))
-            report = _track(source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks)
-            OUT.print(summary(report, source.name), markup=False)
-            if folder is not None and results is not None and report.n_scans:
-                files = results.write(
-                    folder,
-                    report,
-                    name=source.name,
-                    engine=engine,
-                    log=source.log if isinstance(source, LogSource) else None,
-                    command=sys.argv,
-                )
-                OUT.print(f"wrote {out}/{', '.join(files)}", markup=False)
-        if keep_open and viewer is not None and not report.is_interrupted:
+            report, verdict = _follow(
+                laser, engine, viewer, sinks, use, Outputs(folder, out, record, saved, drawn, maps)
+            )
+        if page.keep_open and viewer is not None and not report.is_interrupted:
             wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
-    return 0
+    return 0 if verdict is None or verdict.is_trusted else 3
 
 
-def summary(report: LiveReport, name: str) -> str:
+class Outputs(NamedTuple):
+    """What a run writes: a folder, which is moved to `out`, and a recording."""
+
+    folder: Path | None
+    out: Path | None
+    record: Path | None
+    saved_map: Any  # to localize in
+    drawn: Any  # the same as keyframes, to be drawn
+    maps: dict[str, Any]
+
+
+def _follow(
+    source: ScanSource,
+    flags: EngineFlags,
+    viewer: Viewer | None,
+    sinks: Sequence[MapSink],
+    use: LogFlags,
+    outputs: Outputs,
+) -> tuple[LiveReport, Verdict | None]:
+    """Run a source, print the summary and write the results; the verdict is None where no scan came."""
+    import curvescan.live as live_package
+    from curvescan.cli.console import OUT
+    from curvescan.cli.flags import with_flags
+    from curvescan.live import LogSource, Tracker
+
+    results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
+    prepared = None
+    if isinstance(source, LogSource):
+        prepared = _prepare(source.log, use.preparation)
+        source.log = prepared.log
+    can_deskew = prepared is None or prepared.sensor.can_deskew
+    engine = _warmed(lambda: flags.engine(outputs.saved_map, can_deskew=can_deskew), flags.method, viewer)
+    sinks = [*sinks, *([] if results is None else [results])]
+    if outputs.record is not None:
+        sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.drawn, **outputs.maps))
+    report, verdict = _track(
+        source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks, prepared
+    )
+    OUT.print(summary(report, source.name, engine), markup=False)
+    if outputs.folder is not None and results is not None and report.n_scans:
+        files = results.write(
+            outputs.folder,
+            report,
+            name=source.name,
+            engine=engine,
+            log=source.log if isinstance(source, LogSource) else None,
+            command=sys.argv,
+        )
+        OUT.print(f"wrote {outputs.out}/{', '.join(files)}", markup=False)
+    if verdict is not None:
+        OUT.print(with_flags(verdict.sentence), markup=False, soft_wrap=True)
+    return report, verdict
+
+
+def summary(report: LiveReport, name: str, engine: Engine) -> str:
     """Return how a live run went, in a few lines."""
     import numpy as np
 
@@ -174,8 +250,8 @@ def summary(report: LiveReport, name: str) -> str:
         return f"{name}: no scan"
     lines = [f"{name}: {report.n_scans:,} scans" + (", interrupted" * report.is_interrupted)]
     lines += [f"  {n:,}  {kind.value}" for kind, n in report.outcomes.most_common()]
-    if report.n_closures:
-        lines.append(f"  {report.n_closures:,} loop closures")
+    if isinstance(engine, curvescan.Slam):
+        lines.append(f"  {engine!r}")  # as `slam` counts them
     lines.append(f"  {report.n_dropped:,} scans dropped because tracking was too slow")
     for what, values in (("time a scan", report.seconds), ("from scan to pose", report.latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
@@ -183,25 +259,10 @@ def summary(report: LiveReport, name: str) -> str:
     return "\n".join(lines)
 
 
-def _mode(saved_map: Path | None, odometry_only: bool) -> Mode:
-    if saved_map is not None:
-        if odometry_only:
-            raise InvalidArgumentError("--map and --odometry-only exclude each other: give one")
-        return "localization"
-    return "odometry" if odometry_only else "SLAM"
-
-
-def _saved_map(path: Path) -> Any:
-    from curvescan import load_map
-
-    return load_map(path)
-
-
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
     from curvescan.cli.console import ERR
-    from curvescan.cli.flags import with_flags
-    from curvescan.cli.proposals import propose_commands
+    from curvescan.cli.flags import propose_commands, with_flags
     from curvescan.diagnostics.preparation import prepare_log
     from curvescan.io.held import HeldLog
 
@@ -214,14 +275,16 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     return prepared
 
 
-def _simulation(scans: int | None, people: int, seed: int, speed: float) -> ScanSource:
-    from curvescan.live import SimulatedSource
+def _opened(path: Path) -> tuple[Any, Any]:
+    """Return a map to localize in, and the same as keyframes."""
+    from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
 
-    return SimulatedSource(n_scans=scans, n_people=people, seed=seed, speed=speed)
+    found = opened(path)
+    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found, field_of_grid(found))
 
 
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
-    from curvescan.live.drivers.opening import open_driver
+    from curvescan.live.drivers import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
@@ -238,20 +301,10 @@ def _preview(source: ScanSource, viewer: Viewer) -> None:
         viewer.preview(first)
 
 
-def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, can_deskew: bool) -> Engine:
-    """Return the odometry, SLAM or localizer, its kernels compiled."""
+def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) -> Engine:
+    """Return an engine, its kernels compiled."""
     from curvescan.cli.console import ERR
     from curvescan.live.warm_up import warm_up
-
-    def new() -> Engine:
-        if mode == "odometry":
-            odometry = curvescan.OdometryConfig.of_method(method)
-            return curvescan.Odometry(method, config=replace(odometry, deskew=can_deskew))
-        config = curvescan.SlamConfig()
-        config = replace(config, odometry=replace(config.odometry, deskew=can_deskew))
-        if mode == "localization":
-            return curvescan.Localizer(saved, method=method, config=config)
-        return curvescan.Slam(method, config=config)
 
     if viewer is not None:
         viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")
@@ -260,20 +313,37 @@ def _engine(mode: Mode, method: Method, saved: Any, viewer: Viewer | None, *, ca
     return new()
 
 
-def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]) -> LiveReport:
+def _track(
+    source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink], prepared: PreparedLog | None
+) -> tuple[LiveReport, Verdict | None]:
     """Run and show; every sink has finished when this returns."""
+    from curvescan.cli.console import ERR
+    from curvescan.diagnostics.verdict import judge
     from curvescan.live import run_live
+    from curvescan.odometry.run import Recorder
 
     if viewer is not None:
+        viewer.offer(tracker)
         viewer.set_status("running", "running")
+    recorder, verdict = Recorder(), None
+    engine = tracker.engine
     try:
-        report = run_live(source, tracker, sinks)
-        if report.n_scans and isinstance(tracker.engine, curvescan.Slam):
+        report = run_live(source, tracker, sinks, on_scan=lambda one: recorder.add(one.step, one.seconds))
+        if report.is_interrupted:
+            ERR.print(f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once")
+        has_prior = prepared is not None and prepared.odometry_poses is not None
+        record = recorder.record(engine.method, is_partial=report.is_interrupted, has_prior=has_prior)
+        if report.n_scans and isinstance(engine, curvescan.Slam):
             started = time.perf_counter()
-            poses = tracker.engine.finish().poses
+            with tracker.lock:
+                revised = engine.finish()
+            record = replace(record, trajectory=replace(revised, stamps=record.online.stamps))
+            poses = revised.poses
             seconds = time.perf_counter() - started
             for sink in sinks:
                 sink.finish_with(poses, seconds)
+        if report.n_scans:
+            verdict = judge(record, engine, prepared)
     finally:
         for sink in sinks:
             sink.close()
@@ -282,8 +352,9 @@ def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: S
             viewer.set_status("error", str(report.error))
         else:
             what = "stopped" if report.is_interrupted else "ended"
-            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.")
+            result = "" if verdict is None else f" The result is {verdict.sentence}."
+            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.{result}")
     for sink in sinks:
         if sink.error is not None:
             raise sink.error
-    return report
+    return report, verdict

@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
-    LogPath,
-    MethodConfigs,
-    MethodName,
-    OutFolder,
-    Reading,
-    ReadingFlags,
-    results_folder,
-)
+from curvescan.cli.options import LogPath, MatcherFlags, Matching, OutFolder, Reading, ReadingFlags, results_folder
 
 if TYPE_CHECKING:
     from curvescan.matchers.cfsma.trace import CfSmaTrace
@@ -29,10 +19,8 @@ def match(
     /,
     *,
     out: OutFolder = None,
-    method: MethodName = "curvescan",
+    matching: Matching = MatcherFlags(),  # noqa: B008 - frozen
     reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Print the pose of scan J seen from scan I, and draw how it came about.
 
@@ -59,17 +47,16 @@ def match(
     source, out = reading.open(log), results_folder(out, log, "match")
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
-        load_kernels(method)
-        result = match_scans(reference, current, method=method, config=configs.of(method))
-        save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=configs.cfsma)
+        load_kernels(matching.method)
+        result = match_scans(reference, current, method=matching.method, config=matching.matcher)
+        save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=matching.cfsma)
     OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)
     if result.ok:
         x, y, theta = result.pose
         sigma = np.sqrt(np.diag(result.covariance))
         OUT.print(
-            f"  x {x:.4f} ± {sigma[0]:.4f} m, y {y:.4f} ± {sigma[1]:.4f} m, "
-            f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
-            f"{result.n_matched} matched pairs"
+            f"  x {x:.4f} ± {sigma[0]:.4f} m, y {y:.4f} ± {sigma[1]:.4f} m, theta {np.degrees(theta):.3f} ± "
+            f"{np.degrees(sigma[2]):.3f} deg, {result.n_matched} matched pairs"
         )
     if result.degenerate_direction is not None:
         dx, dy, dtheta = result.degenerate_direction

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-
 from curvescan.cli.options import (
     Chain,
-    ChainConfig,
-    ChainConfigs,
-    ConfigFile,
-    Configs,
+    LogFlags,
     LogPath,
+    LogUse,
     MapConfig,
-    MethodConfigs,
-    MethodName,
+    OdometryFlags,
+    OdometryRules,
     OutFolder,
-    Preparation,
-    PreparationFlags,
-    Reading,
-    ReadingFlags,
-    odometry_config,
     results_folder,
+    run_options,
 )
 from curvescan.io.exports import ExportName
 from curvescan.mapping.config import OccupancyConfig
@@ -31,15 +23,11 @@ def odometry(
     /,
     *,
     out: OutFolder = None,
-    method: MethodName = "curvescan",
     chain: Chain = "auto",
     export: tuple[ExportName, ...] = (),
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
+    rules: OdometryRules = OdometryFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    chain_config: ChainConfig = ChainConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Follow the sensor of a log by matching its scans, and write the trajectory and the maps.
 
@@ -63,21 +51,15 @@ def odometry(
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
-    source, out = reading.open(log), results_folder(out, log, "odometry")
-    with run_display(lambda: load_kernels(method)) as display:
+    source, out = use.reading.open(log), results_folder(out, log, "odometry")
+    with run_display(lambda: load_kernels(rules.matching.method)) as display:
         result = run(
             source,
             out=out,
-            method=method,
-            config=odometry_config(method, chain, chain_config),
-            matcher=configs.of(method),
-            odometry_prior=preparation.wanted,
-            as_is=preparation.as_is,
+            config=rules.config(chain),
             exports=export,
             occupancy=occupancy,
-            command=sys.argv,
-            source=log,
             display=display,
-            keeps_steps=False,
+            **run_options(log, rules.matching, use),
         )
     return report(result, out)

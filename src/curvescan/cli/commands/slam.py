@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import (
-    ConfigFile,
-    Configs,
+    LogFlags,
     LogPath,
+    LogUse,
     MapConfig,
-    MethodConfigs,
-    MethodName,
     OutFolder,
-    Preparation,
-    PreparationFlags,
-    Reading,
-    ReadingFlags,
-    SlamConfigs,
     SlamFlags,
+    SlamRules,
     results_folder,
+    run_options,
 )
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.exports import ExportName
@@ -36,23 +30,29 @@ if TYPE_CHECKING:
 Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="I J")]
 
 
+@dataclass(frozen=True, kw_only=True)
+class EditFlags:
+    """Edits of the map that is continued."""
+
+    drop: Pairs = ()
+    """Drop the closures between keyframes I and J of the map; may be repeated."""
+    add: Pairs = ()
+    """Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated."""
+    edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them."""
+
+
 def slam(
     log: LogPath | None = None,
     /,
     *,
     out: OutFolder = None,
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,  # noqa: A002 - the flag's name
-    drop: Pairs = (),
-    add: Pairs = (),
-    edits: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    method: MethodName = "curvescan",
+    edits: Annotated[EditFlags, tyro.conf.arg(name="")] = EditFlags(),
     export: tuple[ExportName, ...] = (),
-    preparation: PreparationFlags = Preparation(),  # noqa: B008 - frozen
-    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
+    rules: SlamRules = SlamFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
     occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
-    config: ConfigFile = None,
-    configs: Configs = MethodConfigs(),  # noqa: B008 - frozen
-    slam_config: SlamFlags = SlamConfigs(),  # noqa: B008 - frozen
 ) -> int:
     """Close the loops of a log: odometry, and a pose graph that revises every pose.
 
@@ -66,12 +66,6 @@ def slam(
     map
         A map to continue, map.csmap of an earlier run: the log may begin anywhere in it. Without LOG the map is only
         mended.
-    drop
-        Drop the closures between keyframes I and J of the map; may be repeated.
-    add
-        Add a closure between keyframes I and J of the map, as the matcher finds it without a guess; may be repeated.
-    edits
-        File of edits to replay on the map, as `curvescan view` saves it; --drop and --add come after them.
     export
         Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2);
         graph.g2o is written in any case.
@@ -81,38 +75,26 @@ def slam(
     from curvescan.runs.run import run
 
     folder = results_folder(out, log or map or Path(), "slam")
-    begin = _mended(map, drop, add, edits, None if log else folder) if drop or add or edits or log is None else map
+    begin = _mended(map, edits, None if log else folder) if edits != EditFlags() or log is None else map
     if log is None:
         return 0
-    source = reading.open(log)
-    with run_display(lambda: load_kernels(method, slam=True)) as display:
+    source = use.reading.open(log)
+    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
         result = run(
             source,
             "slam",
             out=folder,
-            method=method,
-            config=slam_config.slam,
-            matcher=configs.of(method),
+            config=rules.slam,
             map=begin,
-            odometry_prior=preparation.wanted,
-            as_is=preparation.as_is,
             exports=export,
             occupancy=occupancy,
-            command=sys.argv,
-            source=log,
             display=display,
-            keeps_steps=False,
+            **run_options(log, rules.matching, use),
         )
     return report(result, folder)
 
 
-def _mended(
-    path: Path | None,
-    drop: Sequence[tuple[int, int]],
-    add: Sequence[tuple[int, int]],
-    file: Path | None,
-    out: Path | None,
-) -> SlamMap:
+def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     """Return the map with its edits, written with them into a folder, if there is one."""
     from curvescan.cli.console import OUT
     from curvescan.slam import load_map
@@ -122,8 +104,8 @@ def _mended(
     if path is None:
         raise InvalidArgumentError("give a LOG; or --map, and with --drop, --add or --edits what to mend in it")
     begin = load_map(path)
-    edits = [*(read_edits(file) if file else ()), *(Edit(do="drop", i=i, j=j) for i, j in drop)]
-    edits += [added(begin, i, j) for i, j in add]
+    edits = [*(read_edits(flags.edits) if flags.edits else ()), *(Edit(do="drop", i=i, j=j) for i, j in flags.drop)]
+    edits += [added(begin, i, j) for i, j in flags.add]
     mended = edited(begin, edits)
     if out is not None:
         names = save_map_folder(out, mended, edits)

@@ -1,4 +1,7 @@
-"""Whether wheels, or a gyroscope, measure the motion that the scans show: short motions from all over a log, matched without a guess."""
+"""Whether wheels, or a gyroscope, measure the motion that the scans show.
+
+The test takes short motions from all over a log and matches their scans without a guess.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +21,14 @@ _N_MOTIONS = 150
 _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
 """Motions that are compared: metres, metres, radians. Shorter ones say nothing, longer ones are harder to match."""
 
-_MAX_SCANS = 60
-"""Most scans that a motion takes."""
-
-_SURE = 0.9
-"""Confidence of a match from which on it is compared."""
-
-_N_SURE = 10
-"""Sure matches that it takes to judge."""
+_MAX_SCANS = 60  # most scans that a motion takes
+_SURE = 0.9  # confidence of a match from which on it is compared
+_N_SURE = 10  # sure matches that it takes to judge
 
 _OFF, _OFF_RAD, _OFF_SHARE = 0.05, 0.03, 0.25
 """Motions agree that differ by no more than this, metres and radians, and this share of the motion: they may slip."""
 
-_SHARE = 0.6
-"""Share of the sure matches that agree with wheels that are used."""
+_SHARE = 0.6  # share of the sure matches that agree with wheels that are used
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +65,13 @@ def compare_motion(log: Log, poses: Pose) -> Agreement:
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:
-    """Return the (3,) motion between two scans by a match without a guess; None where it is not sure in all directions."""
+    """Return the (3,) motion between two scans by a match without a guess; None unless all of it is sure."""
     found = match(earlier, later)
     return found.pose if found.ok and found.confidence > _SURE and found.degenerate_direction is None else None
 
 
 def _motions(poses: Pose) -> list[tuple[int, int]]:
-    """Return pairs of scans between which the poses move: the longest motion from the first scans of each part of the log."""
+    """Return pairs of scans: of each part of the log the longest motion from its first scans."""
     found = []
     edges = np.linspace(0, max(len(poses) - 1, 0), _N_MOTIONS + 1).astype(int).tolist()
     for begin, end in pairwise(edges):

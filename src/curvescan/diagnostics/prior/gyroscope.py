@@ -1,7 +1,8 @@
-"""What sure matches say of a gyroscope: its bias, and whether sweeps without beam times are straight once its turn is taken out.
+"""What sure matches say of a gyroscope: its bias, and whether its turn straightens sweeps without beam times.
 
-A rotating laser whose log gives no beam times sweeps from one stamp to the next. On the turn such sweeps are bent and match badly;
-undone by the gyroscope's turn over the interval before the stamp they match the better the more of the bend it explains.
+A rotating laser whose log gives no beam times sweeps from one stamp to the next. On the turn such sweeps are bent and
+match badly; undone by the gyroscope's turn over the interval before the stamp they match the better the more of the
+bend it explains.
 """
 
 from __future__ import annotations
@@ -19,40 +20,22 @@ from curvescan.scan import LaserScan
 from curvescan.se2 import wrap
 from curvescan.types import Floats
 
-_N_STEPS, _N_TURNS = 150, 60
-"""Steps that the bias is found from, and turns in which sweeps are straightened, at most."""
+_N_STEPS, _N_TURNS = 150, 60  # steps that the bias is found from, and turns in which sweeps are straightened, at most
 
 _MIN_STEPS, _MIN_TURNS = 20, 15
-_SHARP = math.radians(4.0)
-"""Turns of so much within a sweep bend it by more than a beam."""
-
-_BIASED = math.radians(1.0)
-"""Bias from which on a gyroscope is worse than the motion model, radians a second."""
-
-_CERTAIN = 4.0
-"""Standard errors that the gain must be from zero."""
+_SHARP = math.radians(4.0)  # turns of so much within a sweep bend it by more than a beam
+_BIASED = math.radians(1.0)  # bias from which on a gyroscope is worse than the motion model, radians a second
+_CERTAIN = 4.0  # standard errors that the gain must be from zero
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gyroscope:
-    """What sure matches say of a gyroscope.
+    """What sure matches say of a gyroscope."""
 
-    Attributes
-    ----------
-    bias : float
-        Rate that it shows at rest, radians a second; 0 where too few steps are matched surely.
-    n_turns : int
-        Sharp turns in which sweeps were straightened by it.
-    gain : float
-        Mean score of matches of straightened sweeps, less that of the sweeps as they are.
-    standard_error : float
-        Of the gain; NaN with fewer than two turns.
-    """
-
-    bias: float
-    n_turns: int
-    gain: float
-    standard_error: float
+    bias: float  # rate that it shows at rest, radians a second; 0 where too few steps are matched surely
+    n_turns: int  # sharp turns in which sweeps were straightened by it
+    gain: float  # mean score of matches of straightened sweeps, less that of the sweeps as they are
+    standard_error: float  # of the gain; NaN with fewer than two turns
 
     @property
     def is_biased(self) -> bool:
@@ -89,7 +72,7 @@ def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
 
 
 def straightened(scan: LaserScan, rate: float, seconds: float) -> LaserScan:
-    """Return a scan without the turn during its sweep, which took so many seconds and ended at its stamp; the stamp stays."""
+    """Return a scan without the turn during its sweep, which took so many seconds and ended at the stamp."""
     if not (math.isfinite(rate) and seconds > 0.0) or scan.time_increment > 0.0:
         return scan
     timed = replace(scan, time_increment=seconds / max(len(scan), 1))

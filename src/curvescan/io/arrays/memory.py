@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,24 +20,14 @@ from curvescan.scan import LaserScan
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MemoryLog(ScanAccess):
-    """Scans in memory; a Log.
+    """Scans in memory, and the pose of the sensor by its wheels at each; a Log. No file could be broken."""
 
-    Attributes
-    ----------
-    scans : tuple of LaserScan
-        In the order they were recorded.
-    odometry : Trajectory or None
-        Wheel odometry: pose of the sensor at each scan.
-    name, format : str
-        For titles and messages.
-    read_errors, tag_counts, notes
-        Empty: there is no file that could be broken.
-    """
-
-    scans: tuple[LaserScan, ...]
-    odometry: Trajectory | None = None
+    scans: tuple[LaserScan, ...]  # in the order they were recorded
+    odometry: Trajectory | None = None  # wheel odometry: pose of the sensor at each scan
+    # name, format: for titles and messages
     name: str = "arrays"
     format: str = "scans in memory"
+    # read_errors, tag_counts, notes: empty: there is no file that could be broken
     read_errors: tuple[ReadError, ...] = ()
     tag_counts: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -52,7 +43,7 @@ class MemoryLog(ScanAccess):
 
 
 def as_log(scans: Log | Iterable[LaserScan]) -> Log:
-    """Return a log, or scans as one. Raises InvalidArgumentError where they are none."""
+    """Return a log, or scans as one, with the odometry they have. Raises InvalidArgumentError where they are none."""
     if isinstance(scans, Log):
         return scans
     found = tuple(scans) if isinstance(scans, Iterable) else (scans,)
@@ -62,7 +53,12 @@ def as_log(scans: Log | Iterable[LaserScan]) -> Log:
             f"a log must be a Log, an iterable of LaserScan or the path of a file, got {type(scans).__name__}"
             + f" with a {type(wrong).__name__}" * isinstance(scans, Iterable)
         )
-    return MemoryLog(scans=found, name="scans")
+    if all(scan.odometry is None for scan in found):
+        return MemoryLog(scans=found, name="scans")
+    poses = [np.full(3, np.nan) if scan.odometry is None else scan.odometry for scan in found]
+    # a run looks whether they agree with the scans before it uses them
+    found = tuple(replace(scan, odometry=None) for scan in found)
+    return MemoryLog(scans=found, odometry=_trajectory(found, poses), name="scans")
 
 
 def log_from_arrays(
@@ -86,10 +82,8 @@ def log_from_arrays(
     ----------
     readings : iterable of (float, (n,) array_like)
         Stamp in seconds, and ranges in metres; gone through once and kept. n may change, but with `angles`.
-    angle_min, angle_increment : float
-        Direction of the first beam, and angle from a beam to the next, radians; or `angles`.
-    angles : (n,) array_like
-        Direction of each beam, radians.
+    angle_min, angle_increment, angles : float, float, (n,) array_like
+        Direction of the first beam and angle from a beam to the next, or the direction of each beam, radians.
     range_min, range_max : float
         Limits of a valid reading, metres.
     time_increment, scan_time : float
@@ -102,24 +96,22 @@ def log_from_arrays(
     Raises
     ------
     InvalidArgumentError
-        When a pair is none, a number breaks the rules of LaserScan (the message names the scan), or `odometry` has
-        another length.
+        When a pair is none, a scan breaks the rules of LaserScan, or `odometry` has another length.
     """
+    layout: dict[str, Any] = {
+        "angle_min": angle_min,
+        "angle_increment": angle_increment,
+        "angles": angles,
+        "range_min": range_min,
+        "range_max": range_max,
+        "time_increment": time_increment,
+        "scan_time": scan_time,
+    }
     scans: list[LaserScan] = []
     for i, reading in enumerate(readings):
         try:
             stamp, ranges = reading
-            scan = LaserScan(
-                ranges,  # type: ignore[arg-type]
-                angle_min=angle_min,  # type: ignore[arg-type]
-                angle_increment=angle_increment,  # type: ignore[arg-type]
-                angles=angles,  # type: ignore[arg-type]
-                range_min=range_min,
-                range_max=range_max,
-                stamp=stamp,
-                time_increment=time_increment,
-                scan_time=scan_time,
-            )
+            scan = LaserScan(ranges, stamp=stamp, **layout)  # type: ignore[arg-type]
         except InvalidArgumentError as error:
             raise InvalidArgumentError(f"scan {i}: {error}") from None
         except (TypeError, ValueError):
@@ -131,7 +123,7 @@ def log_from_arrays(
     return MemoryLog(scans=tuple(scans), odometry=_trajectory(scans, odometry), name=name)
 
 
-def _trajectory(scans: list[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
+def _trajectory(scans: Sequence[LaserScan], odometry: ArrayLike | None) -> Trajectory | None:
     if odometry is None:
         return None
     poses = np.array(odometry, dtype=np.float64)

@@ -27,8 +27,8 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.lines import unpacked_limit
 from curvescan.io.files.printable import printable
 from curvescan.types import Floats
 
@@ -52,22 +52,12 @@ class NpyHeader:
 
 
 class NpzFile:
-    """The arrays of an .npz file; no file stays open between the readings.
-
-    Raises LogFileError, LogFormatError.
-
-    Attributes
-    ----------
-    headers : dict of str to NpyHeader
-        Of every array, by its name.
-    n_given : int
-        Size of the file, bytes.
-    """
+    """The arrays of an .npz file; no file stays open between the readings. Raises LogFileError, LogFormatError."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = self._unpacked(path)
-        self.n_given = path.stat().st_size
+        self.n_given = path.stat().st_size  # bytes
         self.headers: dict[str, NpyHeader] = {}
         with self._opened() as archive:
             self._check_members(archive)
@@ -84,12 +74,7 @@ class NpzFile:
         return values.reshape(header.shape)
 
     def blocks(self, name: str) -> Iterator[Floats]:
-        """Yield the rows of an array as float64, at most a MiB at once; elements where it has one dimension.
-
-        An array in Fortran's order, which has no rows, is read whole.
-
-        Raises LogFormatError.
-        """
+        """Yield the rows of an array as float64, at most a MiB at once; one in Fortran's order is read whole."""
         header = self.headers[name]
         n_rows, *rest = header.shape or (1,)
         row_bytes = header.dtype.itemsize * math.prod(rest)

@@ -1,6 +1,7 @@
 """packed: arrays and words in one deflated block of bytes that the page takes apart.
 
-The length of a JSON text, the text, then the arrays one after the other; in the text an array is its type, place and length.
+The length of a JSON text, the text, then the arrays one after the other; in the text an array is its type, place and
+length.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ from typing import Any
 import numpy as np
 
 _TYPES = {"<f4": "Float32Array", "<f8": "Float64Array", "|u1": "Uint8Array", "<u2": "Uint16Array", "<i4": "Int32Array"}
-_ALIGNED = 8
-"""Each array begins at a multiple of this, as a typed array of JavaScript must."""
+_ALIGNED = 8  # each array begins at a multiple of this, as a typed array of JavaScript must
 
 
 def packed(tree: Any) -> bytes:

@@ -1,7 +1,7 @@
 """FinishedSite: the page of finished runs for the server, and the mending of a map on it.
 
-It keeps no state: with each request the page sends all its edits, so that undo is one edit less, and what it shows is what
-a replay of the same edits gives.
+It keeps no state: with each request the page sends all its edits, so that undo is one edit less, and what it shows is
+what a replay of the same edits gives.
 """
 
 from __future__ import annotations

@@ -22,16 +22,10 @@ _MAX_RUNS = 2
 
 
 class FinishedView:
-    """Finished runs on one page; shown by a notebook, or saved as one HTML file.
-
-    Attributes
-    ----------
-    runs : tuple of FinishedRun
-        One, or two side by side.
-    """
+    """Finished runs on one page; shown by a notebook, or saved as one HTML file."""
 
     def __init__(self, runs: Sequence[FinishedRun]) -> None:
-        self.runs = tuple(runs)
+        self.runs = tuple(runs)  # one, or two side by side
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page into one HTML file, which opens without a server.
@@ -70,13 +64,14 @@ class FinishedView:
 def view(run: Any, other: Any = None) -> FinishedView:
     """Return a page of one finished run, or of two side by side; a notebook shows it, ``save("run.html")`` writes it.
 
-    The page shows map, path, keyframes, every loop closure that was tried and why it was accepted or not, ellipses, and the
-    scan at any time.
+    The page shows map, path, keyframes, every loop closure that was tried and why it was accepted or not, ellipses, and
+    the scan at any time.
 
     Parameters
     ----------
     run : str, path-like or run
-        Results folder of `curvescan odometry`, `slam` or `localize`, a map file, or what :func:`curvescan.run` returned.
+        Results folder of `curvescan odometry`, `slam` or `localize`, a map file, or what :func:`curvescan.run`
+        returned.
     other : the same or None
         A second run.
 

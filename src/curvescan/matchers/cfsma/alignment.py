@@ -20,21 +20,11 @@ COINCIDENT = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Alignment:
-    """Closed-form minimum of eq. 10.
+    """Closed-form minimum of eq. 10."""
 
-    Attributes
-    ----------
-    pose : (3,) float64
-        Pose of cur in ref [x, y, theta]: metres, metres, radians in (-pi, pi].
-    error : float
-        E_min, square metres.
-    spread : float
-        Root mean square distance of the points of cur from their centre, metres.
-    """
-
-    pose: Pose
-    error: float
-    spread: float
+    pose: Pose  # (3,): pose of cur in ref [x, y, theta]: metres, metres, radians in (-pi, pi]
+    error: float  # E_min, square metres
+    spread: float  # root mean square distance of the points of cur from their centre, metres
 
     @property
     def fixes_rotation(self) -> bool:

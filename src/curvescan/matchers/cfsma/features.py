@@ -18,34 +18,18 @@ from curvescan.types import Floats, Ints, Points
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CfSmaFeatures:
-    """Segments, curvature functions, spectra and characteristic points of one scan.
+    """Segments, curvature functions, spectra and characteristic points of one scan."""
 
-    Attributes
-    ----------
-    n_beams : int
-        Beams of the scan.
-    beam_idx : (m,) int64
-        The scan's own index of each valid reading, readings in sweep order.
-    points : (m, 2) float64
-        The valid readings in sweep order, sensor frame, metres.
-    starts, stops : (s,) int64
-        Segment k is points[starts[k]:stops[k]].
-    eta : (m,) float64
-        Curvature index of each reading, radians; 0 outside segments.
-    spectra : (s, length // 2 + 1) complex128
-        Spectrum of each segment's curvature function, of unit energy.
-    landmarks : Landmarks
-        Characteristic points.
-    """
-
-    n_beams: int
-    beam_idx: Ints
-    points: Points
+    n_beams: int  # beams of the scan
+    beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings in sweep order
+    points: Points  # (m, 2): the valid readings in sweep order, sensor frame, metres
+    # starts, stops: (s,): segment k is points[starts[k]:stops[k]]
     starts: Ints
     stops: Ints
-    eta: Floats
+    eta: Floats  # (m,): curvature index of each reading, radians; 0 outside segments
+    # (s, length // 2 + 1) complex128: spectrum of each segment's curvature function, of unit energy
     spectra: NDArray[np.complex128]
-    landmarks: Landmarks
+    landmarks: Landmarks  # characteristic points
 
 
 def extract_features(scan: LaserScan, config: CfSmaConfig) -> CfSmaFeatures:

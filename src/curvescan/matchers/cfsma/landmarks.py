@@ -37,19 +37,12 @@ class Verdict(IntEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Landmarks:
-    """Characteristic points of one scan.
+    """Characteristic points of one scan."""
 
-    Attributes
-    ----------
-    extents : (c, 3) int64
-        Row [i, start, stop]: the point is reading i in sweep order, of the segment of readings
-        start..stop - 1. Ascending.
-    bounds : (s + 1,) int64
-        Segment k has the rows bounds[k]:bounds[k + 1].
-    """
-
+    # (c, 3): Row [i, start, stop]: the point is reading i in sweep order, of the segment of readings start..stop - 1.
+    # Ascending.
     extents: Ints
-    bounds: Ints
+    bounds: Ints  # (s + 1,): segment k has the rows bounds[k]:bounds[k + 1]
 
     def __len__(self) -> int:
         return int(self.extents.shape[0])
@@ -57,21 +50,11 @@ class Landmarks:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LandmarkPairs:
-    """What became of each characteristic point of the current scan.
+    """What became of each characteristic point of the current scan."""
 
-    Attributes
-    ----------
-    partner : (c,) int64
-        Row of the most similar candidate among the reference's landmarks; -1 without a candidate.
-    similarity : (c,) float64
-        Similarity S to it (eq. 8), in [0, 1].
-    verdict : (c,) uint8
-        A Verdict; only where it is PAIRED do the partners count.
-    """
-
-    partner: Ints
-    similarity: Floats
-    verdict: Codes
+    partner: Ints  # (c,): row of the most similar candidate among the reference's landmarks; -1 without a candidate
+    similarity: Floats  # (c,): Similarity S to it (eq. 8), in [0, 1].
+    verdict: Codes  # (c,): a Verdict; only where it is PAIRED do the partners count
 
 
 def characteristic_points(eta: Floats, starts: Ints, stops: Ints, config: LandmarksConfig) -> Landmarks:

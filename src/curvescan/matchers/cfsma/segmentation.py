@@ -20,19 +20,13 @@ from curvescan.types import Bools, Floats, Ints
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Segments:
-    """Segments of one sweep, as slices of its readings in sweep order.
+    """Segments of one sweep, as slices of its readings in sweep order."""
 
-    Attributes
-    ----------
-    order : (m,) int64
-        Index into the sweep's Readings; sweep order, begun at a breakpoint where the sweep is a full
-        circle, so that no segment is cut by the seam.
-    starts, stops : (s,) int64
-        Segment k holds the readings order[starts[k]:stops[k]]; at least `min_readings` each. Readings
-        in no segment are isolated groups.
-    """
-
+    # (m,): index into the sweep's Readings; sweep order, begun at a breakpoint where the sweep is a full circle, so
+    # that no segment is cut by the seam
     order: Ints
+    # starts, stops: (s,): Segment k holds the readings order[starts[k]:stops[k]]; at least `min_readings` each.
+    # Readings in no segment are isolated groups.
     starts: Ints
     stops: Ints
 

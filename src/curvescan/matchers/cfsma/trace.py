@@ -76,27 +76,16 @@ def count_gates(gates: Codes) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CfSmaTrace:
-    """What happened between two scans, stage by stage; everything a picture or a diagnosis needs.
+    """What happened between two scans, stage by stage; everything a picture or a diagnosis needs."""
 
-    Attributes
-    ----------
-    reference, current : CfSmaFeatures
-        Features of both scans.
-    function_pairs : ((p,) int64, (p,) int64)
-        Paired segments, current and reference, most alike first.
-    correlation : (p,) float64
-        Their correlation upsilon (eq. 6).
-    landmark_pairs : LandmarkPairs
-        Verdict on each characteristic point of the current scan.
-    reading_pairs : ((N_t,) int64, (N_t,) int64)
-        Matched readings, current and reference, in sweep order of each scan's features.
-    """
-
+    # reference, current: features of both scans
     reference: CfSmaFeatures
     current: CfSmaFeatures
+    # ((p,) int64, (p,) int64): paired segments, current and reference, most alike first
     function_pairs: tuple[Ints, Ints]
-    correlation: Floats
-    landmark_pairs: LandmarkPairs
+    correlation: Floats  # (p,): Their correlation upsilon (eq. 6).
+    landmark_pairs: LandmarkPairs  # verdict on each characteristic point of the current scan
+    # ((N_t,) int64, (N_t,) int64): matched readings, current and reference, in sweep order of each scan's features
     reading_pairs: tuple[Ints, Ints]
 
     @cached_property

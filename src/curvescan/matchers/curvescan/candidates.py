@@ -28,21 +28,11 @@ _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one a
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RefinedCandidates:
-    """The candidates that come near the best, refined on all readings.
+    """The candidates that come near the best, refined on all readings."""
 
-    Attributes
-    ----------
-    weighed : WeighedPoses
-        Poses of the current scan in the reference and what speaks for each, the most likely first.
-    assessment : Assessment or None
-        Of the first; None where no pose finds enough support.
-    is_guess_decisive : bool
-        Whether a guess decided between poses that explain the scans.
-    """
-
-    weighed: WeighedPoses
-    assessment: Assessment | None
-    is_guess_decisive: bool = False
+    weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
+    assessment: Assessment | None  # of the first; None where no pose finds enough support
+    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
 
 def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
@@ -77,8 +67,8 @@ def direction_to_search(
 ) -> Pose | None:
     """Return the direction along which the best pose may lie elsewhere, or None.
 
-    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a corridor, it is that way:
-    what fixes the pose along it may be people who agree by chance.
+    It is the least informed one, where that is weakly observable. Where nearly all that agrees runs one way, as in a
+    corridor, it is that way: what fixes the pose along it may be people who agree by chance.
     """
     if assessment.is_weakly_observable(config.information):
         return assessment.weakest

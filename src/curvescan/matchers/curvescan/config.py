@@ -32,8 +32,8 @@ class SegmentsConfig:
     jump_growth: float = 8.0
     """Growth of `jump` for each metre of range noise above `noisy`."""
     arm_growth: float = 0.9
-    """Power of the range noise over `noisy` with which `arm` grows: from two thirds on the directions of lines are known
-    as well as with less noise."""
+    """Power of the range noise over `noisy` with which `arm` grows: from two thirds on the directions of lines are
+    known as well as with less noise."""
     range_sigma_min: float = 0.003
     """Least range noise that a scan is taken to have, metres."""
 
@@ -213,8 +213,8 @@ class InformationConfig:
     degenerate_sigma: float = 1.0
     """Standard deviation given to an open direction, metres at the typical reading."""
     degenerate_ratio: float = 0.1
-    """A direction of which less than this share of the next one's information is known is searched along, and tested whether
-    the scans agree as well some way along it."""
+    """A direction of which less than this share of the next one's information is known is searched along, and tested
+    whether the scans agree as well some way along it."""
     fine_along_step: float = 0.05
     """The best place along it is looked for in steps of this length, metres at the typical reading."""
     max_along_turn: float = 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -50,39 +51,25 @@ bare corridor have less in common than they seem to where they are laid over eac
 _MAX_CANDIDATES = 8
 
 _FLAT_SIGMA = 0.1
-"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best place,
-metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
+place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AssessedPose:
-    """The best candidate without what moved, and what the scans say of it.
+    """The best candidate without what moved, and what the scans say of it."""
 
-    Attributes
-    ----------
-    weighed : WeighedPoses
-        It, and the other candidates.
-    assessment : Assessment or None
-        Of the first; None where too few readings agree.
-    is_degenerate : (3,) bool
-        Principal directions of the information that the scans leave open, the least informed first.
-    is_flat : bool
-        Whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are any.
-    ties : list of int
-        Rows of the candidates that may be right as well and differ by a motion along the least informed direction.
-    support : Support or None
-        What speaks for the first and against it; None where too few readings agree.
-    is_guess_decisive : bool
-        Whether a guess decided between poses that explain the scans.
-    """
-
-    weighed: WeighedPoses
-    assessment: Assessment | None = None
+    weighed: WeighedPoses  # it, and the other candidates
+    assessment: Assessment | None = None  # of the first; None where too few readings agree
+    # (3,): principal directions of the information that the scans leave open, the least informed first
     is_degenerate: Bools
+    # whether the scans agree as well anywhere along the least informed direction; else only at the ties, if there are
+    # any
     is_flat: bool = False
+    # rows of the candidates that may be right as well and differ by a motion along the least informed direction
     ties: list[int]
-    support: Support | None = None
-    is_guess_decisive: bool = False
+    support: Support | None = None  # what speaks for the first and against it; None where too few readings agree
+    is_guess_decisive: bool = False  # whether a guess decided between poses that explain the scans
 
     @property
     def poses(self) -> Floats:
@@ -94,33 +81,23 @@ class AssessedPose:
         """(k,) how well the scans agree at each, at most 1."""
         return self.weighed.scores
 
+    @cached_property
+    def information(self) -> Cov:
+        """(3, 3) what the scans alone say of the first pose; zero where too few readings agree."""
+        return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Verdict:
-    """What comes of a match.
+    """What comes of a match."""
 
-    Attributes
-    ----------
-    outcome : Outcome
-        MATCHED, or why not.
-    pose : (3,) float64 or None
-        Of the current scan in the reference; None unless MATCHED, as are all below.
-    assessment : Assessment or None
-        What the scans say of it.
-    covariance : (3, 3) float64 or None
-        Of the pose.
-    is_degenerate : bool
-        Whether the scans leave a direction open.
-    confidence : float
-        Probability that the pose is right, within what its covariance says.
-    """
-
-    outcome: Outcome
+    outcome: Outcome  # MATCHED, or why not
+    # (3,) float64 or None: of the current scan in the reference; None unless MATCHED, as are all below
     pose: Pose | None = None
-    assessment: Assessment | None = None
-    covariance: Cov | None = None
-    is_degenerate: bool = False
-    confidence: float = 0.0
+    assessment: Assessment | None = None  # what the scans say of it
+    covariance: Cov | None = None  # (3, 3) float64 or None: of the pose
+    is_degenerate: bool = False  # whether the scans leave a direction open
+    confidence: float = 0.0  # probability that the pose is right, within what its covariance says
 
 
 def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
@@ -162,7 +139,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
 def along_weakest_direction(
     poses: Floats, assessment: Assessment, is_open: bool, walls: Pose | None, config: CurvescanConfig
 ) -> list[int]:
-    """Return the rows of the poses that differ from the first by a motion along its weakest direction, where that is weak or open.
+    """Return the rows of the poses that differ from the first by a motion along its weakest direction, if weak or open.
 
     Or along the `walls`, where nearly all that agrees runs their way.
     """
@@ -182,7 +159,7 @@ def along_weakest_direction(
 
 
 def ties_of(support: Support, along: list[int], config: CurvescanConfig) -> list[int]:
-    """Return the rows along the weakest direction that may be right instead of the first: all, if it is not sure alone."""
+    """Return rows along the weakest direction that may be right instead of the first: all, unless it is sure alone."""
     if not along:
         return []
     ties = [k for k in support.repeated() if k in along]
@@ -221,7 +198,7 @@ def disambiguate(problem: Problem, assessed: AssessedPose) -> Verdict:
 
 
 def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> tuple[Pose, Assessment, Cov]:
-    """Return the pose, where along a degenerate direction a guess or its ties have it, what supports it, its covariance."""
+    """Return the pose, moved along a degenerate direction to a guess or its ties; its support and its covariance."""
     ref, cur, guess, config = problem
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
@@ -245,17 +222,17 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     support, first = assessed.support, assessed.assessment
     if support is None or first is None:
         return ()
-    information = first.information_matrix(assessed.is_degenerate)
+    information = assessed.information
     if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
         along = first.axes[:, 0] / first.units
         information = information + np.outer(along, along) / _FLAT_SIGMA**2
-    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information)
+    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
     rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
     return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
 
 
 def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
-    """Return whether the readings fix the pose, though along one direction only just, and no other pose along it is as good."""
+    """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False
@@ -284,7 +261,8 @@ def nearest_of_ties(
 def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
     """Return the (3, 3) covariance across a degenerate direction that comes of not knowing the direction itself.
 
-    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many millimetres.
+    Walls are straight and parallel to a few milliradians: a pose a metre along lies beside the line by as many
+    millimetres.
     """
     dx, dy, _ = weakest.tolist()
     across = _DIRECTION_SIGMA * config.degenerate_sigma * np.array([-dy, dx, 0.0])
@@ -295,8 +273,8 @@ def covariance_of_direction(weakest: Pose, config: InformationConfig) -> Cov:
 def covariance_of_ties(pose: Pose, ties: Floats) -> Cov:
     """Return the (3, 3) second moment about a pose of those that it may as well be, each as likely, itself among them.
 
-    The covariance of a pose is computed at one place along a degenerate direction, and knows the direction there to milliradians:
-    a tie a metre along lies beside it by many of its standard deviations.
+    The covariance of a pose is computed at one place along a degenerate direction, and knows the direction there to
+    milliradians: a tie a metre along lies beside it by many of its standard deviations.
     """
     min_difference = np.array([difference(tie, pose) for tie in ties])
     moment: Cov = min_difference.T @ min_difference / len(ties)
@@ -311,7 +289,7 @@ def move_to_guess(
     assessment: Assessment,
     config: CurvescanConfig,
 ) -> tuple[Pose, Assessment]:
-    """Return a pose moved along its degenerate direction to where a guess has it, and its assessment there, if the scans agree.
+    """Return a pose moved along its degenerate direction to its guess, and its assessment there, if the scans agree.
 
     Where motion along it is unobservable, the pose lies anywhere; and as the direction itself is known to a few
     milliradians only, half a metre along it that is added afterwards would turn the pose by as much.

@@ -1,8 +1,8 @@
 """The matcher "curvescan": hypotheses from CF-SMA's kind of corners, scored, refined, and assessed.
 
 It starts where CF-SMA starts, from the characteristic points of surfaces, and closes its two holes. A corner with the
-two directions that leave it is an oriented keypoint, and one pair of keypoints a pose, so that no single wrong pair decides; and the
-pose is refined point to line, so that no index-by-index pairs cost accuracy.
+two directions that leave it is an oriented keypoint, and one pair of keypoints a pose, so that no single wrong pair
+decides; and the pose is refined point to line, so that no index-by-index pairs cost accuracy.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class CurvescanMatcher:
     ) -> MatchResult:
         """Return the pose of `current` in `reference`.
 
-        The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree there
-        and fix both axes, and it decides between poses that explain the scans as well as each other.
+        The pose of the prior is one more hypothesis. It is taken without a look at others when many readings agree
+        there and fix both axes, and it decides between poses that explain the scans as well as each other.
         """
         problem = Problem(reference, current, None if prior is None else prior.pose, self.config)
         if not (self.can_be_reference(reference) and self.can_be_reference(current)):
@@ -106,8 +106,9 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
 
 def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
     """Return the (3, 3) information of the scans alone at the pose, or without one at the best candidate."""
-    assessment = verdict.assessment or (assessed.assessment if assessed.support else None)
-    return np.zeros((3, 3)) if assessment is None else assessment.information_matrix(assessed.is_degenerate)
+    if verdict.assessment is None or verdict.assessment is assessed.assessment:
+        return assessed.information if assessed.support else np.zeros((3, 3))
+    return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
 def _score(scores: Floats) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -22,17 +23,48 @@ MapFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 _BOX = tyro.conf.arg(metavar="X0 Y0 X1 Y1")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ChangeFlags:
+    """Changes of a map, in the order in which they are made."""
+
+    merge: MapFile = None
+    """Join another map to it, by matches without a guess; refused where too few of them agree."""
+    turn: float = 0.0
+    """Turn it about the origin, degrees, counter-clockwise."""
+    level: Flag = False
+    """Turn it so that most of its walls are level."""
+    crop: Annotated[Box | None, _BOX] = None
+    """Keep what lies within a box, metres."""
+    rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = ()
+    """Remove the readings that end within a box, metres; may be repeated."""
+    resolution: float | None = None
+    """Side of a cell of the occupancy map, metres."""
+
+    def changed(self, slam_map: SlamMap) -> SlamMap:
+        """Return a map with the changes."""
+        from curvescan.slam import load_map
+        from curvescan.slam.editing import operations
+        from curvescan.slam.editing.merging import merged
+
+        if self.merge is not None:
+            slam_map = merged(slam_map, load_map(self.merge))
+        if self.turn:
+            slam_map = operations.turned(slam_map, math.radians(self.turn))
+        if self.level:
+            slam_map = operations.leveled(slam_map)
+        if self.crop is not None:
+            slam_map = operations.cropped(slam_map, self.crop)
+        for box in self.rub_out:
+            slam_map = operations.rubbed_out(slam_map, box)
+        return slam_map if self.resolution is None else operations.resampled(slam_map, self.resolution)
+
+
 def edit_map(
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")],
     /,
     *,
     out: OutFolder = None,
-    merge: MapFile = None,
-    turn: float = 0.0,
-    level: Flag = False,
-    crop: Annotated[Box | None, _BOX] = None,
-    rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = (),
-    resolution: float | None = None,
+    changes: Annotated[ChangeFlags, tyro.conf.arg(name="")] = ChangeFlags(),
     compare: MapFile = None,
     points: tuple[Literal["ply", "pcd"], ...] = (),
     export: tuple[ExportName, ...] = (),
@@ -46,18 +78,6 @@ def edit_map(
     ----------
     file
         The map, map.csmap of `curvescan slam`.
-    merge
-        Join another map to it, by matches without a guess; refused where too few of them agree.
-    turn
-        Turn it about the origin, degrees, counter-clockwise.
-    level
-        Turn it so that most of its walls are level.
-    crop
-        Keep what lies within a box, metres.
-    rub_out
-        Remove the readings that end within a box, metres; may be repeated.
-    resolution
-        Side of a cell of the occupancy map, metres.
     compare
         A later map in the same frame: what appeared and what is gone, in changes.csv and changes.png.
     points
@@ -70,25 +90,12 @@ def edit_map(
     from curvescan.io.points import write_pcd, write_ply
     from curvescan.slam import load_map
     from curvescan.slam.editing import operations
-    from curvescan.slam.editing.merging import merged
     from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
 
     out = results_folder(out, file, "map")
-    slam_map = load_map(file)
-    if merge is not None:
-        slam_map = merged(slam_map, load_map(merge))
-    if turn:
-        slam_map = operations.turned(slam_map, math.radians(turn))
-    if level:
-        slam_map = operations.leveled(slam_map)
-    if crop is not None:
-        slam_map = operations.cropped(slam_map, crop)
-    for box in rub_out:
-        slam_map = operations.rubbed_out(slam_map, box)
-    if resolution is not None:
-        slam_map = operations.resampled(slam_map, resolution)
+    slam_map = changes.changed(load_map(file))
     found = None if compare is None else operations.changes(slam_map.occupancy(), load_map(compare).occupancy())
-    inputs = [path for path in (file, merge, compare) if path is not None]
+    inputs = [path for path in (file, changes.merge, compare) if path is not None]
     with map_folder(out, slam_map, inputs=inputs) as folder:
         for name in points:
             write = {"ply": write_ply, "pcd": write_pcd}[name]

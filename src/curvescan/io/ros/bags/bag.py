@@ -24,8 +24,8 @@ from rosbags.rosbag1 import WriterError as RosbagsWriterError
 from rosbags.rosbag2 import ReaderError as Ros2Error
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.printable import printable
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
@@ -44,29 +44,17 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message as it stands in the bag.
+    """One message as it stands in the bag."""
 
-    Attributes
-    ----------
-    topic, msgtype : str
-        Where it belongs.
-    received : int
-        When the recorder received it, nanoseconds.
-    data : bytes
-        Not yet decoded; see Bag.decode.
-    """
-
+    # topic, msgtype: where it belongs
     topic: str
     msgtype: str
-    received: int
-    data: bytes
+    received: int  # when the recorder received it, nanoseconds
+    data: bytes  # not yet decoded; see Bag.decode
 
 
 class Bag:
-    """A ROS bag that can be read again and again; no file stays open between the readings.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """A ROS bag that can be read again and again; no file stays open between the readings."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -99,8 +87,7 @@ class Bag:
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
 
-        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all. Raises
-        LogFormatError.
+        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all.
         """
         for file in self._files:
             limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]

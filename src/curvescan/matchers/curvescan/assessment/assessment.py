@@ -20,32 +20,21 @@ from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """What two scans say of a pose.
+    """What two scans say of a pose."""
 
-    Attributes
-    ----------
-    codes_ref, codes_cur : (m,), (k,) uint8
-        What each reading is to the other scan; codes of labels.py.
-    partner_ref, partner_cur : (m,), (k,) int64
-        Reading of the other scan that each agrees with, -1 for none.
-    n_inliers : int
-        Readings of the current scan that agree.
-    is_static_ref, is_static_cur : (m,), (k,) bool
-        Which readings are of surfaces that did not move as a whole.
-    n_dynamic : int
-        Surfaces that did, of both scans.
-    information, spurious, axes, units
-        Principal directions of the information; see :func:`curvescan.matchers.curvescan.assessment.information.pose_information`.
-    """
-
+    # codes_ref, codes_cur: (m,), (k,): what each reading is to the other scan; codes of labels.py
     codes_ref: Codes
     codes_cur: Codes
+    # partner_ref, partner_cur: (m,), (k,): reading of the other scan that each agrees with, -1 for none
     partner_ref: Ints
     partner_cur: Ints
-    n_inliers: int
+    n_inliers: int  # readings of the current scan that agree
+    # is_static_ref, is_static_cur: (m,), (k,): which readings are of surfaces that did not move as a whole
     is_static_ref: Bools
     is_static_cur: Bools
-    n_dynamic: int
+    n_dynamic: int  # surfaces that did, of both scans
+    # information, spurious, axes, units: principal directions of the information; see
+    # :func:`curvescan.matchers.curvescan.assessment.information.pose_information`
     information: Floats
     spurious: Floats
     axes: Floats
@@ -53,7 +42,7 @@ class Assessment:
 
     @property
     def weakest(self) -> Pose:
-        """(3,) least observable direction of the pose: metres, metres and radians; it moves a typical reading by 1 m."""
+        """(3,) least observable direction of the pose: metres, metres, radians; moves a typical reading by 1 m."""
         weakest: Pose = self.axes[:, 0] * self.units
         return weakest
 
@@ -88,7 +77,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
 
 @kernel
 def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
-    """Take their partners from the readings of surfaces that moved, in place, and return how many readings have one left."""
+    """Take the partners of readings of surfaces that moved away, in place; return how many readings have one left."""
     n_left = 0
     for i in range(codes.size):
         if not is_static[i]:
@@ -142,7 +131,7 @@ def assess(
 
 
 def is_uninformed(assessment: Assessment, config: InformationConfig) -> Bools:
-    """Return (3,) in which principal directions the readings say next to nothing, or no more than tilted lines seem to."""
+    """Return (3,) whether the readings say next to nothing, or no more than tilted lines, of a principal direction."""
     information = assessment.information
     is_so: Bools = (information < 2.0 * assessment.spurious) | (information < config.max_sigma**-2)
     return is_so
@@ -153,8 +142,8 @@ def degenerate_directions(
 ) -> Bools:
     """Return (3,) which principal directions the scans leave open, the least informed first.
 
-    A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next to nothing; and the least informed,
-    if it is weak, also when the scans agree as well some way along it.
+    A direction is degenerate when its information does not exceed the spurious information of tilted lines, or is next
+    to nothing; and the least informed, if it is weak, also when the scans agree as well some way along it.
     """
     rules, images = config.information, (ref.image, cur.image)
     is_degenerate = is_uninformed(assessment, rules)

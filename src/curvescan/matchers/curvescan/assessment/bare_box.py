@@ -1,7 +1,8 @@
 """Bare boxes: places as small as the cabin of an elevator, of which nothing but walls agrees.
 
-A sensor that sees half a circle has two or three walls of such a place in sight, and two walls fit any corner. A robot turns round in it,
-what is seen through the door may be another floor, and nothing that is hidden contradicts: the right pose and one turned by a quarter look alike.
+A sensor that sees half a circle has two or three walls of such a place in sight, and two walls fit any corner. A robot
+turns round in it, what is seen through the door may be another floor, and nothing that is hidden contradicts: the right
+pose and one turned by a quarter look alike.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _N_TAKEN = 48
 
 
 def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPoses, assessment: Assessment) -> bool:
-    """Return whether nothing agrees at the first pose but the walls of a small bare place, and the robot may have turned in it.
+    """Return whether only the walls of a small bare place agree at the first pose, and the robot may have turned in it.
 
     Neither a guess nor standing still speaks for the pose.
     """

@@ -3,8 +3,8 @@
 Each pose of a match has log odds against there being nothing in common, linear in its evidence. Chance: in a world of
 right angles a corner of two walls fits any other, so what agrees *beyond* the two longest walls counts in full, and
 walls that one scan has where the other saw through count against. Repetition: shelves, pillars and bare rooms look the
-same from several places, so each other pose has odds against the best one, and one that explains as much makes the match
-ambiguous. The model and its fit: docs/design-notes/confidence.md.
+same from several places, so each other pose has odds against the best one, and one that explains as much makes the
+match ambiguous. The model and its fit: docs/design-notes/confidence.md.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ BARE = 0.2
 """Metres that agree beyond four walls: with less a room is bare."""
 
 CROWDED = 0.2
-"""Metres of small things that contradict a pose: from there on people are about, who hide what else there is and agree by chance."""
+"""Metres of small things that contradict a pose: with more, people are about, who hide things and agree by chance."""
 
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""
@@ -58,7 +58,7 @@ COEFFICIENTS = {
     "few_motion": -1.28,
     "few_seen_through": -3.32,
 }
-"""Log odds that a pose is right and not nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
+"""Log odds of a pose against nothing in common, by the terms of `Support`; fitted by bench/fit_confidence.py."""
 
 RIVAL_COEFFICIENTS = {
     "constant": -2.06,
@@ -112,27 +112,13 @@ _MUCH_NEARER = 2.2  # the same for all others: a bare room turned by 180 degrees
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WeighedPoses:
-    """Poses of one match and what speaks for each, the most likely first.
+    """Poses of one match and what speaks for each, the most likely first."""
 
-    Attributes
-    ----------
-    poses : (k, 3) float64
-        Of the current scan in the reference.
-    scores : (k,) float64
-        How well the scans agree there, at most 1.
-    evidence : (k, N_EVIDENCE) float64
-        What the surfaces say; columns of evidence.py.
-    motions : (k,) float64
-        How far each is from the guess, or from standing still: metres plus radians.
-    is_guessed : (k,) bool
-        Whether it lies where a guess has it.
-    """
-
-    poses: Floats
-    scores: Floats
-    evidence: Floats
-    motions: Floats
-    is_guessed: Bools
+    poses: Floats  # (k, 3): of the current scan in the reference
+    scores: Floats  # (k,): how well the scans agree there, at most 1
+    evidence: Floats  # (k, N_EVIDENCE): what the surfaces say; columns of evidence.py
+    motions: Floats  # (k,): how far each is from the guess, or from standing still: metres plus radians
+    is_guessed: Bools  # (k,): whether it lies where a guess has it
 
     def rows(self, order: list[int]) -> WeighedPoses:
         """Return some of the poses, in another order."""
@@ -197,10 +183,11 @@ class WeighedPoses:
 
     @property
     def may_be_turned(self) -> bool:
-        """Whether the first pose may as well be another, turned: only four walls agree, and a wall contradicts it or the motion is large.
+        """Whether the first pose may as well be another, turned.
 
-        A rectangle looks the same after half a turn, and two of its walls fit any corner. Of a sensor that sees half a circle the right
-        pose may share next to nothing with the reference, so that no other pose speaks against the first. A guess decides.
+        It may if only four walls agree, and a wall contradicts it or the motion is large. A rectangle looks the same
+        after half a turn, and two of its walls fit any corner. Of a sensor that sees half a circle the right pose may
+        share next to nothing with the reference, so that no other pose speaks against the first. A guess decides.
         """
         if not len(self.poses):
             return False
@@ -212,12 +199,15 @@ class WeighedPoses:
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether no pose comes near a confidence that a match needs: no other place along its walls, and no refinement, makes up for it."""
+        """Whether no pose comes near the confidence of a match: neither search along walls nor refinement helps."""
         return max(map(self.log_odds, range(len(self.poses)))) < _HOPELESS
 
     @property
     def is_one_way(self) -> bool:
-        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor, people are about, and no guess has it there."""
+        """Whether nearly all surface that agrees at the first pose runs one way, as in a corridor.
+
+        Besides, people are about, and no guess lies there.
+        """
         best = self._rows[0]
         is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > CROWDED
         return bool(is_along_walls and not self.is_guessed[0])
@@ -229,7 +219,8 @@ class WeighedPoses:
     def explains_more(self, k: int) -> bool:
         """Return whether walls contradict the first pose, and more agrees at pose k, and better.
 
-        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door of an elevator.
+        What contradicts pose k is then no argument: something must have changed between the scans, as behind the door
+        of an elevator.
         """
         own, best = self._rows[k], self._rows[0]
         return bool(

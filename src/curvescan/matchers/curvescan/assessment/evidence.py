@@ -1,7 +1,7 @@
 """Evidence: what the surfaces of both scans say for a pose and against it, in metres of surface.
 
-Surfaces that stand free and are no larger than a person may have moved between the scans; what contradicts a pose at any
-other surface is a wall seen through. Docs: docs/design-notes/confidence.md.
+Surfaces that stand free and are no larger than a person may have moved between the scans; what contradicts a pose at
+any other surface is a wall seen through. Docs: docs/design-notes/confidence.md.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def add_evidence(
     margin: float,
     found: Floats,
 ) -> int:
-    """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`, and return how many of them have a misfit."""
+    """Add what the readings of one scan say of a pose to (N_EVIDENCE,) `found`; return how many have a misfit."""
     codes = np.zeros(surfels.shape[0], dtype=np.uint8)
     motion = motion_of(pose, way)
     placed = project(surfels, motion, other)
@@ -158,8 +158,9 @@ def large_length(surfels: Floats, bounds: Ints, codes: Codes) -> float:
 
 @kernel
 def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) -> float:
-    """Return the length of surface seen through in runs of no more than 0.5 m that stand before what is on both sides of them, metres.
+    """Return the length of surface that is seen through and may be people, metres.
 
+    It is seen through in runs of no more than 0.5 m that stand before what is on both sides of them.
     A person who leans on a wall is of one surface with it.
     """
     total = 0.0
@@ -184,7 +185,7 @@ def person_length(surfels: Floats, bounds: Ints, codes: Codes, is_small: Bools) 
 
 @kernel
 def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int, step: int) -> bool:
-    """Return whether a run of readings of surface k stands before what is beside its reading `edge`, on the side of `step`."""
+    """Return whether a run of readings of surface k stands before what is beside `edge`, on the side of `step`."""
     beside = edge + step
     if beside < 0 or beside >= surfels.shape[0]:
         return True

@@ -1,10 +1,10 @@
 """Covariance: the information of the inliers on the pose, and the directions in which they have none.
 
 The information of a point-to-line fit in closed form (Censi, "An accurate closed-form estimate of ICP's
-covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading constrains the pose along its
-line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to give
-something along the wall as well: in a corridor that is all there is. Its expected amount is known from the
-fit and is taken off, so that a corridor stays unobservable along itself.
+covariance", ICRA 2007; "On achievable accuracy for pose tracking", ICRA 2009): each reading constrains the pose along
+its line's normal, with the range noise of both scans. Lines are fitted to noisy readings, and a tilted line seems to
+give something along the wall as well: in a corridor that is all there is. Its expected amount is known from the fit and
+is taken off, so that a corridor stays unobservable along itself.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def add_information(
 
 @kernel
 def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
-    """Return the eigenvalues, ascending, and eigenvectors (columns) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
+    """Return ascending eigenvalues, and eigenvectors (columns), of a symmetric 3 x 3 matrix, by Jacobi rotations."""
     a = np.empty((3, 3))
     v = np.zeros((3, 3))
     for i in range(3):
@@ -166,7 +166,7 @@ def pose_information(
 def covariance(
     information: Floats, axes: Floats, units: Floats, is_degenerate: Bools, degenerate_sigma: float
 ) -> Floats:
-    """Return the (3, 3) covariance of a pose, m^2, m rad, rad^2, with degenerate_sigma metres in each open direction."""
+    """Return the (3, 3) covariance of a pose, metres and radians, with degenerate_sigma in each open direction."""
     cov = np.zeros((3, 3))
     least = 1.0 / (degenerate_sigma * degenerate_sigma)
     for k in range(3):

@@ -27,7 +27,7 @@ _WEAK = 0.5  # of the next direction's information: only a direction with less i
 def without_movable(
     ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, assessment: Assessment, config: CurvescanConfig
 ) -> Assessment:
-    """Return the assessment, with the information that is left without movable things where only they fix a direction."""
+    """Return the assessment; where only movable things fix a direction, their information is taken out."""
     if assessment.information[0] > _WEAK * assessment.information[1]:
         return assessment
     is_free = [

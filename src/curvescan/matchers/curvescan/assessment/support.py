@@ -28,24 +28,13 @@ _MAX_LOG_ODDS = 60.0  # beyond it a probability is 0 or 1
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
-    """What speaks for the first of some poses and against it.
+    """What speaks for the first of some poses and against it."""
 
-    Attributes
-    ----------
-    log_odds : float
-        That it is right and the scans have not nothing in common.
-    rivals : dict of int to float
-        Log odds, for each other pose that may be right instead, by its row.
-    repetitions : dict of int to float
-        Share of what supports the first that each of them explains.
-    regular : tuple of int
-        Rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in a row, of which
-        the first lays those of one scan on the next ones of the other.
-    """
-
-    log_odds: float
-    rivals: dict[int, float]
-    repetitions: dict[int, float]
+    log_odds: float  # that it is right and the scans have not nothing in common
+    rivals: dict[int, float]  # log odds, for each other pose that may be right instead, by its row
+    repetitions: dict[int, float]  # share of what supports the first that each of them explains
+    # rows that lie to either side of the first at one distance and each explain some of what supports it: shelves in
+    # a row, of which the first lays those of one scan on the next ones of the other
     regular: tuple[int, ...] = ()
 
     @property

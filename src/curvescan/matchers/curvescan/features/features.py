@@ -19,36 +19,16 @@ from curvescan.types import Floats, Ints
 
 
 class CurvescanFeatures(NamedTuple):
-    """Surfels, keypoints and the range image of one scan.
+    """Surfels, keypoints and the range image of one scan."""
 
-    Attributes
-    ----------
-    n_beams : int
-        Beams of the scan.
-    beam_idx : (m,) int64
-        The scan's own index of each valid reading, readings counter-clockwise from a breakpoint on.
-    bounds : (s + 1,) int64
-        Surface k is readings bounds[k]:bounds[k + 1].
-    image : RangeImage
-        The readings and the lines through them, and which reading stands in which direction.
-    wide_image : RangeImage
-        The same with more samples, to compare poses that are nearly as good as each other.
-    full_image : RangeImage
-        The same with all readings as samples.
-    keypoints : (k, 5) float64
-        Corners and ends of surfaces; columns as in keypoints.py.
-    directions : (120,) float64
-        Length of surface that faces each direction.
-    """
-
-    n_beams: int
-    beam_idx: Ints
-    bounds: Ints
-    image: RangeImage
-    wide_image: RangeImage
-    full_image: RangeImage
-    keypoints: Floats
-    directions: Floats
+    n_beams: int  # beams of the scan
+    beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings counter-clockwise from a breakpoint on
+    bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
+    image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
+    wide_image: RangeImage  # the same with more samples, to compare poses that are nearly as good as each other
+    full_image: RangeImage  # the same with all readings as samples
+    keypoints: Floats  # (k, 5): corners and ends of surfaces; columns as in keypoints.py
+    directions: Floats  # (120,): length of surface that faces each direction
 
     @property
     def sigma(self) -> float:
@@ -98,7 +78,8 @@ def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats,
     """Return the beams, segments, surfels, moments and range noise of a scan.
 
     What is noise and what a jump from one surface to the next, and over which length a line's direction is known well,
-    depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with it.
+    depends on the noise, which is estimated from the lines: where it is large, segments and lines are found anew with
+    it.
     """
     jump, arm, step = config.jump, config.arm, abs(scan.angle_increment)
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle

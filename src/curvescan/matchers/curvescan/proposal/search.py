@@ -28,41 +28,25 @@ _SAME = 0.1  # metres, radians times 2 m: two candidates within it are one
 
 
 class Problem(NamedTuple):
-    """What is to be matched.
+    """What is to be matched."""
 
-    Attributes
-    ----------
-    reference, current : CurvescanFeatures
-        Both scans.
-    guess : (3,) float64 or None
-        Expected pose of the current scan in the reference, metres, metres, radians.
-    config : CurvescanConfig
-        All parameters.
-    """
-
+    # reference, current: both scans
     reference: CurvescanFeatures
     current: CurvescanFeatures
+    # (3,) float64 or None: expected pose of the current scan in the reference, metres, metres, radians
     guess: Pose | None
-    config: CurvescanConfig
+    config: CurvescanConfig  # all parameters
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidates:
-    """The best poses found.
+    """The best poses found."""
 
-    Attributes
-    ----------
-    poses : (k, 3) float64
-        Poses that differ from one another, refined on the samples, best first; of the current scan in the reference.
-    scores : (k,) float64
-        How well the scans agree there, at most 1.
-    n_tried : int
-        Poses that were verified.
-    """
-
+    # (k, 3): poses that differ from one another, refined on the samples, best first; of the current scan in the
+    # reference
     poses: Floats
-    scores: Floats
-    n_tried: int
+    scores: Floats  # (k,): how well the scans agree there, at most 1
+    n_tried: int  # poses that were verified
 
 
 def propose(problem: Problem) -> Candidates:
@@ -171,11 +155,12 @@ def explore(
     n_along: int,
     degenerate_ratio: float,
 ) -> tuple[Floats, Floats]:
-    """Return a few poses and their scores: the best of those given, refined, and if need be moved along a degenerate direction and refined.
+    """Return a few poses and their scores: the best of those given, refined.
 
-    `tolerances` are those of rough, moved and closely refined poses, metres and metres for each metre of range; `n_kept`
-    and `n_first` what is kept of each and the samples tried first. They are no constants, for each of which Numba would
-    compile `select` anew.
+    If need be they are moved along a degenerate direction and refined again.
+    `tolerances` are those of rough, moved and closely refined poses, metres and metres for each metre of range;
+    `n_kept` and `n_first` what is kept of each and the samples tried first. They are no constants, for each of which
+    Numba would compile `select` anew.
     """
     rough, rough_slope, slid_tolerance, slid_slope, close, close_slope = tolerances
     chosen, _ = select(poses, ref, cur, rough, rough_slope, n_kept[0], n_first[0], _OTHER)
@@ -198,7 +183,7 @@ def _is_expected(found: Candidates, guess: Pose | None, config: CurvescanConfig)
 
 
 def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
-    """Return whether the best pose finds little support, or middling with few poses tried or a close competing hypothesis."""
+    """Return whether the best pose finds little support, or middling with few poses or a close competing hypothesis."""
     scoring, scores = config.scoring, found.scores
     if not len(scores) or scores[0] < scoring.doubtful_score:
         return True
