@@ -26,22 +26,11 @@ from curvescan.slam import Localizer, Slam
 from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
-_LONGEST_STEP_S = 2.0
-"""What moved is looked for between scans that are kept at most so far apart, seconds."""
+_LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at most so far apart, seconds
 
 
 class ResultsSink(MapSink):
-    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own.
-
-    Parameters
-    ----------
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    is_lossless : bool
-        Whether the tracker waits for this sink.
-    """
+    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own."""
 
     def __init__(
         self, *, occupancy: OccupancyConfig | None = None, mode: str = "odometry", is_lossless: bool = False
@@ -50,7 +39,9 @@ class ResultsSink(MapSink):
         self._recorder = Recorder()
         # scans are kept without SLAM too: the maps are made of them at the end
         is_kept = mode != "localization"
-        super().__init__("results", occupancy=occupancy, is_revisable=is_kept, capacity=2000, is_lossless=is_lossless)
+        super().__init__(
+            "results", mode=mode, occupancy=occupancy, is_lossless=is_lossless, is_revisable=is_kept, capacity=2000
+        )
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; its pose at once, so that none is missing in the trajectory."""
@@ -74,21 +65,6 @@ class ResultsSink(MapSink):
 
         Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
         from those that were kept, one for every 0.15 m and 20 degrees.
-
-        Parameters
-        ----------
-        folder : Path
-            Where to write.
-        report : LiveReport
-            How the run went; at least one scan.
-        name : str
-            Name of the source.
-        engine : Odometry, Slam or Localizer
-            What ran.
-        log : Log or None
-            What was replayed; None for a source that cannot be read again.
-        command : sequence of str
-            The command line behind the run.
         """
         is_partial = report.error is not None or len(log or ()) > report.n_scans
         record = self._recorder.record(engine.method, is_partial=is_partial)

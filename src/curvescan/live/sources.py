@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from curvescan.io.log import Log
     from curvescan.types import Floats, Pose
 
-_LONGEST_PAUSE = 2.0
-"""A leap of a log's stamps is replayed as a pause of this length at most, seconds."""
+_LONGEST_PAUSE = 2.0  # a leap of a log's stamps is replayed as a pause of this length at most, seconds
 
 
 @runtime_checkable
@@ -40,26 +39,21 @@ class ScanSource(Protocol):
     @property
     def name(self) -> str:
         """Name for titles and messages."""
-        ...
 
     @property
     def is_live(self) -> bool:
         """Whether scans come at their own time, so that what is not taken in time is lost."""
-        ...
 
     def __enter__(self) -> Self:
         """Open the source."""
-        ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Close the source; may be called from another thread than the one that reads."""
-        ...
 
     def scans(self) -> Iterator[LaserScan]:
         """Yield the scans as they come."""
-        ...
 
 
 class _Paced:

@@ -29,40 +29,20 @@ from curvescan.types import Floats
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
 """The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
 
-_SEND_PERIOD = 0.025
-"""Least time between two scans sent to a browser, seconds."""
+_SEND_PERIOD = 0.025  # least time between two scans sent to a browser, seconds
 
 _HEARTBEAT = 5.0
 """A browser to which nothing was sent for so long gets a comment, seconds: that shows whether it is still there."""
 
-_MAX_CLOSURES = 1000
-"""Loop closures that are drawn at most: the newest."""
-
-_N_TIMES = 120
-"""Times of scans that a new browser is sent: as many as the page draws."""
-
-_N_POINTS = 1500
-"""Readings of a scan that are sent at most."""
+_MAX_CLOSURES = 1000  # loop closures that are drawn at most: the newest
+_N_TIMES = 120  # times of scans that a new browser is sent: as many as the page draws
+_N_POINTS = 1500  # readings of a scan that are sent at most
 
 Event = tuple[str, dict[str, Any]]
 
 
 class Viewer(MapSink):
-    """What the page shows.
-
-    Parameters
-    ----------
-    name : str
-        Name of the source, for the title.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    saved_map : SlamMap or None
-        The map that is localized in, shown from the beginning.
-    is_lossless : bool
-        Whether the tracker waits for this sink, so that no scan is missing in the map.
-    """
+    """What the page shows; `name` is its title, the others are those of :class:`curvescan.live.sinks.MapSink`."""
 
     def __init__(
         self,
@@ -90,9 +70,7 @@ class Viewer(MapSink):
         self._n_events = 0
         self._changed = threading.Condition()
         self._is_over = False
-        super().__init__(
-            "viewer", occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless, saved_map=saved_map
-        )
+        super().__init__("viewer", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless)
         if saved_map is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
 

@@ -79,10 +79,7 @@ def write_map(folder: str | os.PathLike[str], grid: OccupancyGrid, name: str = "
 
 
 def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
-    """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be."""
     path = Path(path)
     try:
         lines = [line.partition(":") for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]

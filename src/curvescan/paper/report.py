@@ -25,8 +25,7 @@ from curvescan.runs.evaluation import relation_record
 from curvescan.runs.results import write_record
 from curvescan.runs.table import ResultTable
 
-PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}
-"""Table VI of the paper."""
+PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}  # table VI of the paper
 
 
 def save_experiments(folder: Path, results: Experiments) -> None:

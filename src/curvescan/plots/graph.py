@@ -16,10 +16,7 @@ from curvescan.types import Bools, Points
 
 
 def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> None:
-    """Save the pose graph of a map as a picture.
-
-    cells (k, 2).
-    """
+    """Save the pose graph of a map as a picture. cells (k, 2)."""
     places = np.concatenate((cells, slam_map.poses[:, :2]))
     with drawing_places(path, places) as (figure, [axes]):
         as_place(axes, title)

@@ -22,8 +22,8 @@ from curvescan.io.reading import read_log
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.runs.graph_files import edges_of
 from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
-from curvescan.runs.pose_graph import edges_of
 from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
 from curvescan.scan import LaserScan
@@ -45,11 +45,9 @@ class RunDisplay(Protocol):
 
     def begin(self, stage: str, n_steps: int) -> None:
         """Begin a stage of so many steps; 0: its length is not known."""
-        ...
 
     def advance(self) -> None:
         """One step of the stage is done."""
-        ...
 
 
 class Silent:
@@ -218,8 +216,7 @@ def localize(
     return job.run(log, source, "localization", rules.odometry.deskew, new)
 
 
-_NewEngine: TypeAlias = Callable[[bool], Engine]
-"""Makes an engine that deskews, or not."""
+_NewEngine: TypeAlias = Callable[[bool], Engine]  # makes an engine that deskews, or not
 
 
 def _new_odometry(method: str, rules: OdometryConfig, matcher: MatcherConfig | None) -> tuple[_NewEngine, bool]:

@@ -252,8 +252,7 @@ def summary(report: LiveReport, name: str) -> str:
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
     from curvescan.cli.console import ERR
-    from curvescan.cli.flags import with_flags
-    from curvescan.cli.proposals import propose_commands
+    from curvescan.cli.flags import propose_commands, with_flags
     from curvescan.diagnostics.preparation import prepare_log
     from curvescan.io.held import HeldLog
 

@@ -15,30 +15,19 @@ from curvescan.diagnostics.prior.agreement import sure_motion
 from curvescan.io.log import EstimatedLog, Log
 from curvescan.types import Floats, Pose
 
-_WAY = 50.0
-"""Least way between two visits of a place, metres."""
-
-_NEAR = 0.5
-"""Most by which the two poses differ, metres and radians."""
+_WAY = 50.0  # least way between two visits of a place, metres
+_NEAR = 0.5  # most by which the two poses differ, metres and radians
 
 _EXACT, _EXACT_RAD = 0.15, math.radians(2.0)
 """Poses that never drift agree with the scans within so much: the steps of a search grid, and of rounding."""
 
-_N_VISITS, _N_SURE = 40, 10
-"""Visits that are matched at most, and those that must be sure to judge by."""
-
-_APART = 10
-"""Scans between two visits that are matched, at least."""
-
-_SHARE = 0.9
-"""Share of the sure visits that are exact in poses that never drift."""
+_N_VISITS, _N_SURE = 40, 10  # visits that are matched at most, and those that must be sure to judge by
+_APART = 10  # scans between two visits that are matched, at least
+_SHARE = 0.9  # share of the sure visits that are exact in poses that never drift
 
 
 def why_reference(log: Log, poses: Pose) -> str:
-    """Return why the poses in a log are a reference; empty for wheel odometry.
-
-    poses (n, 3).
-    """
+    """Return why the poses in a log are a reference; empty for wheel odometry. poses (n, 3)."""
     if isinstance(log, EstimatedLog) and (why := log.why_estimated()):
         return why
     errors = _errors_of_visits(log, poses)

@@ -8,11 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-MIN_UNPACKED_LIMIT = 64 << 20
-"""Up to this many bytes a file may always unpack to."""
-
-MAX_UNPACKED_RATIO = 100
-"""Beyond, it may unpack to this many times its size."""
+MIN_UNPACKED_LIMIT = 64 << 20  # up to this many bytes a file may always unpack to
+MAX_UNPACKED_RATIO = 100  # beyond, it may unpack to this many times its size
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 

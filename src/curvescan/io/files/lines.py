@@ -21,8 +21,7 @@ from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.read_errors import ReadErrorCounter
 
 GZIP_MAGIC = b"\x1f\x8b"
-MAX_LINE_BYTES = 1 << 20
-"""Longest line that is read: twenty times a line of 5,000 readings with remissions."""
+MAX_LINE_BYTES = 1 << 20  # longest line that is read: twenty times a line of 5,000 readings with remissions
 
 _CHUNK_BYTES = 1 << 16
 
@@ -35,10 +34,7 @@ class BrokenGzipError(LogFormatError):
 
 
 def read_head(path: Path, n_bytes: int) -> bytes:
-    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter.
-
-    Raises LogFileError, BrokenGzipError.
-    """
+    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter."""
     head = b""
     try:
         for chunk in read_chunks(path):
@@ -67,12 +63,7 @@ class LineMark:
 
 
 def read_line_at(path: Path, offset: int) -> bytes:
-    """Return the line that begins at an offset, without its newline.
-
-    A plain file is not read up to there; a compressed one is unpacked.
-
-    Raises LogFileError.
-    """
+    """Return the line that begins at an offset, without its newline. Raises LogFileError."""
     with _opened(path) as raw:
         try:
             is_gzip = raw.read(2) == GZIP_MAGIC
@@ -115,10 +106,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None 
 
 
 def read_chunks(path: Path) -> Iterator[bytes]:
-    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed.
-
-    Raises LogFileError, BrokenGzipError, LogFormatError.
-    """
+    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed."""
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
         try:

@@ -42,10 +42,7 @@ class _Motion:
 
 
 def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -> BagOdometry:
-    """Return the odometry of a bag, from one pass over its odometry and its transforms.
-
-    stamps (n,).
-    """
+    """Return the odometry of a bag, from one pass over its odometry and its transforms. stamps (n,)."""
     odometry_topics = [n for n, t in bag.topics.items() if t.msgtype == ODOMETRY and t.count]
     transform_topics = [n for n, t in bag.topics.items() if t.msgtype in TRANSFORMS and t.count]
     chosen = _choose(odometry_topics)

@@ -37,8 +37,7 @@ BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
 
-_LATEST = (1 << 63) - 1
-"""Nanoseconds; an MCAP file can claim twice as many."""
+_LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
 
 _MAX_LISTED = 12
 _N_FIRST = 8
@@ -62,8 +61,7 @@ class RosbagLog(ScanAccess):
     earlier.
 
     range_max: Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs; topic:
-    Topic of sensor_msgs/LaserScan messages; None for the only one. Raises LogFileError, LogFormatError,
-    InvalidArgumentError.
+    Topic of sensor_msgs/LaserScan messages; None for the only one.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:

@@ -9,17 +9,13 @@ from curvescan.errors import InvalidArgumentError
 if TYPE_CHECKING:
     from curvescan.live.sources import ScanSource
 
-DRIVERS = ("lds2d", "rplidar", "hokuyo")
-"""Names of the drivers."""
+DRIVERS = ("lds2d", "rplidar", "hokuyo")  # names of the drivers
 
 
 def open_driver(
     driver: str, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
 ) -> ScanSource:
-    """Return the source of a laser; it is opened when its context is entered.
-
-    ignore_beams (int, int). Raises InvalidArgumentError, MissingPackageError.
-    """
+    """Return the source of a laser; it is opened when its context is entered. ignore_beams (int, int)."""
     name, _, model = driver.partition(":")
     if name == "lds2d" and model:
         from curvescan.live.drivers.lds2d_source import Lds2dSource

@@ -23,8 +23,7 @@ MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
 _SECOND = 10**9
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
-_UNKNOWN = 1e6
-"""Variance of a speed that is not known, (m/s)^2 and (rad/s)^2."""
+_UNKNOWN = 1e6  # variance of a speed that is not known, (m/s)^2 and (rad/s)^2
 
 
 class MessageBuilder:
@@ -55,10 +54,7 @@ class MessageBuilder:
         return text
 
     def laser_scan(self, scan: LaserScan) -> tuple[Any, bool]:
-        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are.
-
-        Raises OutputError.
-        """
+        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are."""
         if not scan.has_uniform_angles:
             raise OutputError(
                 f"cannot write the scan at {scan.stamp} s to a ROS bag: a LaserScan message has evenly spaced beams, "
