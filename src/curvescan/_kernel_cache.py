@@ -8,8 +8,9 @@ other digests are removed once they have not been used for a day. Removing one t
 harm: what is missing is compiled again.
 
 Nothing in such a folder says where the package is installed, so that it can be made on one machine and read on
-another: it is read in NUMBA_CACHE_DIR, also where that cannot be written, and in the package, `_kernels`. Code for this processor is taken
-first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same results.
+another: it is read in NUMBA_CACHE_DIR, also where that cannot be written, and in the package, as `_kernels`. Code for
+this processor is taken first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same
+results.
 """
 
 from __future__ import annotations

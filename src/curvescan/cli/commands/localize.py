@@ -29,12 +29,12 @@ def localize(
     Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
     searched for), map.png and run.json.
     """
-    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.console import run_display
     from curvescan.cli.summary import report
     from curvescan.runs.run import localize as localize_log
 
     source, out = use.reading.open(log), results_folder(out, log, "localize")
-    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
+    with run_display() as display:
         result = localize_log(
             source, map, out=out, config=rules.slam, display=display, **run_options(log, rules.matching, use)
         )
