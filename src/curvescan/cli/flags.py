@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from curvescan.diagnostics.issues import Issue
 
+
 _FLAGS = {
     "as_is": "--as-is",
     "backwards": "--backwards",
