@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import judge
 from curvescan.io.files.read_errors import ReadError
-from curvescan.io.log import Log, ScanAccess
+from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.live.pipeline import LiveReport
 from curvescan.live.sinks import MapSink
@@ -60,56 +61,45 @@ class ResultsSink(MapSink):
     def _take(self, tracked: TrackedScan) -> None:
         self._map.add(tracked)
 
-    def write(
+    def run(
         self,
-        folder: Path,
         report: LiveReport,
         *,
         name: str,
         engine: Engine,
-        log: Log | None = None,
+        log: PreparedLog | None = None,
         command: Sequence[str] = (),
-    ) -> tuple[str, ...]:
-        """Write the results into an existing folder, after the sink was closed, and return the names of the files.
+    ) -> Run:
+        """Return the run with its verdict, after the sink was closed; of a log that was replayed it is the offline one.
 
-        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
-        from those that were kept, one for every 0.15 m and 20 degrees.
-
-        Parameters
-        ----------
-        folder : Path
-            Where to write.
-        report : LiveReport
-            How the run went; at least one scan.
-        name : str
-            Name of the source.
-        engine : Odometry, Slam or Localizer
-            What ran.
-        log : Log or None
-            What was replayed; None for a source that cannot be read again.
-        command : sequence of str
-            The command line behind the run.
+        report: how it went, at least one scan; log: what was replayed, None for a source that cannot be read again.
         """
-        is_partial = report.error is not None or len(log or ()) > report.n_scans
-        record = self._recorder.record(engine.method, is_partial=is_partial)
+        scans = _Passed(name, report.n_scans) if log is None else log.log
+        is_partial = report.error is not None or len(scans) > report.n_scans
+        has_prior = log is not None and log.odometry_poses is not None
+        record = self._recorder.record(engine.method, is_partial=is_partial, has_prior=has_prior)
         if isinstance(engine, Slam):
             revised = replace(self._finished(engine), stamps=record.online.stamps)
             record = replace(record, trajectory=revised, seconds_to_finish=self._seconds_to_finish)
-        scans = log or _Passed(name, report.n_scans)
-        maps = None
-        if log is None or isinstance(engine, Localizer):
-            maps = self._maps(engine, record.trajectory.poses)
-        run = Run(
+        return Run(
             log=scans,
             scans=scans,
             engine=engine,
             record=record,
-            verdict=judge(record, engine),
+            prepared=log,
+            verdict=judge(record, engine, log),
             occupancy=self._occupancy,
-            maps=maps,
             command=tuple(command),
             details={"live": {"mode": self._mode, **record_of(report)}},
         )
+
+    def write(self, folder: Path, run: Run) -> tuple[str, ...]:
+        """Write a run into an existing folder, and return the names of the files.
+
+        A laser's scans have gone: its maps are drawn from those that were kept, one for every 0.15 m and 20 degrees.
+        """
+        if run.prepared is None or isinstance(run.engine, Localizer):
+            run = replace(run, maps=self._maps(run.engine, run.record.trajectory.poses))
         save_run(folder, run)
         return tuple(sorted(path.name for path in folder.iterdir()))
 

@@ -155,7 +155,7 @@ def live(
     """Track a running laser and show map, path and scan on a page in the browser.
 
     Without LOG and --driver, a simulated robot drives round a building. Ctrl-C ends the run; with --out and --record
-    what there is so far is written.
+    what there is so far is written. Exit status 3 where the result is not to be trusted; the last line says why.
 
     Parameters
     ----------
@@ -176,12 +176,12 @@ def live(
         maps = {"mode": engine.mode, "occupancy": occupancy, "is_lossless": not laser.is_live}
         viewer, sinks = page.open(pages, laser, {**maps, "saved_map": saved})
         with output_folder(out) if out else nullcontext() as folder:
-            report = _follow(laser, engine, viewer, sinks, use, Outputs(folder, out, record, saved, maps))
+            report, status = _follow(laser, engine, viewer, sinks, use, Outputs(folder, out, record, saved, maps))
         if page.keep_open and viewer is not None and not report.is_interrupted:
             wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
-    return 0
+    return status
 
 
 class Outputs(NamedTuple):
@@ -201,13 +201,15 @@ def _follow(
     sinks: Sequence[MapSink],
     use: LogFlags,
     outputs: Outputs,
-) -> LiveReport:
-    """Run a source, print the summary and write the results."""
+) -> tuple[LiveReport, int]:
+    """Run a source, print the summary and the verdict, write the results, and return the exit status too."""
     import curvescan.live as live_package
     from curvescan.cli.console import OUT
+    from curvescan.cli.flags import with_flags
     from curvescan.live import LogSource, Tracker
 
-    results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
+    # what a laser leaves behind that is not written is not judged: it may run for weeks
+    results = None if source.is_live and outputs.folder is None else live_package.ResultsSink(**outputs.maps)
     prepared = None
     if isinstance(source, LogSource):
         prepared = _prepare(source.log, use.preparation)
@@ -219,17 +221,13 @@ def _follow(
         sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.saved_map, **outputs.maps))
     report = _track(source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks)
     OUT.print(summary(report, source.name), markup=False)
-    if outputs.folder is not None and results is not None and report.n_scans:
-        files = results.write(
-            outputs.folder,
-            report,
-            name=source.name,
-            engine=engine,
-            log=source.log if isinstance(source, LogSource) else None,
-            command=sys.argv,
-        )
-        OUT.print(f"wrote {outputs.out}/{', '.join(files)}", markup=False)
-    return report
+    if results is None or not report.n_scans:
+        return report, 0
+    run = results.run(report, name=source.name, engine=engine, log=prepared, command=sys.argv)
+    if outputs.folder is not None:
+        OUT.print(f"wrote {outputs.out}/{', '.join(results.write(outputs.folder, run))}", markup=False)
+    OUT.print(with_flags(run.verdict.sentence), markup=False, soft_wrap=True)
+    return report, 0 if run.verdict.is_trusted else 3
 
 
 def summary(report: LiveReport, name: str) -> str:
