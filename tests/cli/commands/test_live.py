@@ -55,11 +55,11 @@ def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_replay_is_mended_and_ends_with_the_verdict_of_the_offline_run(tmp_path, capsys):
-    # codes of 12 m in beams all around, and three scans in a row that saw nothing
+    # codes of 6 m in beams all around, and three scans in a row that saw nothing
     rng, scans = np.random.default_rng(1), []
     for k, scan in enumerate(simulate("office", sensor="spinning-360", n_scans=80, seed=1, odometry_noise=None)):
         is_code = rng.random(len(scan)) < 0.3
-        ranges = np.where(is_code, 12.0, scan.ranges) if k not in (40, 41, 42) else np.zeros(len(scan))
+        ranges = np.where(is_code, 6.0, scan.ranges) if k not in (40, 41, 42) else np.zeros(len(scan))
         scans.append(replace(scan, ranges=ranges, range_max=20.0))
     path = tmp_path / "spoilt.npz"
     write_log(path, scans)
