@@ -37,6 +37,7 @@ _TIMES = 4
 """How much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense."""
 _ONE_IN = 50
 """A ring has at least one reading in so many: fewer moved no simulated drive."""
+_MIN_SCANS = 20
 _N_SURFACE, _LOOSE_IN = 4, 3
 """Neighbouring readings that a surface shows at least; readings of a ring, of which one is of no surface."""
 
@@ -62,9 +63,11 @@ class TopOfRange:
 
     def __init__(self) -> None:
         self._counts, self._loose = np.zeros((2, _N_BINS, 0), dtype=np.int32)
+        self._n_scans = 0
 
     def add(self, scan: LaserScan) -> None:
         """Count the valid readings of one scan."""
+        self._n_scans += 1
         n_more = len(scan) - self._counts.shape[1]
         if n_more > 0:
             self._counts, self._loose = (np.pad(c, ((0, 0), (0, n_more))) for c in (self._counts, self._loose))
@@ -98,7 +101,7 @@ class TopOfRange:
             low, n = _densest(counts, widths, total)
             n_inside = int(counts[low : low + n].sum())
             # a wall's readings may be loose by noise: of a code, so are most
-            if n and _LOOSE_IN * n_inside >= int(self._counts[low : low + n].sum()):
+            if n and self._n_scans >= _MIN_SCANS and _LOOSE_IN * n_inside >= int(self._counts[low : low + n].sum()):
                 # what is rounded lies on the edge of a bin
                 return Ring((low - 0.5) * _BIN, (low + n + 0.5) * _BIN, n_inside / total, counts is self._loose)
         return None
@@ -117,7 +120,9 @@ def _densest(counts: NDArray[np.int32], widths: tuple[int, ...], total: int) -> 
         times = inside / n / np.maximum(beside, 1.0 / side)
         for k in np.flatnonzero((inside * _ONE_IN >= total) & (2 * inside <= total) & (times >= best)):
             of_beams = cumulated[low[k] + n] - cumulated[low[k]]
-            if times[k] >= best and 2 * np.count_nonzero(2 * n_seeing * of_beams >= inside[k]) >= n_seeing:
+            # a beam that sees nothing else looks at what stands where the sensor stands
+            tells = (2 * n_seeing * of_beams >= inside[k]) & (10 * of_beams <= 9 * cumulated[-1])
+            if times[k] >= best and 2 * np.count_nonzero(tells) >= n_seeing:
                 best, found = float(times[k]), (int(low[k]), n)
     return found
 
