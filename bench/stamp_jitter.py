@@ -22,11 +22,11 @@ JITTERS = (0.0, 1e-3)
 """Most that stamps are moved by, seconds: one unit in the last place, and what a common driver jitters by."""
 
 
-def timed_log(seed: int = 0) -> Simulation:
+def timed_log(seed: int = 0, n_scans: int = 300) -> Simulation:
     """Return a simulated drive whose sweeps take all the time between two scans, so that stamps count for deskewing."""
     sensor = SENSORS["spinning-360"]
     sweeping = replace(sensor, time_increment=sensor.period / sensor.n_beams)
-    return simulate("office-floor", sensor=sweeping, n_scans=300, seed=seed)
+    return simulate("office-floor", sensor=sweeping, n_scans=n_scans, seed=seed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

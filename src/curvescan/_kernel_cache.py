@@ -42,8 +42,7 @@ _DIGEST_LENGTH = 16
 _UNUSED_S = 86_400.0
 
 _SHIPPED = "_kernels"
-_ANY_PROCESSOR = ("generic", "")
-"""Name and features, as Numba tells them of code compiled with NUMBA_CPU_NAME=generic."""
+_ANY_PROCESSOR = ("generic", "")  # name and features, as Numba tells them of code compiled with NUMBA_CPU_NAME=generic
 
 _faults: list[str] = []
 

@@ -11,14 +11,9 @@ import numpy as np
 from curvescan.errors import InvalidArgumentError
 from curvescan.types import Floats, Points
 
-_EVEN = 0.01
-"""Share of a step by which beams may stray from evenly spaced ones and still be looked up as such."""
-
-_LONE_STEP = math.radians(1.0)
-"""Step of a sweep of fewer than two beams, radians: it has none, and any serves."""
-
-_MOST_TURNS = 2.0
-"""A sweep of more turns is one in degrees: drivers overlap the ends of a turn by a few beams, no more."""
+_EVEN = 0.01  # share of a step by which beams may stray from evenly spaced ones and still be looked up as such
+_LONE_STEP = math.radians(1.0)  # step of a sweep of fewer than two beams, radians: it has none, and any serves
+_MOST_TURNS = 2.0  # a sweep of more turns is one in degrees: drivers overlap the ends of a turn by a few beams, no more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

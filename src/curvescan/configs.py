@@ -6,10 +6,12 @@ with the nearest name, a value of the wrong type or out of range one with the ru
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import numbers
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError
@@ -37,10 +39,7 @@ def as_config(
 
 
 def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
-    """Return a configuration with the fields of a mapping replaced, nested ones field by field.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a configuration with the fields of a mapping replaced, nested ones field by field."""
     if not isinstance(given, Mapping):
         raise InvalidArgumentError(f"{where} must be a table, got {given!r:.80}")
     values = {f.name: getattr(default, f.name) for f in fields(cast(Any, default))}
@@ -96,3 +95,16 @@ def _check_length(hint: object, value: object, where: str) -> None:
     kinds = get_args(hint) if get_origin(hint) is tuple else ()
     if isinstance(value, tuple) and kinds and Ellipsis not in kinds and len(value) != len(kinds):
         raise InvalidArgumentError(f"{where} must be a list of {len(kinds)}, got {len(value)}")
+
+
+def as_plain(value: object) -> object:
+    """Return a configuration as dictionaries, lists, numbers and strings."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: as_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {str(key): as_plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_plain(item) for item in value]
+    return value

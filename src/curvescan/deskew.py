@@ -36,17 +36,13 @@ velocity itself makes when it does not change."""
 _MOST_MOVED = 0.5
 """A reading that a sweep's motion moves by more than this share of its range is dropped: where it lies is not known."""
 
-_FASTEST_SENSOR = 1_000.0
-"""No sensor moves so fast, metres a second."""
+_FASTEST_SENSOR = 1_000.0  # no sensor moves so fast, metres a second
 
 _SHORTEST, _LONGEST = 0.5, 1.5
 """Steps of the clock from one scan to the next, in usual steps: what jitters, and no scan was lost on the way."""
 
-_MOST_PERIODS = 3
-"""A step of more periods than this is a pause: how long the motion took is not known."""
-
-_LEAP = 100
-"""A step of more periods than this is a leap of the clock."""
+_MOST_PERIODS = 3  # a step of more periods than this is a pause: how long the motion took is not known
+_LEAP = 100  # a step of more periods than this is a leap of the clock
 
 
 def deskew(scan: LaserScan, velocity: ArrayLike) -> LaserScan:

@@ -279,8 +279,7 @@ def valid_readings(scan: LaserScan) -> Readings:
     )
 
 
-_FAR = 250.0
-"""Metres: no 2D laser without a stated limit measures all of its surroundings farther than this."""
+_FAR = 250.0  # metres: no 2D laser without a stated limit measures all of its surroundings farther than this
 
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4

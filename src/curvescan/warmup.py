@@ -33,8 +33,7 @@ Processor: TypeAlias = Literal["generic", "native"]
 """For which processor code is made: any of the kind of this one (6 % slower, the same results), or this one alone."""
 
 _N_BEAMS, _RANGE_MAX_M, _PERIOD_S, _RADIUS_M = 360, 5.0, 0.1, 0.3
-_N_LAP = 10
-"""Scans of a lap on a circle."""
+_N_LAP = 10  # scans of a lap on a circle
 
 _ROOM = ((-2.0, 2.5, -1.5, 1.8), (-1.0, 1.2, -1.0, 4.0))
 """Rooms are two rectangles that the sensor stands in, x and y of their walls in metres: here an L with corners."""

@@ -6,12 +6,15 @@ import pytest
 from curvescan import read_log
 from stamp_jitter import jitter_table, measure_jitter, timed_log
 
-SCANS = timed_log()[:80]
+
+@pytest.fixture(scope="module")
+def scans():
+    return timed_log(n_scans=80)
 
 
 @pytest.mark.slow
-def test_a_unit_in_the_last_place_changes_no_pose():
-    spread = measure_jitter(SCANS, name="floor", n_runs=2)
+def test_a_unit_in_the_last_place_changes_no_pose(scans):
+    spread = measure_jitter(scans, name="floor", n_runs=2)
     assert (spread.spread_m, spread.spread_rad) == (0.0, 0.0)
     assert spread.moved_shares.tolist() == [0.0, 0.0]
     (row,) = jitter_table([spread]).rows
@@ -19,9 +22,9 @@ def test_a_unit_in_the_last_place_changes_no_pose():
 
 
 @pytest.mark.slow
-def test_stamps_that_say_something_else_are_seen():
+def test_stamps_that_say_something_else_are_seen(scans):
     """Moved by up to a third of a period: another velocity, and other deskewed scans."""
-    spread = measure_jitter(SCANS, name="floor", jitter=0.03, n_runs=2)
+    spread = measure_jitter(scans, name="floor", jitter=0.03, n_runs=2)
     assert 0.0 < spread.spread_m < 0.1  # metres
     assert spread.moved_shares.min() > 0.5
     assert spread.ends.shape == (2, 3)

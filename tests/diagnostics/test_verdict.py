@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.cli.proposals import propose_commands
+from curvescan.cli.flags import propose_commands
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import Evidence, judge, verdict_of
 from curvescan.odometry import run_odometry

@@ -15,13 +15,13 @@ from curvescan.cli.main import run
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
 from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
-from curvescan.io.ros.writing.odometry_export import write_odometry_mcap
+from curvescan.io.ros.writing.log_writer import write_odometry_mcap
 from curvescan.io.trajectories.g2o import information_of, write_g2o
 from curvescan.io.trajectories.layouts import write_kitti
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry, Step, run_odometry
 from curvescan.runs import run as runner
-from curvescan.runs.pose_graph import edges_of
+from curvescan.runs.graph_files import edges_of
 from curvescan.simulation import simulate
 from curvescan.types import PoseEdge
 from tests.logs import assert_same_scan, rich_log

@@ -12,9 +12,8 @@ import pytest
 
 from curvescan import InvalidArgumentError, Odometry, SourceError, simulate
 from curvescan.live import ScanSource, Tracker, run_live
-from curvescan.live.drivers import transport
+from curvescan.live.drivers import open_driver, transport
 from curvescan.live.drivers.lds2d_source import Lds2dSource
-from curvescan.live.drivers.opening import open_driver
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn
 from curvescan.live.warm_up import warm_up
 
@@ -226,21 +225,14 @@ def test_unknown_models():
 
 def test_a_turn_as_a_scan():
     degrees = [0.2, 90.0, 180.0, 180.0, 270.0, 359.9]
-    scan = scan_of_turn(
-        [math.radians(d) for d in degrees],
-        [1, 2, 3, 9, 4, 5],
-        None,
-        begin=1.0,
-        end=2.0,
-        is_clockwise=True,
-        range_min=0.1,
-        range_max=10.0,
-    )
+    points = [(math.radians(d), r, 7.0 * r) for d, r in zip(degrees, [1, 2, 3, 9, 4, 5], strict=True)]
+    scan = scan_of_turn(points, 1.0, 2.0, is_clockwise=True, limits=(0.1, 10.0))
     assert scan.angles.tolist() == pytest.approx(np.radians([-0.2, -90, -180, -270, -359.9]).tolist())
     assert scan.ranges.tolist() == [1, 2, 3, 4, 5]
     assert scan.stamp == 1.0
     assert scan.time_increment == pytest.approx(0.2)
-    assert scan_of_turn([0.0], [1.0], None, begin=0, end=1, is_clockwise=True, range_min=0, range_max=9) is None
+    assert scan.intensities.tolist() == [7, 14, 21, 28, 35]
+    assert scan_of_turn([(0.0, 1.0, 1.0)], 0, 1, is_clockwise=True, limits=(0, 9)) is None
 
 
 def n_open_files():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan.configs import as_plain
 from curvescan.io import read_csv, read_tum
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
@@ -18,8 +19,8 @@ from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
 from curvescan.plots.canvas import as_place, drawing
 from curvescan.plots.match import save_match
-from curvescan.runs.plain import as_plain
 from curvescan.simulation import simulate
+from tests.runs.test_run import FILES
 from tests.scenes import room_scan
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -36,17 +37,7 @@ def save(folder, log, **kwargs):
 
 def test_a_run_is_written_whole(tmp_path, log):
     run = save(tmp_path, log, command=["curvescan", "odometry"], truth=log.truth.poses)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "map.pgm",
-        "map.png",
-        "map.yaml",
-        "occupancy.png",
-        "run.json",
-        "trajectory.csv",
-        "trajectory.tum",
-        "view.npz",
-        "wheels.png",
-    ]
+    assert sorted(p.name for p in tmp_path.iterdir()) == list(FILES)
     assert (tmp_path / "map.png").read_bytes().startswith(PNG)
     assert (tmp_path / "occupancy.png").read_bytes().startswith(PNG)
     assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n")

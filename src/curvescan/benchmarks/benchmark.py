@@ -20,14 +20,9 @@ from curvescan.paper.random_transform import (
     run_random_transforms,
 )
 
-BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)
-"""Beams over 180 degrees for which times are taken."""
-
-STAGED = (DEFAULT_METHOD, "cfsma")
-"""Methods whose times are measured stage by stage."""
-
-EXPERIMENT_1_WORLDS = ("room", "office", "building")
-"""Simulated worlds of experiment 1."""
+BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)  # beams over 180 degrees for which times are taken
+STAGED = (DEFAULT_METHOD, "cfsma")  # methods whose times are measured stage by stage
+EXPERIMENT_1_WORLDS = ("room", "office", "building")  # simulated worlds of experiment 1
 
 EXPERIMENT_1_SENSOR = "sick-lms200"
 """Conditions of experiment 1 with this sensor are run, the one of all other benchmarks: 10 mm of noise."""

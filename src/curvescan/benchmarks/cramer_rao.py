@@ -14,8 +14,7 @@ from curvescan.simulation import ScanPair, Sensor, World
 from curvescan.simulation.sensing.sensors import cast_beams
 from curvescan.types import Bools, Cov, Floats, Ints, Points, Pose
 
-_SAME_SURFACE = 0.05
-"""Two readings this near to one another, metres, are of one surface."""
+_SAME_SURFACE = 0.05  # two readings this near to one another, metres, are of one surface
 
 
 def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Floats]:

@@ -68,8 +68,7 @@ def measure_reading(
     return tuple(speeds)
 
 
-N_FORMATS = len(WRITERS) + 1
-"""Formats that measure_reading measures."""
+N_FORMATS = len(WRITERS) + 1  # formats that measure_reading measures
 
 
 def _measure(path: Path, repeats: int) -> ReadingSpeed:

@@ -19,8 +19,7 @@ from curvescan.types import Pose
 
 _PACKAGE = Path(curvescan.__file__).parent
 
-REST = "the rest"
-"""Name of all stages that take less than a hundredth, and of time that belongs to none."""
+REST = "the rest"  # name of all stages that take less than a hundredth, and of time that belongs to none
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,51 +24,37 @@ def save_benchmark(folder: Path, results: Benchmark) -> None:
 
 def benchmark_tables(results: Benchmark) -> list[ResultTable]:
     """Return the tables of a benchmark, in the order in which it was measured."""
-    tables = [
-        _speed(results),
-        many_table(results.many),
-        _stages(results),
-        _growth(results),
-        _scenarios(results),
-        _open_worlds(results),
-    ]
-    tables.append(_experiment_1(results))
-    if results.logs:
-        tables.append(log_table(results.logs))
-    return [*tables, reading_table(results.reading)]
+    parts = (_speed, _stages, _growth, _scenarios, _open_worlds, _experiment_1)
+    speed, *others = (part(results) for part in parts)
+    logs = [log_table(results.logs)] if results.logs else []
+    return [speed, many_table(results.many), *others, *logs, reading_table(results.reading)]
 
 
 def reading_table(speeds: Sequence[ReadingSpeed]) -> ResultTable:
     """Return the table of the times that reading takes, one row a format."""
     sizes = {(speed.n_scans, speed.n_beams) for speed in speeds}
     n_scans, n_beams = max(sizes)
-    return ResultTable(
-        title=f"Reading a log of {n_scans:,} scans of {n_beams:,} beams, one thread",
-        columns=("format", "scans a second", "opening and counting", "bytes a scan"),
-        rows=[
-            (
-                speed.format,
-                f"{speed.scans_per_second:,.0f}",
-                f"{1e3 * speed.open_seconds:,.0f} ms",
-                f"{speed.bytes_per_scan:,.0f}",
-            )
-            for speed in speeds
+    return ResultTable.of(
+        f"Reading a log of {n_scans:,} scans of {n_beams:,} beams, one thread",
+        speeds,
+        [
+            ("format", lambda one: one.format),
+            ("scans a second", lambda one: f"{one.scans_per_second:,.0f}"),
+            ("opening and counting", lambda one: f"{1e3 * one.open_seconds:,.0f} ms"),
+            ("bytes a scan", lambda one: f"{one.bytes_per_scan:,.0f}"),
         ],
     )
 
 
 def _speed(results: Benchmark) -> ResultTable:
-    return ResultTable(
-        title="Time of a scan of 361 beams, one thread: median (99th percentile)",
-        columns=("method", "prepare a scan", "match, no guess", "match, good guess"),
-        rows=[
-            (
-                speed.method,
-                _milliseconds(speed.prepare_seconds),
-                _milliseconds(speed.match_seconds),
-                _milliseconds(speed.guess_seconds),
-            )
-            for speed in results.speeds
+    return ResultTable.of(
+        "Time of a scan of 361 beams, one thread: median (99th percentile)",
+        results.speeds,
+        [
+            ("method", lambda one: one.method),
+            ("prepare a scan", lambda one: _milliseconds(one.prepare_seconds)),
+            ("match, no guess", lambda one: _milliseconds(one.match_seconds)),
+            ("match, good guess", lambda one: _milliseconds(one.guess_seconds)),
         ],
     )
 
@@ -83,19 +69,18 @@ def many_table(seconds: Mapping[str, float]) -> ResultTable:
 
 
 def _stages(results: Benchmark) -> ResultTable:
-    return ResultTable(
-        title="Where the time goes, by file: mean, under a profiler that slows what is not compiled",
-        columns=("method", "stage", "prepare a scan", "match, no guess", "match, good guess"),
-        rows=[
-            (
-                one.method,
-                one.stage,
-                *(
-                    f"{1e6 * seconds:.1f} us" if seconds else "-"
-                    for seconds in (one.prepare_seconds, one.match_seconds, one.guess_seconds)
-                ),
-            )
-            for one in results.stages
+    def micro(seconds: float) -> str:
+        return f"{1e6 * seconds:.1f} us" if seconds else "-"
+
+    return ResultTable.of(
+        "Where the time goes, by file: mean, under a profiler that slows what is not compiled",
+        results.stages,
+        [
+            ("method", lambda one: one.method),
+            ("stage", lambda one: one.stage),
+            ("prepare a scan", lambda one: micro(one.prepare_seconds)),
+            ("match, no guess", lambda one: micro(one.match_seconds)),
+            ("match, good guess", lambda one: micro(one.guess_seconds)),
         ],
     )
 
@@ -116,50 +101,34 @@ def _growth(results: Benchmark) -> ResultTable:
 
 
 def _scenarios(results: Benchmark) -> ResultTable:
-    return ResultTable(
-        title=f"Pairs of scans, {results.n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
-        columns=(
-            "scenario",
-            "method",
-            "success",
-            "false positives",
-            "without a degenerate direction",
-            "median error",
-            "over the bound",
-            "NEES",
-            "in 95 %",
-        ),
-        rows=[
-            (
-                score.scenario,
-                score.method,
-                f"{100 * score.success:.1f} %",
-                f"{100 * score.false_positives:.1f} %",
-                f"{100 * score.unflagged_false_positives:.1f} %",
-                f"{1e3 * score.median_error:.2f} mm",
-                f"{score.median_error / score.bound:.2f}",
-                _figure(score.nees, ".2f"),
-                _figure(100 * score.inside_95, ".1f", " %"),
-            )
-            for score in results.scenarios
+    return ResultTable.of(
+        f"Pairs of scans, {results.n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
+        results.scenarios,
+        [
+            ("scenario", lambda one: one.scenario),
+            ("method", lambda one: one.method),
+            ("success", lambda one: f"{100 * one.success:.1f} %"),
+            ("false positives", lambda one: f"{100 * one.false_positives:.1f} %"),
+            ("without a degenerate direction", lambda one: f"{100 * one.unflagged_false_positives:.1f} %"),
+            ("median error", lambda one: f"{1e3 * one.median_error:.2f} mm"),
+            ("over the bound", lambda one: f"{one.median_error / one.bound:.2f}"),
+            ("NEES", lambda one: _figure(one.nees, ".2f")),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
         ],
     )
 
 
 def _open_worlds(results: Benchmark) -> ResultTable:
-    return ResultTable(
-        title=f"Where a direction is unobservable, {results.n_pairs:,} pairs each",
-        columns=("world", "method", "ok", "names the direction", "NEES, median", "in 95 %"),
-        rows=[
-            (
-                score.world,
-                score.method,
-                f"{100 * score.ok:.1f} %",
-                _figure(100 * score.flagged, ".1f", " %"),
-                f"{_figure(score.nees, '.3g')}, {_figure(score.nees_median, '.3g')}",
-                _figure(100 * score.inside_95, ".1f", " %"),
-            )
-            for score in results.open_worlds
+    return ResultTable.of(
+        f"Where a direction is unobservable, {results.n_pairs:,} pairs each",
+        results.open_worlds,
+        [
+            ("world", lambda one: one.world),
+            ("method", lambda one: one.method),
+            ("ok", lambda one: f"{100 * one.ok:.1f} %"),
+            ("names the direction", lambda one: _figure(100 * one.flagged, ".1f", " %")),
+            ("NEES, median", lambda one: f"{_figure(one.nees, '.3g')}, {_figure(one.nees_median, '.3g')}"),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
         ],
     )
 

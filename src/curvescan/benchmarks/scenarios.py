@@ -14,8 +14,7 @@ from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import SENSORS, simulate_pairs
 from curvescan.types import Floats, Pose
 
-_CHI2_95 = 7.815
-"""95 % of a chi-square of three degrees of freedom."""
+_CHI2_95 = 7.815  # 95 % of a chi-square of three degrees of freedom
 
 
 @dataclass(frozen=True, kw_only=True)

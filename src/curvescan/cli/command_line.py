@@ -66,11 +66,8 @@ curvescan: 2D laser scans in; motion, covariance, trajectory and map out. Three 
 All commands: curvescan -h"""
 """What is printed without arguments."""
 
-MAX_SENTENCE = 4_000
-"""Longest sentence about an error, characters: a path may have so many."""
-
-MAX_NAME = 80
-"""Longest name of a command in a sentence."""
+MAX_SENTENCE = 4_000  # longest sentence about an error, characters: a path may have so many
+MAX_NAME = 80  # longest name of a command in a sentence
 
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 

@@ -40,8 +40,7 @@ OUT = _PrintableConsole(
 )
 """Results."""
 
-ERR = _PrintableConsole(stderr=True, highlight=False)
-"""Progress and notices, so that results can be piped."""
+ERR = _PrintableConsole(stderr=True, highlight=False)  # progress and notices, so that results can be piped
 
 
 class _SpeedColumn(ProgressColumn):
@@ -54,8 +53,7 @@ class _SpeedColumn(ProgressColumn):
         return Text("" if speed is None else f"{speed:,.0f} {self._unit}/s")
 
 
-_REFRESH = 0.1
-"""Least time between two drawings of a progress bar, seconds."""
+_REFRESH = 0.1  # least time between two drawings of a progress bar, seconds
 
 
 @contextmanager

@@ -18,8 +18,7 @@ _ArgConfig: Any = type(tyro.conf.arg())
 
 _MAX_WIDTH = 100
 _MAX_LINES = 29
-_MAX_FLAG = 38
-"""Columns for a flag and its values; more values stand in its text."""
+_MAX_FLAG = 38  # columns for a flag and its values; more values stand in its text
 _CUT = " ..."
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -59,10 +59,11 @@ BenchmarkName: TypeAlias = Literal[
 ]
 """Names of tables of the library, written out so that -h loads none of them."""
 
-MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]
-"""Which matcher."""
+MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]  # which matcher
 
-MapFile: TypeAlias = Annotated[Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`.")]
+MapFile: TypeAlias = Annotated[
+    Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`, or map.yaml.")
+]
 """A map that was saved."""
 
 
@@ -156,8 +157,7 @@ def in_radians(laser_pose: tuple[float, float, float]) -> Floats:
     return np.array([x, y, math.radians(yaw_deg)])
 
 
-Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""Given or not."""
+Flag: TypeAlias = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # given or not
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,9 +207,9 @@ class Reading:
 
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
-        from curvescan.io import read_log
+        from curvescan.io.reading import open_log
 
-        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup()))
+        return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup())
 
 
 ReadingFlags: TypeAlias = Annotated[Reading, tyro.conf.arg(name="", help="How the log is read.")]

@@ -10,11 +10,8 @@ import webbrowser
 
 from curvescan._interrupts import stoppable
 
-DEFAULT_PORT = 8765
-"""Default port of the page, unless it is in use."""
-
-_POLL_S = 0.2
-"""Time between two looks whether to close the page, seconds."""
+DEFAULT_PORT = 8765  # default port of the page, unless it is in use
+_POLL_S = 0.2  # time between two looks whether to close the page, seconds
 
 
 def free_port(host: str, port: int | None) -> int:

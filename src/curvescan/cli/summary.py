@@ -11,8 +11,7 @@ import numpy as np
 from rich.table import Table
 
 from curvescan.cli.console import ERR, OUT, table
-from curvescan.cli.flags import with_flags
-from curvescan.cli.proposals import propose_commands
+from curvescan.cli.flags import propose_commands, with_flags
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import StepOutcome
 from curvescan.odometry.step import IN_MAP

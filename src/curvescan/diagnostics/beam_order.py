@@ -21,11 +21,8 @@ from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_LEAST_SHIFT = 0.03
-"""Pairs count whose sweeps move readings by this much, metres."""
-
-_CERTAIN = 4.0
-"""Standard errors that the mean gain must be from zero."""
+_LEAST_SHIFT = 0.03  # pairs count whose sweeps move readings by this much, metres
+_CERTAIN = 4.0  # standard errors that the mean gain must be from zero
 
 
 @dataclass(frozen=True, kw_only=True)

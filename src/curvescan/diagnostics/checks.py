@@ -20,14 +20,12 @@ _REST_IS_READ = "; the rest of the log is read"
 _STALE, _CERTAINLY_STALE = 0.1, 0.2
 """Shares of readings that repeat the sweep before: sound logs at hand have up to 0.09, faulty ones 0.30 and 0.32."""
 
-_MIN_ORDERED = 20
-"""Pairs of scans from which on their mean gain is about as certain as its standard error says."""
+_MIN_ORDERED = 20  # pairs of scans from which on their mean gain is about as certain as its standard error says
 
 _SCATTERED = 0.7
 """Bins that no beam hit are scattered, 0.27 to 0.39 of them beside another; beams along a wall repeat in long runs."""
 
-Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]
-"""What an issue is about."""
+Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]  # what an issue is about
 
 Value: TypeAlias = float | bool | tuple[int, int]
 

@@ -24,18 +24,16 @@ _MIN_SUSPECT_SHARE = 0.01
 _MIN_SUSPECT_COUNT = 20
 _LEAP_FACTOR = 10.0
 _LEAP_SECONDS = 1.0
-_REGULAR = 0.2
-"""A clock is regular where the middle half of its steps lies within this share of their median."""
-_MISSING = 1.6
-"""Steps from which on a sweep is missing, in medians."""
+_REGULAR = 0.2  # a clock is regular where the middle half of its steps lies within this share of their median
+_MISSING = 1.6  # steps from which on a sweep is missing, in medians
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a file may hold stamps and poses of 1e308
 def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
     """Return what a log holds and what is wrong with it.
 
-    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns; memory grows by 8 bytes a
-    scan.
+    Reads the scans once, and once more where wheels or a gyroscope measure the robot's turns. :func:`find_issues` says
+    in sentences what the figures mean.
 
     Parameters
     ----------
@@ -43,11 +41,6 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         Any source of scans, a simulated one too; it may be empty.
     sensor : SensorJudgement or None
         What its scans say of the sensor, where that was judged before.
-
-    Returns
-    -------
-    LogReport
-        The figures; :func:`curvescan.diagnostics.issues.find_issues` says in sentences what they mean.
     """
     statistics = LogStatistics()
     for scan in log:

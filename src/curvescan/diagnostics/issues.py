@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, NamedTuple
 
 from curvescan.diagnostics.checks import CHECKS, Topic
-from curvescan.diagnostics.report import LogReport
+from curvescan.diagnostics.report import LogReport, ReadingCode
 
 
 class Remedy(NamedTuple):
@@ -73,3 +74,29 @@ def _text(text: str | Callable[[LogReport], str], report: LogReport) -> str:
 def _texts(what: Callable[[LogReport], str | tuple[str, ...]], report: LogReport) -> tuple[str, ...]:
     found = what(report)
     return (found,) if isinstance(found, str) else found
+
+
+def report_as_plain(report: LogReport) -> dict[str, Any]:
+    """Return a report and its issues as dictionaries, lists, numbers, strings and None."""
+    return {
+        "usable": report.is_usable,
+        "issues": [_plain(issue) for issue in find_issues(report)],
+        "report": _plain(report),
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, ReadingCode):
+        is_number = math.isfinite(value.value)
+        return {"value": value.value if is_number else str(value.value), "share": value.share}
+    if isinstance(value, Remedy):
+        return {value.argument: _plain(value.value)}
+    if is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

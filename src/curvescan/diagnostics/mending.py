@@ -25,14 +25,9 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_DROPS = ("stale_beams", "undeclared_codes", "ring")
-"""Kinds of issues whose mending leaves readings out."""
-
-_JUDGED_AT = (100, 1000)
-"""Scans after which a running laser is judged."""
-
-_ROUNDS = 4
-"""Most inspections: what is mended first can hide what is mended next."""
+_DROPS = ("stale_beams", "undeclared_codes", "ring")  # kinds of issues whose mending leaves readings out
+_JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
+_ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -26,14 +26,9 @@ Reference: TypeAlias = Literal["wheel odometry", "gyroscope"]
 _N_PAIRS = 300
 _MAX_TURN = math.radians(40.0)
 _MIN_OVERLAP = 0.2
-_TRUNCATED = 0.5
-"""Differences of range count up to this many metres: what lies beyond is another surface."""
-
-_CLEARER = 0.8
-"""A shift counts where its cost is less than this share of that of the same shift the other way."""
-
-_DEGREES = (30.0, 90.0)
-"""A gyroscope that turns so many times as far as the scans gives degrees."""
+_TRUNCATED = 0.5  # differences of range count up to this many metres: what lies beyond is another surface
+_CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
+_DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
 
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8

@@ -17,8 +17,7 @@ from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-Layout = tuple[int, float, float, bool]
-"""Number of beams, angle_min, mean step, whether the sweep is a full circle."""
+Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
 
 _MAX_CODES = 1024
 _MAX_LAYOUTS = 256

@@ -16,20 +16,14 @@ from numpy.typing import NDArray
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats
 
-_BIN = 0.05
-"""Width of the bins in which readings are counted, metres; from beam to beam a surface's readings differ by less."""
-_N_BINS = 2048
-"""Readings beyond the last bin, 102 m, are not counted: no common 2D laser reaches farther."""
-_BAND = 0.01
-"""Share of the largest reading that is its band: a code is rounded, not noisy."""
-_BELOW = 0.10
-"""Share of the largest reading down to which the band is compared with what lies below it."""
-_MIN_SHARE = 0.002
-"""Least share of all readings in the band: fewer leave no arcs in a map."""
+_BIN = 0.05  # width of the bins in which readings are counted, metres
+_N_BINS = 2048  # readings beyond the last bin, 102 m, are not counted: no common 2D laser reaches farther
+_BAND = 0.01  # share of the largest reading that is its band: a code is rounded, not noisy
+_BELOW = 0.10  # share of the largest reading down to which the band is compared with what lies below it
+_MIN_SHARE = 0.002  # least share of all readings in the band: fewer leave no arcs in a map
 _MIN_BEAMS = 0.5
 """Least share of the beams that have been in the band: the far end of a room is seen by fewer, from one place."""
-_STRAYS = 0.0005
-"""Share of the largest readings that may lie above the band: single wrong ones."""
+_STRAYS = 0.0005  # share of the largest readings that may lie above the band: single wrong ones
 
 _WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)
 """Widths of a ring, bins: of any readings, and of those of no surface, whose bands may be wider."""

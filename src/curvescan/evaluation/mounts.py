@@ -27,8 +27,7 @@ from curvescan.odometry import Odometry
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Pose
 
-WAY, TURN = 0.3, 0.3
-"""A piece of the drive ends after so much way, metres, or turn, radians."""
+WAY, TURN = 0.3, 0.3  # a piece of the drive ends after so much way, metres, or turn, radians
 
 WRONG_M, WRONG_RAD = 0.03, 0.02
 """A given mount that differs from the found one by more, metres or radians, doubles walls."""
@@ -42,10 +41,7 @@ _LEAST_TURN = 0.5
 
 
 def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
-    """Return the pose of sensor b in the frame of sensor a from motions of both over the same times.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the pose of sensor b in the frame of sensor a from motions of both over the same times."""
     a, b = np.asarray(motions_a, dtype=np.float64), np.asarray(motions_b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
         raise InvalidArgumentError(f"motions must be two arrays of shape (n, 3), got {a.shape} and {b.shape}")
@@ -55,8 +51,7 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
     if len(a) < _LEAST_PIECES or turned < _LEAST_TURN:
         raise InvalidArgumentError(
             f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
-            f"{turned:.2f} rad: "
-            "drive farther, and round bends"
+            f"{turned:.2f} rad: drive farther, and round bends"
         )
     found = least_squares(_misclosure, _linear_mount(a, b), args=(a, b), loss="soft_l1", f_scale=_scale(a, b))
     # a robust fit's covariance: residual variance of the pieces that the loss trusts, by the information at the optimum
@@ -169,8 +164,7 @@ def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
     return se2.between(poses_a[ends[:-1]], poses_a[ends[1:]]), se2.between(poses_b[ends[:-1]], poses_b[ends[1:]])
 
 
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a standard normal variable."""
+_MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
 
 
 def _at(track: Trajectory, stamps: Floats) -> Pose:

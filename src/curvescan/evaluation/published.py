@@ -96,10 +96,7 @@ BENCHMARKS: dict[str, BenchmarkLog] = {
 
 
 def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
-    """Return the benchmark of that name, or that the name of a file contains; None without one.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the benchmark of that name, or that the name of a file contains; None without one."""
     if name is not None:
         if name not in BENCHMARKS:
             raise InvalidArgumentError(f"there is no benchmark {name!r}; known are {', '.join(BENCHMARKS)}")

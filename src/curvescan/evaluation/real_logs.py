@@ -27,11 +27,8 @@ from curvescan.matchers.result import Outcome
 from curvescan.odometry import Odometry, RunRecord, run_odometry
 from curvescan.types import Bools, Floats
 
-RIGHT = (0.25, np.radians(3.0))
-"""A match is right within this of the log's own poses: metres, radians."""
-
-WRONG = (0.3, np.radians(10.0))
-"""A match is plainly wrong beyond either of these: metres, radians."""
+RIGHT = (0.25, np.radians(3.0))  # a match is right within this of the log's own poses: metres, radians
+WRONG = (0.3, np.radians(10.0))  # a match is plainly wrong beyond either of these: metres, radians
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,10 +96,7 @@ def evaluate_log(
     laser_pose: ArrayLike = (0.0, 0.0, 0.0),
     on_step: Callable[[], None] | None = None,
 ) -> LogEvaluation:
-    """Return how a method does on consecutive scans of a log, with its default parameters.
-
-    laser_pose (3,).
-    """
+    """Return how a method does on consecutive scans of a log, with its default parameters. laser_pose (3,)."""
     motion: list[Floats] = []
     seconds: list[float] = []
     failures: Counter[Outcome] = Counter()
@@ -140,10 +134,7 @@ def evaluate_log(
 
 
 def assign_relations(logs: Sequence[Log], relations: Sequence[Relations]) -> list[Relations | None]:
-    """Return for each log the relations between its scans, associated by stamps; None without.
-
-    Raises InvalidArgumentError.
-    """
+    """Return for each log the relations between its scans, associated by stamps; None without."""
     stamps = [np.array([scan.stamp for scan in log]) for log in logs] if relations else []
     owned: list[Relations | None] = [None] * len(logs)
     for some in relations:

@@ -55,10 +55,7 @@ class ReferenceErrors:
 def reference_errors(
     trajectory: Trajectory, reference: PoseFile, laser_pose: ArrayLike = (0.0, 0.0, 0.0), *, tolerance: float = 0.01
 ) -> ReferenceErrors:
-    """Return the errors of a sensor's trajectory against reference poses.
-
-    laser_pose (3,). Raises InvalidArgumentError.
-    """
+    """Return the errors of a sensor's trajectory against reference poses. laser_pose (3,)."""
     own, other = _known(trajectory), _known(reference.trajectory)
     pairs = associate(own.stamps, other.stamps, tolerance=tolerance)
     if len(pairs) < 2:

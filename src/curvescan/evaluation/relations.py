@@ -28,8 +28,7 @@ __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_e
 Which: TypeAlias = Literal["near", "far", "all"]
 """Which relations: between scans less than some seconds apart, the others, or all."""
 
-NEAR = 5.0
-"""Relations of scans less than this apart are near, seconds."""
+NEAR = 5.0  # relations of scans less than this apart are near, seconds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,10 +74,7 @@ def relation_errors(
     near: float = NEAR,
     benchmark: BenchmarkLog | None = None,
 ) -> RelationErrors:
-    """Return the errors of a sensor's trajectory against relations of its robot.
-
-    laser_pose (3,). Raises InvalidArgumentError.
-    """
+    """Return the errors of a sensor's trajectory against relations of its robot. laser_pose (3,)."""
     robot = se2.compose(trajectory.poses, se2.inverse(laser_pose))
     is_known = ~np.isnan(robot[:, 2])
     first = find_stamps(trajectory.stamps, relations.first_stamps)

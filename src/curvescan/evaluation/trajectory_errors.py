@@ -92,8 +92,7 @@ class TrajectoryErrors:
 def trajectory_errors(poses: Pose, true_poses: Pose) -> TrajectoryErrors:
     """Return the errors of poses against the true ones, scan by scan.
 
-    poses, true_poses (n, 3): One row a scan, each trajectory in a frame of its own; n >= 2, no NaN. Raises
-    InvalidArgumentError.
+    poses, true_poses (n, 3): One row a scan, each trajectory in a frame of its own; n >= 2, no NaN.
     """
     _check(poses, true_poses, 2)
     true_motions = se2.between(true_poses[:-1], true_poses[1:])

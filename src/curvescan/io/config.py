@@ -13,8 +13,7 @@ from curvescan.configs import changed, check_names
 from curvescan.errors import InvalidArgumentError, LogFileError
 from curvescan.io.files.printable import printable
 
-_MAX_CHARS = 1 << 15
-"""All parameters of all methods take 5,000; the parser's time grows with the square of the depth."""
+_MAX_CHARS = 1 << 15  # all parameters of all methods take 5,000; the parser's time grows with the square of the depth
 
 
 def write_config(path: str | os.PathLike[str], configs: Mapping[str, object]) -> None:

@@ -51,7 +51,7 @@ EXPORTS: dict[str, ExportFormat] = {
     ),
     "mcap": ExportFormat(
         filename="run.mcap",
-        writer="curvescan.io.ros.writing.odometry_export:write_odometry_mcap",
+        writer="curvescan.io.ros.writing.log_writer:write_odometry_mcap",
         takes=("trajectory", "scans"),
     ),
 }
@@ -76,10 +76,7 @@ def check_exports(names: Iterable[str]) -> None:
 
 
 def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:
-    """Write exports of a run into an existing folder, and return the names of the files.
-
-    Raises InvalidArgumentError, OutputError.
-    """
+    """Write exports of a run into an existing folder, and return the names of the files."""
     names = tuple(names)
     check_exports(names)
     rows = [EXPORTS[name] for name in names]

@@ -19,8 +19,7 @@ from curvescan.io.arrays.csv_file import header_names, is_content
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind
 
-HEAD_BYTES = 1 << 16
-"""How many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log."""
+HEAD_BYTES = 1 << 16  # how many unpacked bytes a sniff gets: room for the long PARAM preamble of a CARMEN log
 
 
 class LogReader(Protocol):
@@ -30,10 +29,8 @@ class LogReader(Protocol):
         """Return the log, having made sure that it holds a scan.
 
         range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic:
-        Which of several lasers to read, where a format names them; None for the only one. Raises LogFormatError,
-        InvalidArgumentError.
+        Which of several lasers to read, where a format names them; None for the only one.
         """
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,7 @@ from curvescan.scan import LaserScan
 MAX_HELD_BYTES = 128 << 20
 """Most memory that the scans of a held log take; 45,000 scans of 361 beams. A larger log is read anew each time."""
 
-_SCAN_BYTES = 1200
-"""What a scan takes besides its arrays."""
+_SCAN_BYTES = 1200  # what a scan takes besides its arrays
 
 
 class HeldLog(LogView):

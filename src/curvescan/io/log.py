@@ -20,40 +20,32 @@ class Log(Protocol):
     @property
     def name(self) -> str:
         """Name for titles and messages: the file's name or the world's."""
-        ...
 
     @property
     def format(self) -> str:
         """Format in words: ``"CARMEN log"``."""
-        ...
 
     @property
     def odometry(self) -> Trajectory | None:
         """Wheel odometry: pose of the *sensor* at each scan in the odometry's own frame; None without."""
-        ...
 
     @property
     def read_errors(self) -> tuple[ReadError, ...]:
         """Faults of the whole log, most frequent first; empty for a sound one."""
-        ...
 
     @property
     def tag_counts(self) -> Mapping[str, int]:
         """How many messages of each kind the source holds, read or not; empty where all are scans."""
-        ...
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks of the reader, a sentence each: what it left out or assumed; empty where nothing."""
-        ...
 
     def __len__(self) -> int:
         """Return the number of scans."""
-        ...
 
     def __iter__(self) -> Iterator[LaserScan]:
         """Yield the scans in file order, one in memory at a time."""
-        ...
 
     @overload
     def __getitem__(self, i: int) -> LaserScan: ...
@@ -61,7 +53,6 @@ class Log(Protocol):
     def __getitem__(self, i: slice) -> Log: ...
     def __getitem__(self, i: int | slice) -> LaserScan | Log:
         """Return scan i, or a view of a slice; negative numbers count from the end. See :class:`ScanAccess`."""
-        ...
 
 
 @runtime_checkable
@@ -70,11 +61,9 @@ class MountedLog(Protocol):
 
     def robot_odometry(self) -> Trajectory | None:
         """Return the wheel odometry of the *robot* at each scan; None without."""
-        ...
 
     def hangs_upside_down(self) -> bool:
         """Return whether the laser is mounted upside down; its scans are as it gave them all the same."""
-        ...
 
 
 @runtime_checkable
@@ -86,7 +75,6 @@ class GyroLog(Protocol):
 
         Radians if its driver keeps to REP-103. None without a gyroscope.
         """
-        ...
 
 
 @runtime_checkable
@@ -95,7 +83,6 @@ class EstimatedLog(Protocol):
 
     def why_estimated(self) -> str:
         """Return what says that the poses come from SLAM, localization or laser odometry; empty where nothing does."""
-        ...
 
 
 @runtime_checkable
@@ -104,7 +91,6 @@ class CountedLog(Protocol):
 
     def n_recorded(self) -> int:
         """Return the scans of the recording by its own count."""
-        ...
 
 
 class ScanAccess:
@@ -261,8 +247,7 @@ class LogSlice(LogView):
         return Trajectory(stamps=trajectory.stamps[list(self._numbers)], poses=trajectory.poses[list(self._numbers)])
 
 
-_SCANS_A_LOOKUP = 10
-"""To look a scan up takes about as long as to read so many in their order."""
+_SCANS_A_LOOKUP = 10  # to look a scan up takes about as long as to read so many in their order
 
 
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:

@@ -27,7 +27,8 @@ def read_log(
 ) -> Log:
     """Return the log in a file, whatever its format and whether or not it is gzip-compressed.
 
-    The scans are read from the file by each iteration, one in memory at a time.
+    The scans, at least one, are read from the file by each iteration, one in memory at a time. What is broken in the
+    file is in the log's ``read_errors``.
 
     Parameters
     ----------
@@ -53,11 +54,6 @@ def read_log(
         Whether the log has the beams in the reverse of the order in which they were swept, so that they are turned
         round: for some drivers of RPLIDARs, whose sweeps cannot be deskewed otherwise.
 
-    Returns
-    -------
-    Log
-        With at least one scan. What is broken in the file is in its ``read_errors``.
-
     Raises
     ------
     LogFileError
@@ -76,6 +72,11 @@ def read_log(
         drop_stale=drop_stale,
         backwards=backwards,
     )
+    return open_log(path, range_max=range_max, topic=topic, setup=setup)
+
+
+def open_log(path: str | os.PathLike[str], *, range_max: float | None, topic: str | None, setup: SensorSetup) -> Log:
+    """Return the log in a file; see :func:`curvescan.read_log`."""
     if range_max is not None and not range_max > 0.0:  # also refuses NaN
         raise InvalidArgumentError(f"range_max must be a positive number of metres, got {range_max}")
     file = as_path(path, "a log")

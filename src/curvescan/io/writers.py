@@ -28,7 +28,6 @@ class LogWriter(Protocol):
 
     def __call__(self, path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
         """Write all scans and the odometry of a log, one scan in memory at a time. Raises OutputError."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

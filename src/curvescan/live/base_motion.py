@@ -12,8 +12,7 @@ from curvescan.se2 import uncertain
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Pose
 
-UNKNOWN = 1e6
-"""Variance of what is not known, in the square of its unit."""
+UNKNOWN = 1e6  # variance of what is not known, in the square of its unit
 
 _NOWHERE = np.zeros((3, 3))
 
@@ -25,16 +24,13 @@ class BaseState:
     odom_base: UncertainPose  # pose of the base in odom: continuous, the chain of its motions
     twist: Floats  # (3,): velocity in the base frame, m/s, m/s, rad/s
     twist_covariance: Cov  # (3, 3): of the twist
-    # (3,) float64 or None: pose of odom in map, with SLAM and in a saved map, where it stays while the laser is
+    # (3,): pose of odom in map, with SLAM and in a saved map, where it stays while the laser is
     # searched for anew; None until it has been found there
     map_odom: Pose | None
 
 
 class BaseMotion:
-    """Turns the steps of an odometry of the laser into states of the base.
-
-    mount (3,).
-    """
+    """Turns the steps of an odometry of the laser into states of the base. mount (3,)."""
 
     def __init__(self, mount: Pose) -> None:
         self._mount = UncertainPose(np.asarray(mount, dtype=np.float64), _NOWHERE)

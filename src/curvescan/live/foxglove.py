@@ -14,8 +14,7 @@ from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
-DEFAULT_PORT = 8766
-"""Default port; Foxglove's own, 8765, is the page's."""
+DEFAULT_PORT = 8766  # default port; Foxglove's own, 8765, is the page's
 
 _MAP_PERIOD, _MAP_SHARE = 2.0, 0.1
 """The map is sent at most every so many seconds, and in at most this share of the time."""
@@ -27,29 +26,8 @@ class FoxgloveSink(MapSink):
     A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the
     map at once.
 
-    Parameters
-    ----------
-    name : str
-        Name of the source.
-    host : str
-        Address to bind to; 127.0.0.1 is reached from this machine alone.
-    port : int
-        0: one that is free.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    is_lossless : bool
-        Whether the tracker waits for this sink.
-    saved_map : SlamMap or None
-        The map that is localized in: what /map begins with.
-
-    Raises
-    ------
-    MissingPackageError
-        When foxglove-sdk is not installed.
-    OutputError
-        When the address is in use or not this machine's.
+    `name` is the source's; port 0 is one that is free; the others are those of
+    :class:`curvescan.live.sinks.MapSink`. /map begins with the saved map.
     """
 
     def __init__(
@@ -96,9 +74,7 @@ class FoxgloveSink(MapSink):
             raise OutputError(
                 f"cannot serve Foxglove at {host}:{port}: {error}; choose another --foxglove-port or --host"
             ) from error
-        super().__init__(
-            "foxglove", occupancy=occupancy, is_revisable=mode == "SLAM", is_lossless=is_lossless, saved_map=saved_map
-        )
+        super().__init__("foxglove", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless)
 
     @property
     def url(self) -> str:

@@ -22,14 +22,9 @@ from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
 
-_MOVED_M, _MOVED_RAD = 0.05, 0.05
-"""A scan enters the map when the sensor has moved by this much, metres or radians."""
-
-_PATH_STEP_M = 0.03
-"""Points of the path are this far apart at least, metres: memory follows the way and not the time."""
-
-_MAX_PATH = 50_000
-"""Points of the path at most; beyond them every second one is forgotten."""
+_MOVED_M, _MOVED_RAD = 0.05, 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
+_PATH_STEP_M = 0.03  # points of the path are this far apart at least, metres: memory follows the way and not the time
+_MAX_PATH = 50_000  # points of the path at most; beyond them every second one is forgotten
 
 _KEPT_M, _KEPT_RAD = 0.15, 0.35
 """A scan is kept, to draw the map anew, for each square of this side and each sector of this angle, metres and radians:
@@ -38,8 +33,16 @@ the newest that was taken there, so that memory follows the area and not the tim
 _REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
 """The map is drawn anew at most every so many seconds, and in at most this share of the time."""
 
-_DARK = 20.0
-"""Grey of the surest obstacle; the surest free space is white, 255."""
+_DARK = 20.0  # grey of the surest obstacle; the surest free space is white, 255
+
+
+_LOST, _UNSURE = ("bad", "Lost"), ("warn", "Not sure")
+_STATUSES = {"predicted": _UNSURE, "held": _LOST, "lost": _LOST, "searching": _LOST}
+
+
+def status_of(outcome: str, *, is_degenerate: bool = False) -> tuple[str, str]:
+    """Return the tone of a colour and the word of a day for the outcome, by its name, of a scan."""
+    return _STATUSES.get(outcome, _UNSURE if is_degenerate else ("good", "Tracking"))
 
 
 class LiveMap:

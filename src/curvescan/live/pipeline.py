@@ -21,11 +21,8 @@ from curvescan.live.tracker import TrackedScan, Tracker
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_CAPACITY = 4
-"""Scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s."""
-
-_POLL = 0.2
-"""Seconds between two looks at the keyboard's interrupt while no scan comes."""
+_CAPACITY = 4  # scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s
+_POLL = 0.2  # seconds between two looks at the keyboard's interrupt while no scan comes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,30 +50,11 @@ def run_live(
     """Track the scans of a source and hand them to the sinks.
 
     The source is read in a thread of its own. A live one is never kept waiting: when tracking falls behind by more than
-    four scans the oldest is dropped and counted. A fault of the source ends the run; what came before is kept.
+    four scans the oldest is dropped and counted. A fault of the source ends the run; what came before is kept, and the
+    report names the fault. The source is opened and closed here, the sinks are closed by the caller.
 
-    Parameters
-    ----------
-    source : ScanSource
-        Opened and closed here.
-    tracker : Tracker
-        Estimates the poses, in the calling thread.
-    sinks : sequence of LiveSink
-        Are given every tracked scan, and closed by the caller.
-    is_lossless : bool or None
-        Whether the source waits for the tracker, so that nothing is dropped; None: unless the source is live.
-    on_scan : callable or None
-        Called after each scan, in the calling thread.
-
-    Returns
-    -------
-    LiveReport
-        Also after Ctrl-C and after a fault of the source, which it names.
-
-    Raises
-    ------
-    SourceError
-        When the source cannot be opened.
+    is_lossless: whether the source waits for the tracker, so that nothing is dropped; None: unless it is live; on_scan:
+    called after each scan, in the calling thread. Raises SourceError where the source cannot be opened.
     """
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)

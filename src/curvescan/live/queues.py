@@ -14,12 +14,7 @@ T = TypeVar("T")
 class BoundedQueue(Generic[T]):
     """A queue of limited length between threads; when it is full the oldest item is dropped, or the producer waits.
 
-    Parameters
-    ----------
-    capacity : int
-        Items held at most, >= 1.
-    is_lossless : bool
-        Whether `put` waits for room; else it never waits, and the oldest item is dropped and counted.
+    It holds `capacity` items at most; where it is lossless `put` waits for room.
     """
 
     def __init__(self, capacity: int, *, is_lossless: bool = False) -> None:

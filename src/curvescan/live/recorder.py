@@ -16,8 +16,7 @@ from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 
-MAP_PERIOD = 10.0
-"""The map is written at most every so many seconds, and at the end."""
+MAP_PERIOD = 10.0  # the map is written at most every so many seconds, and at the end
 
 
 class McapRecorder(MapSink):
@@ -26,23 +25,7 @@ class McapRecorder(MapSink):
     The file appears, whole, when the recorder is closed. Ranges are written as float32, what a LaserScan message has;
     beams that are not evenly spaced are not written, and that is reported at the end.
 
-    Parameters
-    ----------
-    path : path-like
-        The file; replaced if it is there.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    is_lossless : bool
-        Whether the tracker waits for this sink.
-    saved_map : SlamMap or None
-        The map that is localized in: what /map begins with.
-
-    Raises
-    ------
-    OutputError
-        When it cannot be written there.
+    The other arguments are those of :class:`curvescan.live.sinks.MapSink`; /map begins with the saved map.
     """
 
     def __init__(
@@ -68,12 +51,7 @@ class McapRecorder(MapSink):
         self._stamp = 0.0
         self.n_scans = 0
         super().__init__(
-            "recorder",
-            occupancy=occupancy,
-            is_revisable=mode == "SLAM",
-            capacity=1000,
-            is_lossless=is_lossless,
-            saved_map=saved_map,
+            "recorder", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless, capacity=1000
         )
 
     def _take(self, tracked: TrackedScan) -> None:

@@ -27,22 +27,11 @@ from curvescan.slam import Localizer, Slam
 from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
-_LONGEST_STEP_S = 2.0
-"""What moved is looked for between scans that are kept at most so far apart, seconds."""
+_LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at most so far apart, seconds
 
 
 class ResultsSink(MapSink):
-    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own.
-
-    Parameters
-    ----------
-    occupancy : OccupancyConfig or None
-        How to make the occupancy map.
-    mode : str
-        "odometry", "SLAM" or "localization".
-    is_lossless : bool
-        Whether the tracker waits for this sink.
-    """
+    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own."""
 
     def __init__(
         self, *, occupancy: OccupancyConfig | None = None, mode: str = "odometry", is_lossless: bool = False
@@ -51,7 +40,9 @@ class ResultsSink(MapSink):
         self._recorder = Recorder()
         # scans are kept without SLAM too: the maps are made of them at the end
         is_kept = mode != "localization"
-        super().__init__("results", occupancy=occupancy, is_revisable=is_kept, capacity=2000, is_lossless=is_lossless)
+        super().__init__(
+            "results", mode=mode, occupancy=occupancy, is_lossless=is_lossless, is_revisable=is_kept, capacity=2000
+        )
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; its pose at once, so that none is missing in the trajectory."""
@@ -61,18 +52,20 @@ class ResultsSink(MapSink):
     def _take(self, tracked: TrackedScan) -> None:
         self._map.add(tracked)
 
-    def run(
+    def write(
         self,
+        folder: Path,
         report: LiveReport,
         *,
         name: str,
         engine: Engine,
         log: PreparedLog | None = None,
         command: Sequence[str] = (),
-    ) -> Run:
-        """Return the run with its verdict, after the sink was closed; of a log that was replayed it is the offline one.
+    ) -> tuple[str, ...]:
+        """Write the results into an existing folder, after the sink was closed, and return the names of the files.
 
-        report: how it went, at least one scan; log: what was replayed, None for a source that cannot be read again.
+        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
+        from those that were kept, one for every 0.15 m and 20 degrees.
         """
         scans = _Passed(name, report.n_scans) if log is None else log.log
         is_partial = report.error is not None or len(scans) > report.n_scans
@@ -81,7 +74,10 @@ class ResultsSink(MapSink):
         if isinstance(engine, Slam):
             revised = replace(self._finished(engine), stamps=record.online.stamps)
             record = replace(record, trajectory=revised, seconds_to_finish=self._seconds_to_finish)
-        return Run(
+        maps = None
+        if log is None or isinstance(engine, Localizer):
+            maps = self._maps(engine, record.trajectory.poses)
+        run = Run(
             log=scans,
             scans=scans,
             engine=engine,
@@ -89,17 +85,10 @@ class ResultsSink(MapSink):
             prepared=log,
             verdict=judge(record, engine, log),
             occupancy=self._occupancy,
+            maps=maps,
             command=tuple(command),
             details={"live": {"mode": self._mode, **record_of(report)}},
         )
-
-    def write(self, folder: Path, run: Run) -> tuple[str, ...]:
-        """Write a run into an existing folder, and return the names of the files.
-
-        A laser's scans have gone: its maps are drawn from those that were kept, one for every 0.15 m and 20 degrees.
-        """
-        if run.prepared is None or isinstance(run.engine, Localizer):
-            run = replace(run, maps=self._maps(run.engine, run.record.trajectory.poses))
         save_run(folder, run)
         return tuple(sorted(path.name for path in folder.iterdir()))
 

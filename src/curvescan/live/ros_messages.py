@@ -27,10 +27,7 @@ class LiveMessages:
         self._motion = BaseMotion(np.zeros(3))
 
     def of_scan(self, tracked: TrackedScan) -> Iterator[tuple[str, Any]]:
-        """Yield the topic and the message of all that is said of a scan.
-
-        Raises OutputError.
-        """
+        """Yield the topic and the message of all that is said of a scan."""
         builder = self._builder
         state = self._motion.add(tracked.step, tracked.scan.stamp)
         stamp = tracked.scan.stamp + tracked.half_sweep  # that the pose is of

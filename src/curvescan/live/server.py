@@ -26,14 +26,9 @@ from typing import Any, Protocol, Self
 from curvescan._version import __version__
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 
-MAX_CONNECTIONS = 64
-"""Connections served at once; further ones are closed."""
-
-TIMEOUT = 10.0
-"""A visitor who sends, or takes in, nothing for so long is cut off, seconds."""
-
-MAX_BODY = 1 << 16
-"""Longest text of an action, bytes."""
+MAX_CONNECTIONS = 64  # connections served at once; further ones are closed
+TIMEOUT = 10.0  # a visitor who sends, or takes in, nothing for so long is cut off, seconds
+MAX_BODY = 1 << 16  # longest text of an action, bytes
 
 _ACTION, _TOKEN, JSON = "/do/", "X-Curvescan-Token", "application/json"
 _KINDS = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
@@ -47,8 +42,7 @@ _HEADERS = {
 }
 
 
-Content = tuple[bytes, str]
-"""What is sent, and its media type."""
+Content = tuple[bytes, str]  # what is sent, and its media type
 
 Event = tuple[str, dict[str, Any]]
 
@@ -61,26 +55,19 @@ class Site(Protocol):
 
     def content(self, path: str) -> Content | None:
         """Return what there is under a path; None where there is nothing."""
-        ...
 
     def events(self) -> Iterator[Event | None] | None:
         """Return what a new browser is told, from the beginning, None as a sign of life; None without a stream."""
-        ...
 
     def act(self, name: str, arguments: Mapping[str, Any]) -> Content:
         """Do what the page asks for. Raises CurvescanError."""
-        ...
 
     def stop(self) -> None:
         """End the streams of all browsers."""
-        ...
 
 
 class PageServer:
-    """Serves the page of a site; a context.
-
-    Raises OutputError.
-    """
+    """Serves the page of a site; a context."""
 
     def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0) -> None:
         try:

@@ -30,11 +30,9 @@ class LiveSink(Protocol):
 
     def put(self, tracked: TrackedScan) -> None:
         """Take in a scan; must not wait for anything slow."""
-        ...
 
     def close(self) -> None:
         """Finish what was taken in; called once, at the end."""
-        ...
 
 
 class WorkerSink:
@@ -78,18 +76,25 @@ class WorkerSink:
 
 
 class MapSink(WorkerSink):
-    """A sink that draws a map."""
+    """A sink that draws a map.
+
+    mode: "odometry", "SLAM" or "localization"; occupancy: how the map is made; saved_map: what is localized in, drawn
+    from the beginning; is_lossless: whether the tracker waits, so that no scan is missing; is_revisable: whether poses
+    of the past may change, None for those of SLAM.
+    """
 
     def __init__(
         self,
         name: str,
         *,
+        mode: str = "odometry",
         occupancy: OccupancyConfig | None = None,
-        is_revisable: bool = False,
-        capacity: int = 200,
-        is_lossless: bool = False,
         saved_map: SavedMap | None = None,
+        is_lossless: bool = False,
+        is_revisable: bool | None = None,
+        capacity: int = 200,
     ) -> None:
+        is_revisable = mode == "SLAM" if is_revisable is None else is_revisable
         self._map = LiveMap(occupancy, is_revisable=is_revisable)
         if saved_map is not None:
             self._map.begin_with(saved_map.scans, saved_map.poses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ class TrackedScan:
     index: int  # number of the scan among those that were tracked, from 0
     scan: LaserScan  # the scan as the source gave it
     step: Step  # what the engine returned for it
-    # tuple of (int, int): numbers of the two scans that each loop closure joins which this scan brought
+    # numbers of the two scans that each loop closure joins which this scan brought
     closures: tuple[tuple[int, int], ...]
     revised: Trajectory | None  # all poses so far, where those of the past have changed; at most once a second
     # whether the engine deskews sweeps by the times of their beams, as a map of them must then do too
@@ -35,6 +36,7 @@ class TrackedScan:
     seconds: float  # time that it took
     received: float  # when the source gave the scan, by time.monotonic(), seconds
     n_dropped: int  # scans of the source that were dropped before this one because tracking was too slow
+    wheels: Pose | None = None  # pose of the sensor by its wheels, in a frame of their own
 
     @property
     def pose(self) -> Pose:
@@ -73,18 +75,11 @@ class TrackedScan:
 
 
 class Tracker:
-    """Drives an engine scan by scan.
-
-    Parameters
-    ----------
-    engine : Odometry, Slam or Localizer
-        What estimates the poses.
-    odometry_poses : (n, 3) float64 or None
-        Pose of the sensor at each scan by its wheels, of a log that is replayed.
-    """
+    """Drives an engine scan by scan; odometry_poses (n, 3): the sensor by its wheels, of a log that is replayed."""
 
     def __init__(self, engine: Engine, odometry_poses: Pose | None = None) -> None:
         self.engine = engine
+        self.lock = threading.Lock()  # the engine belongs to who holds it
         self._odometry_poses = odometry_poses
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
@@ -96,22 +91,15 @@ class Tracker:
     ) -> TrackedScan:
         """Return where the sensor was at this scan.
 
-        Parameters
-        ----------
-        scan : LaserScan
-            The next scan.
-        received : float or None
-            When it came, by time.monotonic(), seconds; None: now.
-        n_dropped : int
-            Scans that were dropped so far.
-        odometry_pose : (3,) float64 or None
-            Pose of the sensor by its wheels, in a frame of their own; see :meth:`curvescan.Odometry.add`.
+        received: when it came, by time.monotonic(), seconds, None for now; n_dropped: scans that were dropped so far;
+        odometry_pose (3,): pose of the sensor by its wheels, see :meth:`curvescan.Odometry.add`.
         """
         received = time.monotonic() if received is None else received
         started = time.perf_counter()
         if odometry_pose is None:
             odometry_pose = pose_at(self._odometry_poses, self._n_scans)
-        step = self.engine.add(scan, odometry_pose)
+        with self.lock:
+            step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
         self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
         self._is_revised |= step.is_revised
@@ -125,6 +113,7 @@ class Tracker:
             seconds=seconds,
             received=received,
             n_dropped=n_dropped,
+            wheels=odometry_pose,
         )
         self._n_scans += 1
         return tracked

@@ -27,23 +27,15 @@ from curvescan.types import Bools, Floats, Ints, Points, Pose
 MARGIN = 0.1
 """A reading must lie this much nearer than what the earlier scan saw, metres: noise, a small error of the pose."""
 
-SHARE = 0.3
-"""Share of a segment's readings that must be new for all of it to count as moving."""
-
-LAGS = (1, 3, 6)
-"""How many scans back the earlier scans lie; at 5 to 10 Hz about the last second."""
-
-_HOLE = 3.5
-"""Steps between two unevenly spaced beams from which on the sensor looked away between them."""
+SHARE = 0.3  # share of a segment's readings that must be new for all of it to count as moving
+LAGS = (1, 3, 6)  # how many scans back the earlier scans lie; at 5 to 10 Hz about the last second
+_HOLE = 3.5  # steps between two unevenly spaced beams from which on the sensor looked away between them
 
 _SEGMENTS = SegmentationConfig(range_sigma=0.01, min_readings=3)
 
 
 def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose]]) -> Bools:
-    """Return which readings of a scan lie on something that moved since the earlier scans.
-
-    result (n_beams,).
-    """
+    """Return which readings of a scan lie on something that moved since the earlier scans. result (n_beams,)."""
     is_new = np.zeros(len(current), dtype=np.bool_)
     for scan, pose in earlier:
         is_new |= _was_free(current, scan, pose)

@@ -24,8 +24,7 @@ from curvescan.mapping.traversal import mark_scan
 from curvescan.scan import LaserScan
 from curvescan.types import Bools, Floats, Points
 
-MAX_BYTES = 1 << 30
-"""Most memory that a map's cells may take; while the grid grows, the old ones stand beside the new."""
+MAX_BYTES = 1 << 30  # most memory that a map's cells may take; while the grid grows, the old ones stand beside the new
 
 _CELL_BYTES = 8
 _FIRST_MARGIN = 64

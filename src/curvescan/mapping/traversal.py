@@ -34,18 +34,14 @@ def mark_scan(
     ----------
     log_odds : (n_rows, n_columns) float32
         Of occupancy; row j holds the cells of y in [j, j + 1).
-    marks : (n_rows, n_columns) int32
-        Number of the scan that changed a cell last.
-    mark : int
-        Number of this scan.
+    marks, mark : (n_rows, n_columns) int32, int
+        Number of the scan that changed a cell last, and of this scan.
     start : (2,) float64
         Place of the sensor, in cells from the corner of the grid.
     ends : (n, 2) float64
         Where the beams end, in the same unit; all inside the grid.
-    is_hit : (n,) bool
-        Whether the last cell of a beam is a hit.
-    is_fully_observed : (n,) bool
-        Whether the last cell of a beam is passed like the others; one that is neither is left as it is.
+    is_hit, is_fully_observed : (n,) bool
+        Whether the last cell of a beam is a hit, or passed like the others; one that is neither is left as it is.
     steps : (4,) float64
         Log-odds to add for a hit and for a miss, lowest and highest log-odds.
     """

@@ -27,8 +27,7 @@ from curvescan.types import UncertainPose
 _AnyScan = LaserScan | PreparedScan
 _Job = tuple[PreparedScan, PreparedScan, UncertainPose | None]
 
-_FEW = 8
-"""Matches that are not worth a process: one takes some milliseconds to begin."""
+_FEW = 8  # matches that are not worth a process: one takes some milliseconds to begin
 
 
 def match_many(

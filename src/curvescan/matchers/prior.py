@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from curvescan.errors import InvalidArgumentError
 from curvescan.types import Pose, UncertainPose
 
-GUESS_SIGMA = (0.3, 0.3, 0.2)
-"""Standard deviations that a bare guess stands for: metres, metres, radians."""
+GUESS_SIGMA = (0.3, 0.3, 0.2)  # standard deviations that a bare guess stands for: metres, metres, radians
 
 WIDE_SIGMA = (2.0, 2.0, 1.5)
 """Standard deviations about standing still that hold where nothing is known: metres, metres, radians."""

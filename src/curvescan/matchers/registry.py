@@ -62,22 +62,18 @@ class Matcher(Protocol):
     @property
     def config(self) -> Any:
         """The matcher's frozen configuration."""
-        ...
 
     def prepare(self, scan: LaserScan) -> Any:
         """Return the features of a scan, whatever this matcher needs to know of one scan."""
-        ...
 
     def can_be_reference(self, features: Any) -> bool:
         """Return whether features hold enough for a later scan to be matched against them."""
-        ...
 
     def match(self, reference: Any, current: Any, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` seen from `reference`, both being features of this matcher.
 
         The prior is what is known of that pose before; None stands for ``curvescan.matchers.prior.WIDE_PRIOR``.
         """
-        ...
 
 
 def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Matcher:

@@ -29,32 +29,18 @@ from curvescan.types import Bools, Floats, Ints, Points
 TOLERANCES: Floats = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2])
 """U_k tried, metres."""
 
-SIGMAS: Floats = np.array([0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2])
-"""sigma_rho tried, metres."""
+SIGMAS: Floats = np.array([0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2])  # sigma_rho tried, metres
 
 WALL, REACH = 0.9, 8.0
 """A wall this far beside the sensor, as of a corridor 1.8 m wide, shall stay whole out to this range, metres."""
 
-_WHOLE = 0.9
-"""Share of the scans in which such a wall shall be whole."""
-
-CURVATURES: Floats = np.arange(0.05, 1.01, 0.05)
-"""U_p tried, radians."""
-
-CORNER_ANGLES: Floats = np.radians([30.0, 45.0, 60.0, 75.0, 90.0])
-"""Angles by which the corners turn, radians."""
-
-_FREE = 0.1
-"""Mean number of peaks a plane may show where none is said to show."""
-
-_QUIET = 0.01
-"""Share of the planes that may show a peak at the chosen U_p: the least such U_p finds most corners."""
-
-_LEAST_PLANE = 20
-"""Readings that a surface must have to be judged a plane."""
-
-_MOST_PLANES = 400
-"""Planes taken from a log, in its order."""
+_WHOLE = 0.9  # share of the scans in which such a wall shall be whole
+CURVATURES: Floats = np.arange(0.05, 1.01, 0.05)  # U_p tried, radians
+CORNER_ANGLES: Floats = np.radians([30.0, 45.0, 60.0, 75.0, 90.0])  # angles by which the corners turn, radians
+_FREE = 0.1  # mean number of peaks a plane may show where none is said to show
+_QUIET = 0.01  # share of the planes that may show a peak at the chosen U_p: the least such U_p finds most corners
+_LEAST_PLANE = 20  # readings that a surface must have to be judged a plane
+_MOST_PLANES = 400  # planes taken from a log, in its order
 
 _NEAR_CORNER = 3
 """Readings by which a peak may lie farther from its corner than eq. 3 puts it."""
@@ -103,10 +89,7 @@ def simulated_planes(
 
 
 def planes_of_log(scans: Iterable[LaserScan], name: str) -> tuple[PlaneGroup, ...]:
-    """Return the plane surfaces of a log as one group: segments that a straight line explains.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the plane surfaces of a log as one group: segments that a straight line explains."""
     planes: list[Points] = []
     config = replace(CfSmaConfig().segmentation, range_sigma=0.01)
     for scan in scans:

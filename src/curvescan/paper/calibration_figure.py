@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -44,43 +45,22 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
 
 def calibration_table(calibration: Calibration) -> ResultTable:
     """Return what was found beside the defaults and the paper's values."""
+    rows: tuple[tuple[str, Callable[[CfSmaConfig], float], str, str], ...] = (
+        ("sigma_rho, eq. 2", lambda c: c.segmentation.range_sigma, " m", "lost"),
+        ("U_k, arc minus chord", lambda c: c.curvature.arc_tolerance, " m", "1.0, unit unknown"),
+        ("U_c, correlation of functions", lambda c: c.functions.min_correlation, "", "0.4"),
+        ("U_p, curvature of a corner", lambda c: c.landmarks.min_curvature, " rad", "0.2 rad"),
+        ("n, neighbours", lambda c: c.landmarks.n_neighbours, "", "30"),
+        ("S_min, Pearson similarity", lambda c: c.landmarks.min_similarity, "", "0.2"),
+    )
     config, default = calibration.config, CfSmaConfig()
+    noise = ("range noise of the planes", f"{calibration.noise:.4f} m", "-", "-")
     return ResultTable(
         title="Parameters found",
         columns=("parameter", "found", "default", "paper"),
         rows=[
-            ("range noise of the planes", f"{calibration.noise:.4f} m", "-", "-"),
-            (
-                "sigma_rho, eq. 2",
-                f"{config.segmentation.range_sigma:g} m",
-                f"{default.segmentation.range_sigma:g} m",
-                "lost",
-            ),
-            (
-                "U_k, arc minus chord",
-                f"{config.curvature.arc_tolerance:g} m",
-                f"{default.curvature.arc_tolerance:g} m",
-                "1.0, unit unknown",
-            ),
-            (
-                "U_c, correlation of functions",
-                f"{config.functions.min_correlation:g}",
-                f"{default.functions.min_correlation:g}",
-                "0.4",
-            ),
-            (
-                "U_p, curvature of a corner",
-                f"{config.landmarks.min_curvature:g} rad",
-                f"{default.landmarks.min_curvature:g} rad",
-                "0.2 rad",
-            ),
-            ("n, neighbours", f"{config.landmarks.n_neighbours}", f"{default.landmarks.n_neighbours}", "30"),
-            (
-                "S_min, Pearson similarity",
-                f"{config.landmarks.min_similarity:g}",
-                f"{default.landmarks.min_similarity:g}",
-                "0.2",
-            ),
+            noise,
+            *((name, f"{of(config):g}{unit}", f"{of(default):g}{unit}", paper) for name, of, unit, paper in rows),
         ],
     )
 
@@ -99,22 +79,26 @@ def peak_table(calibration: Calibration) -> ResultTable:
 
 def wall_table(calibration: Calibration) -> ResultTable:
     """Return how often a wall 0.9 m beside the sensor is whole for each sigma_rho."""
-    return ResultTable(
-        title="A wall 0.9 m beside the sensor, out to 8 m",
-        columns=("sigma_rho [m]", "scans in which it is one segment"),
-        rows=[(f"{sigma:g}", f"{100 * share:.0f} %") for sigma, share in zip(SIGMAS, calibration.whole, strict=True)],
+    return ResultTable.of(
+        "A wall 0.9 m beside the sensor, out to 8 m",
+        zip(SIGMAS, calibration.whole, strict=True),
+        [
+            ("sigma_rho [m]", lambda one: f"{one[0]:g}"),
+            ("scans in which it is one segment", lambda one: f"{100 * one[1]:.0f} %"),
+        ],
     )
 
 
 def neighbour_table(calibration: Calibration) -> ResultTable:
     """Return accuracy and time for each n, on consecutive scans of known motion."""
     pairs = calibration.pairs
-    return ResultTable(
-        title="n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
-        columns=("n", "right within 0.1 m, 2 deg", "time of a match"),
-        rows=[
-            (f"{n}", f"{100 * share:.1f} %", f"{1e3 * seconds:.2f} ms")
-            for n, share, seconds in zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True)
+    return ResultTable.of(
+        "n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
+        zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True),
+        [
+            ("n", lambda one: f"{one[0]}"),
+            ("right within 0.1 m, 2 deg", lambda one: f"{100 * one[1]:.1f} %"),
+            ("time of a match", lambda one: f"{1e3 * one[2]:.2f} ms"),
         ],
     )
 
@@ -122,11 +106,12 @@ def neighbour_table(calibration: Calibration) -> ResultTable:
 def similarity_table(calibration: Calibration) -> ResultTable:
     """Return the shares of wrong and right pairs of characteristic points on either side of each S_min."""
     pairs = calibration.pairs
-    return ResultTable(
-        title="S_min: pairs of characteristic points of the same scans",
-        columns=("S_min", "wrong pairs rejected", "right pairs kept"),
-        rows=[
-            (f"{s_min:.2f}", f"{100 * rejected:.1f} %", f"{100 * kept:.1f} %")
-            for s_min, rejected, kept in zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True)
+    return ResultTable.of(
+        "S_min: pairs of characteristic points of the same scans",
+        zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True),
+        [
+            ("S_min", lambda one: f"{one[0]:.2f}"),
+            ("wrong pairs rejected", lambda one: f"{100 * one[1]:.1f} %"),
+            ("right pairs kept", lambda one: f"{100 * one[2]:.1f} %"),
         ],
     )

@@ -20,14 +20,9 @@ from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import ScanPair, Sensor, simulate_pairs
 from curvescan.types import Bools, Floats, Ints
 
-NEIGHBOURS: Ints = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50])
-"""n tried."""
-
-SIMILARITIES: Floats = np.arange(0.0, 1.0, 0.05)
-"""S_min tried."""
-
-_COST = 0.001
-"""Share of the right pairs that the chosen S_min may cost."""
+NEIGHBOURS: Ints = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50])  # n tried
+SIMILARITIES: Floats = np.arange(0.0, 1.0, 0.05)  # S_min tried
+_COST = 0.001  # share of the right pairs that the chosen S_min may cost
 
 _SAME_PLACE = 0.15
 """Distance up to which two characteristic points are of one corner, metres: eq. 3 puts the peak before the corner, by a

@@ -29,11 +29,8 @@ from curvescan.simulation import Simulation
 N_SEEDS: dict[Condition, int] = {"paper": 3, "hard": 1}
 """Buildings, and runs of the robot in them, for each of experiments 2 to 4."""
 
-N_RUNS = (1000, 250)
-"""Runs of experiment 1 under each of the paper's conditions, and under each harder one."""
-
-CONSISTENT = "cfsma, consistency"
-"""Name of cfsma with its consistency test among the methods of a table."""
+N_RUNS = (1000, 250)  # runs of experiment 1 under each of the paper's conditions, and under each harder one
+CONSISTENT = "cfsma, consistency"  # name of cfsma with its consistency test among the methods of a table
 
 PAPER_CONFIGS: dict[str, MatcherConfig] = {"cox": CoxConfig(median_readings=3, has_projection_filter=True)}
 """Parameters of the methods where the paper uses them otherwise than our defaults: Cox after the filters of IDC."""

@@ -11,8 +11,7 @@ from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
 from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, segment_colour
-from curvescan.plots.map import from_first
-from curvescan.plots.side_by_side import draw_side_by_side
+from curvescan.plots.map import draw_side_by_side, from_first
 
 
 def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformResult]) -> None:

@@ -23,17 +23,10 @@ from curvescan.scan import LaserScan
 from curvescan.simulation import simulate, simulate_pairs
 from curvescan.types import Bools, Floats, Ints, Pose
 
-TRANSLATION_MEAN, TRANSLATION_STD = 0.100, 0.050
-"""Random translation on each axis, metres."""
-
-ROTATION_MEAN, ROTATION_STD = np.radians(15.0), np.radians(5.0)
-"""Random rotation, radians."""
-
-SUCCESS = (0.1, np.radians(2.0))
-"""A match counts as right within this translation, metres, and rotation, radians."""
-
-N_BATCHES = 5
-"""Seeds the runs of a condition are spread over; what differs between them is the spread that is reported."""
+TRANSLATION_MEAN, TRANSLATION_STD = 0.100, 0.050  # random translation on each axis, metres
+ROTATION_MEAN, ROTATION_STD = np.radians(15.0), np.radians(5.0)  # random rotation, radians
+SUCCESS = (0.1, np.radians(2.0))  # a match counts as right within this translation, metres, and rotation, radians
+N_BATCHES = 5  # seeds the runs of a condition are spread over; what differs between them is the spread that is reported
 
 Moves: TypeAlias = Literal["scan", "sensor"]
 """What is moved by the random transform: the points of the second scan, or the sensor that takes it."""
@@ -68,8 +61,7 @@ CONDITIONS: tuple[RandomTransformCondition, ...] = (
 )
 """The paper's conditions first: a real LMS200's noise and few people; then harder ones."""
 
-N_PAPER_CONDITIONS = 4
-"""The first of CONDITIONS, which are the paper's."""
+N_PAPER_CONDITIONS = 4  # the first of CONDITIONS, which are the paper's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

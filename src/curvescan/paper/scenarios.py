@@ -28,8 +28,7 @@ from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import Drive, Simulation, simulate
 from curvescan.types import Bools, Floats, Pose
 
-Condition: TypeAlias = Literal["paper", "hard"]
-"""Under which conditions an experiment is done."""
+Condition: TypeAlias = Literal["paper", "hard"]  # under which conditions an experiment is done
 
 
 @dataclass(frozen=True, kw_only=True)

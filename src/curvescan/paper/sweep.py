@@ -16,17 +16,10 @@ from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.paper.random_transform import RandomTransformCondition, RandomTransformRuns, run_random_transforms
 from curvescan.runs.table import ResultTable
 
-SEED = 1000
-"""First seed of the sweep; the experiments start at 0."""
-
-SIGMAS = (0.01, 0.03, 0.05, 0.08, 0.12)
-"""sigma_rho tried, metres."""
-
-TOLERANCES = (0.02, 0.03, 0.04, 0.06, 0.08)
-"""U_k tried, metres."""
-
-AMBIGUITIES = (0.98, 0.995, 0.999)
-"""Limits of distinctiveness tried."""
+SEED = 1000  # first seed of the sweep; the experiments start at 0
+SIGMAS = (0.01, 0.03, 0.05, 0.08, 0.12)  # sigma_rho tried, metres
+TOLERANCES = (0.02, 0.03, 0.04, 0.06, 0.08)  # U_k tried, metres
+AMBIGUITIES = (0.98, 0.995, 0.999)  # limits of distinctiveness tried
 
 CONDITIONS = (
     RandomTransformCondition(title="5 mm"),

@@ -2,52 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from curvescan.evaluation.real_logs import LogEvaluation
 from curvescan.paper.experiments import ScenarioComparison
-from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
+from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
+from curvescan.paper.scenarios import ScenarioResult
 from curvescan.runs.table import ResultTable
 from curvescan.types import Floats
+
+_ByMethod: TypeAlias = tuple[str, tuple[ScenarioResult, ...]]  # A method and its results, one a seed
 
 
 def random_transform_table(all_runs: dict[RandomTransformCondition, TransformResult]) -> ResultTable:
     """Return a table of experiment 1, beside the paper's figures."""
-    rows = [
-        (
-            condition.title,
-            f"{len(runs.errors):,}",
-            f"{100 * runs.right_share:.1f} ± {100 * runs.right_spread:.1f} %",
-            f"{100 * runs.failed_share:.1f} %",
-            _mean_errors(runs.mean_of_right),
-            _mean_errors(runs.mean_of_all),
-            f"{1e3 * np.nanmedian(runs.translation_error):.1f} mm",
-            _integer(runs.mean_n_matched),
-            f"{100 * consistent.right_share:.1f} ± {100 * consistent.right_spread:.1f} %",
-            _mean_errors(consistent.mean_of_all),
-        )
-        for condition, (runs, consistent) in all_runs.items()
-    ]
-    paper = ("12 mm, 22 mm, lost", "-", "245", "-", "-")
-    rows.append(("paper", "1,000", "-", "-", "-", *paper))
-    return ResultTable(
-        title=f"cfsma: errors of x, y, theta; right is within {SUCCESS[0]} m, {np.degrees(SUCCESS[1]):.0f} deg; "
+
+    def right(runs: RandomTransformRuns) -> str:
+        return f"{100 * runs.right_share:.1f} ± {100 * runs.right_spread:.1f} %"
+
+    return ResultTable.of(
+        f"cfsma: errors of x, y, theta; right is within {SUCCESS[0]} m, {np.degrees(SUCCESS[1]):.0f} deg; "
         "± is the standard deviation from seed to seed",
-        columns=(
-            "scans",
-            "runs",
-            "right",
-            "failed",
-            "mean errors of right",
-            "mean errors of all",
-            "median of all",
-            "mean N_t",
-            "right, with consistency",
-            "mean errors of all, with consistency",
-        ),
-        rows=rows,
+        [(condition, *result) for condition, result in all_runs.items()],
+        [
+            ("scans", lambda one: one[0].title),
+            ("runs", lambda one: f"{len(one[1].errors):,}"),
+            ("right", lambda one: right(one[1])),
+            ("failed", lambda one: f"{100 * one[1].failed_share:.1f} %"),
+            ("mean errors of right", lambda one: _mean_errors(one[1].mean_of_right)),
+            ("mean errors of all", lambda one: _mean_errors(one[1].mean_of_all)),
+            ("median of all", lambda one: f"{1e3 * np.nanmedian(one[1].translation_error):.1f} mm"),
+            ("mean N_t", lambda one: "-" if np.isnan(one[1].mean_n_matched) else f"{one[1].mean_n_matched:.0f}"),
+            ("right, with consistency", lambda one: right(one[2])),
+            ("mean errors of all, with consistency", lambda one: _mean_errors(one[2].mean_of_all)),
+        ],
+        last=[("paper", "1,000", "-", "-", "-", "12 mm, 22 mm, lost", "-", "245", "-", "-")],
     )
 
 
@@ -58,41 +51,26 @@ def _mean_errors(mean: Floats) -> str:
     return f"{1e3 * x:.1f} mm, {1e3 * y:.1f} mm, {np.degrees(theta):.2f} deg"
 
 
-def _integer(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.0f}"
-
-
 def drive_table(drive: ScenarioComparison) -> ResultTable:
     """Return a table of one experiment: accuracy of every method (Tables II and IV of the paper), seed by seed."""
-    rows: list[tuple[str, ...]] = []
-    for method, results in drive.results.items():
-        rows.append(
-            (
-                method,
-                f"{1e3 * np.median(np.concatenate([r.run.seconds for r in results])):.2f} ms",
-                _by_seed([100 * r.right_share for r in results], ".1f", "%"),
-                _by_seed([r.n_failed for r in results], ".0f", ""),
-                _by_seed([r.errors.end_translation for r in results], ".2f", "m"),
-                _by_seed([float(np.degrees(r.errors.end_rotation)) for r in results], ".1f", "deg"),
-                _by_seed([100 * r.errors.drift for r in results], ".1f", "%"),
-                _by_seed([r.end_unrefused for r in results], ".2f", "m"),
-            )
-        )
-    rows.append(("paper", *(["entries lost in our copy"] * 7)))
-    return ResultTable(
-        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: all methods on the same "
-        "scans, scan to scan; one figure a seed",
-        columns=(
-            "method",
-            "time a scan",
-            "steps right",
-            "failed",
-            "end pose error",
-            "in angle",
-            "of the path",
-            "end pose error without refusals",
-        ),
-        rows=rows,
+
+    def by_seed(figure: Callable[[ScenarioResult], float], form: str, unit: str = "") -> Callable[[_ByMethod], str]:
+        return lambda one: f"{', '.join(f'{figure(result):{form}}' for result in one[1])} {unit}".strip()
+
+    return ResultTable.of(
+        f"{_name(drive)}: all methods on the same scans, scan to scan; one figure a seed",
+        drive.results.items(),
+        [
+            ("method", lambda one: one[0]),
+            ("time a scan", lambda one: f"{1e3 * np.median(np.concatenate([r.run.seconds for r in one[1]])):.2f} ms"),
+            ("steps right", by_seed(lambda r: 100 * r.right_share, ".1f", "%")),
+            ("failed", by_seed(lambda r: r.n_failed, ".0f")),
+            ("end pose error", by_seed(lambda r: r.errors.end_translation, ".2f", "m")),
+            ("in angle", by_seed(lambda r: math.degrees(r.errors.end_rotation), ".1f", "deg")),
+            ("of the path", by_seed(lambda r: 100 * r.errors.drift, ".1f", "%")),
+            ("end pose error without refusals", by_seed(lambda r: r.end_unrefused, ".2f", "m")),
+        ],
+        last=[("paper", *["entries lost in our copy"] * 7)],
     )
 
 
@@ -102,71 +80,61 @@ def covariance_table(drive: ScenarioComparison) -> ResultTable:
     def diagonal(values: Floats) -> str:
         return ", ".join(f"{value:.1e}" for value in values)
 
-    rows: list[tuple[str, ...]] = []
-    for method, results in drive.results.items():
-        own = np.concatenate([r.variances for r in results])
-        shared = np.concatenate([r.lu_milios for r in results])
-        if len(own):
-            rows.append(
-                (
-                    method,
-                    diagonal(shared.mean(axis=0)),
-                    diagonal(shared.max(axis=0)),
-                    diagonal(own.mean(axis=0)),
-                    diagonal(own.max(axis=0)),
-                )
-            )
-    rows.append(("paper", *["entries lost in our copy"] * 2, "-", "-"))
-    return ResultTable(
-        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: diagonal of the "
-        f"covariance "
-        "[m², m², rad²]",
-        columns=("method", "by Lu and Milios for all, mean", "largest", "the method's own, mean", "largest"),
-        rows=rows,
+    found = [
+        (method, np.concatenate([r.variances for r in results]), np.concatenate([r.lu_milios for r in results]))
+        for method, results in drive.results.items()
+    ]
+    return ResultTable.of(
+        f"{_name(drive)}: diagonal of the covariance [m², m², rad²]",
+        [one for one in found if len(one[1])],
+        [
+            ("method", lambda one: one[0]),
+            ("by Lu and Milios for all, mean", lambda one: diagonal(one[2].mean(axis=0))),
+            ("largest", lambda one: diagonal(one[2].max(axis=0))),
+            ("the method's own, mean", lambda one: diagonal(one[1].mean(axis=0))),
+            ("largest", lambda one: diagonal(one[1].max(axis=0))),
+        ],
+        last=[("paper", *["entries lost in our copy"] * 2, "-", "-")],
     )
 
 
 def dynamic_table(drive: ScenarioComparison) -> ResultTable:
     """Return what became of the readings of people, all seeds."""
-    rows: list[tuple[str, ...]] = []
-    for method, results in drive.results.items():
-        matched, all_people, kept, all_static, right, said, true = np.sum(
-            [
-                (
-                    r.discarded.n_people_matched,
-                    r.discarded.n_people,
-                    r.discarded.n_static_matched,
-                    r.discarded.n_static,
-                    r.moved.n_right,
-                    r.moved.n_said,
-                    r.moved.n_true,
-                )
-                for r in results
-            ],
-            axis=0,
-        )
-        rows.append(
+
+    def share(part: Callable[[ScenarioResult], int], whole: Callable[[ScenarioResult], int], one: _ByMethod) -> float:
+        return sum(map(part, one[1])) / max(sum(map(whole, one[1])), 1)
+
+    def percent(
+        part: Callable[[ScenarioResult], int], whole: Callable[[ScenarioResult], int]
+    ) -> Callable[[_ByMethod], str]:
+        return lambda one: f"{100 * share(part, whole, one):.1f} %"
+
+    return ResultTable.of(
+        f"{_name(drive)}: readings of people",
+        drive.results.items(),
+        [
+            ("method", lambda one: one[0]),
             (
-                method,
-                f"{100 * matched / max(all_people, 1):.1f} %",
-                f"{100 * kept / max(all_static, 1):.1f} %",
-                f"{right / max(said, 1):.3f}, {right / max(true, 1):.3f}",
-            )
-        )
-    return ResultTable(
-        title=f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions: readings of people",
-        columns=(
-            "method",
-            "matched readings that are people, of all readings that are",
-            "matched readings of all others, of these",
-            "dynamic by free-space violation: precision, recall",
-        ),
-        rows=rows,
+                "matched readings that are people, of all readings that are",
+                percent(lambda r: r.discarded.n_people_matched, lambda r: r.discarded.n_people),
+            ),
+            (
+                "matched readings of all others, of these",
+                percent(lambda r: r.discarded.n_static_matched, lambda r: r.discarded.n_static),
+            ),
+            (
+                "dynamic by free-space violation: precision, recall",
+                lambda one: (
+                    f"{share(lambda r: r.moved.n_right, lambda r: r.moved.n_said, one):.3f}, "
+                    f"{share(lambda r: r.moved.n_right, lambda r: r.moved.n_true, one):.3f}"
+                ),
+            ),
+        ],
     )
 
 
-def _by_seed(values: Sequence[float], form: str, unit: str) -> str:
-    return f"{', '.join(f'{value:{form}}' for value in values)} {unit}".strip()
+def _name(drive: ScenarioComparison) -> str:
+    return f"Experiment {drive.experiment.number}, {drive.experiment.condition} conditions"
 
 
 def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
@@ -175,80 +143,49 @@ def log_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     def percent(share: float) -> str:
         return "-" if np.isnan(share) else f"{100 * share:.1f} %"
 
-    rows = []
-    for one in judged:
-        reasons = ", ".join(
-            f"{outcome.name.lower()} {100 * count / one.n_steps:.1f} %" for outcome, count in one.failures.items()
-        )
-        distance, angle = one.largest_motion
-        off, turned_off = one.median_difference
-        rows.append(
-            (
-                one.log,
-                one.method,
-                f"{one.n_steps:,}",
-                percent(one.right_share),
-                percent(one.wrong_share),
-                "-" if np.isnan(off) else f"{1e3 * off:.1f} mm, {np.degrees(turned_off):.2f} deg",
-                percent(one.n_failed / one.n_steps),
-                reasons or "-",
-                f"{1e3 * distance:.1f} mm, {np.degrees(angle):.2f} deg",
-                f"{1e3 * np.median(one.seconds):.3f} ms",
-            )
-        )
-    return ResultTable(
-        title="Consecutive scans of real logs, no guess, laser alone, against the poses in the log",
+    def motion(of: tuple[float, float], digits: int = 1) -> str:
+        return "-" if np.isnan(of[0]) else f"{1e3 * of[0]:.{digits}f} mm, {np.degrees(of[1]):.2f} deg"
+
+    def reasons(one: LogEvaluation) -> str:
+        shares = (f"{outcome.name.lower()} {100 * n / one.n_steps:.1f} %" for outcome, n in one.failures.items())
+        return ", ".join(shares) or "-"
+
+    return ResultTable.of(
+        "Consecutive scans of real logs, no guess, laser alone, against the poses in the log",
+        judged,
+        [
+            ("log", lambda one: one.log),
+            ("method", lambda one: one.method),
+            ("steps", lambda one: f"{one.n_steps:,}"),
+            ("within 0.25 m, 3 deg", lambda one: percent(one.right_share)),
+            ("beyond 0.3 m or 10 deg", lambda one: percent(one.wrong_share)),
+            ("difference, median", lambda one: motion(one.median_difference)),
+            ("failed", lambda one: percent(one.n_failed / one.n_steps)),
+            ("why", reasons),
+            ("motion, 99th percentile", lambda one: motion(one.largest_motion)),
+            ("time a scan", lambda one: f"{1e3 * np.median(one.seconds):.3f} ms"),
+        ],
         keys=2,
-        columns=(
-            "log",
-            "method",
-            "steps",
-            "within 0.25 m, 3 deg",
-            "beyond 0.3 m or 10 deg",
-            "difference, median",
-            "failed",
-            "why",
-            "motion, 99th percentile",
-            "time a scan",
-        ),
-        rows=rows,
     )
 
 
 def log_relation_table(judged: Sequence[LogEvaluation]) -> ResultTable:
     """Return the errors of methods against relations, of the logs that have some."""
-    rows = []
-    for one in judged:
-        if one.relations is None or one.run is None:
-            continue
-        near, far, everything = (one.relations.spreads(w) for w in ("near", "far", "all"))
-        rows.append(
-            (
-                one.log,
-                one.method,
-                f"{near[0].n:,}, {far[0].n:,}",
-                f"{1e3 * near[0].mean:.1f} ± {1e3 * near[0].std:.1f} mm",
-                f"{np.degrees(near[1].mean):.3f} ± {np.degrees(near[1].std):.3f} deg",
-                f"{everything[0].mean:.3f} ± {everything[0].std:.3f} m",
-                f"{np.degrees(everything[1].mean):.2f} ± {np.degrees(everything[1].std):.2f} deg",
-                f"{np.count_nonzero(one.run.is_failed):,} of {one.n_steps:,}",
-                f"{1e3 * np.median(one.run.seconds):.3f} ms",
-            )
-        )
-    return ResultTable(
-        title="Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for "
+    rows = [(one, one.relations, one.run) for one in judged if one.relations is not None and one.run is not None]
+    return ResultTable.of(
+        "Errors of relations, the odometry of each method: keyframes for the default matcher, scan to scan for "
         "the others",
+        [(one, run, known.spreads("near"), known.spreads("far"), known.spreads("all")) for one, known, run in rows],
+        [
+            ("log", lambda row: row[0].log),
+            ("method", lambda row: row[0].method),
+            ("near, far relations", lambda row: f"{row[2][0].n:,}, {row[3][0].n:,}"),
+            ("near: translation", lambda row: f"{1e3 * row[2][0].mean:.1f} ± {1e3 * row[2][0].std:.1f} mm"),
+            ("near: rotation", lambda row: f"{np.degrees(row[2][1].mean):.3f} ± {np.degrees(row[2][1].std):.3f} deg"),
+            ("all: translation", lambda row: f"{row[4][0].mean:.3f} ± {row[4][0].std:.3f} m"),
+            ("all: rotation", lambda row: f"{np.degrees(row[4][1].mean):.2f} ± {np.degrees(row[4][1].std):.2f} deg"),
+            ("failed", lambda row: f"{np.count_nonzero(row[1].is_failed):,} of {row[0].n_steps:,}"),
+            ("time a scan", lambda row: f"{1e3 * np.median(row[1].seconds):.3f} ms"),
+        ],
         keys=2,
-        columns=(
-            "log",
-            "method",
-            "near, far relations",
-            "near: translation",
-            "near: rotation",
-            "all: translation",
-            "all: rotation",
-            "failed",
-            "time a scan",
-        ),
-        rows=rows,
     )

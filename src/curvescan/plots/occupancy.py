@@ -16,8 +16,7 @@ from curvescan.types import Pose
 _COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
 """From what gives way to what shows, where many cells are drawn as one."""
 
-_SHARE = 0.8
-"""Share of the pixels along the axes that blocks of cells may take: axes are smaller than their place."""
+_SHARE = 0.8  # share of the pixels along the axes that blocks of cells may take: axes are smaller than their place
 
 
 def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:

@@ -44,12 +44,10 @@ class MappedRun(Protocol):
     @property
     def record(self) -> RunRecord:
         """The steps in columns."""
-        ...
 
     @property
     def map(self) -> SlamMap | OccupancyGrid | None:
         """The map; None where it would be too large."""
-        ...
 
 
 def match(

@@ -14,8 +14,7 @@ Part: TypeAlias = str | ResultTable | tuple[str, str]
 """A paragraph (or a heading, which begins with #), a table, or a figure as (file name, caption)."""
 
 
-_WIDTH = 120
-"""Of a table's lines in a report, characters."""
+_WIDTH = 120  # of a table's lines in a report, characters
 
 
 def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:

@@ -53,10 +53,9 @@ def evaluate(
         Reference poses, or their file; those of a Trajectory are of the robot.
     laser_pose : (3,) array_like
         Pose of the laser on the robot: metres, metres, radians.
-    near : float
-        Relations of scans less than this apart are near, seconds.
-    tolerance : float
-        Largest difference of two time stamps that belong together, seconds; for references.
+    near, tolerance : float
+        Relations of scans less than `near` seconds apart are near; stamps of poses and references that belong together
+        differ by `tolerance` seconds at most.
     benchmark : str or None
         Log of the benchmark whose published errors to add; None for the one that the name of the relations' file says.
     out : str, path-like or None
@@ -66,22 +65,15 @@ def evaluate(
     ------
     InvalidArgumentError
         Unless one of `relations` and `reference` is given, or when nothing of it belongs to the trajectory.
-    LogFileError, LogFormatError
-        When a file cannot be read.
-    OutputError
-        When the results cannot be written.
+    LogFileError, LogFormatError, OutputError
+        When a file cannot be read, or the results cannot be written.
     """
     if (relations is None) == (reference is None):
         raise InvalidArgumentError("a trajectory is measured against one thing: give either relations= or reference=")
     require(near >= 0.0, "near must be at least 0 s", near)
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
     own = _poses_of(trajectory).trajectory
-    x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
-    about: dict[str, object] = {
-        "trajectory": _name(trajectory),
-        "measured_against": _name(relations if relations is not None else reference),
-        "laser_pose_m_m_deg": [x, y, math.degrees(theta)],
-    }
+    about = _about(trajectory, relations if relations is not None else reference, laser_pose)
     with nullcontext() if out is None else output_folder(out) as folder:
         if relations is not None:
             known = find_benchmark(benchmark, "" if isinstance(relations, Relations) else Path(relations).name)
@@ -95,6 +87,12 @@ def evaluate(
         if folder is not None:
             save_reference_evaluation(folder, errors, about=about | {"tolerance_s": tolerance})
         return errors
+
+
+def _about(trajectory: object, measured_against: object, laser_pose: ArrayLike) -> dict[str, object]:
+    x, y, theta = np.asarray(laser_pose, dtype=np.float64).tolist()
+    names = {"trajectory": _name(trajectory), "measured_against": _name(measured_against)}
+    return {**names, "laser_pose_m_m_deg": [x, y, math.degrees(theta)]}
 
 
 def _poses_of(source: Run | Trajectory | str | os.PathLike[str]) -> PoseFile:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from curvescan import se2
 from curvescan.io.trajectories.g2o import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.odometry import Step, StepOutcome
 from curvescan.slam import ClosureOutcome, Slam
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Cov, Pose, PoseEdge
 
 CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis",
@@ -60,3 +63,29 @@ def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
         "closures_withdrawn_because_places_look_alike": slam.is_deceived,
         "seconds_to_finish": round(seconds_to_finish, 3),
     }
+
+
+GUESS_SIGMAS = (0.1, 0.1, 0.1)  # standard deviations of a motion that no match measured: metres, metres, radians a step
+
+
+def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
+    """Return the edges of an odometry: one a step but the first, by its match.
+
+    A step whose match failed joins its scan with the one before by the expected motion, so that the graph does not fall
+    apart.
+    """
+    edges: list[PoseEdge] = []
+
+    def join(i: int, step: Step, pose: Pose, covariance: Cov) -> None:
+        edges.append(PoseEdge(i=i, j=step.index, pose=pose, covariance=covariance))
+
+    last: Pose | None = None
+    for step in steps:
+        if step.match is not None and step.match.ok and step.reference is not None:
+            join(step.reference, step, step.match.pose, step.match.covariance)
+        elif step.outcome is StepOutcome.LOST:
+            join(step.index - 1, step, step.motion, step.motion_covariance)
+        elif last is not None:
+            join(step.index - 1, step, se2.between(last, step.pose_odom), np.diag(np.square(GUESS_SIGMAS)))
+        last = step.pose_odom
+    return edges

@@ -32,17 +32,10 @@ _R = TypeVar("_R")
 
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
 
-_BATCH = 32
-"""Scans sent at once."""
-
-_AHEAD = 32
-"""Batches that the odometry may be ahead, so that memory does not grow with the log."""
-
-_LOOK_S = 0.2
-"""Time after which a thread that waits looks whether it is still wanted, seconds."""
-
-_MIN_SCANS = 1000
-"""Of a shorter log the process is not worth its start."""
+_BATCH = 32  # scans sent at once
+_AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
+_LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds
+_MIN_SCANS = 1000  # of a shorter log the process is not worth its start
 
 
 def can_run_ahead(n_scans: int) -> bool:
@@ -79,10 +72,7 @@ class OdometryProcess:
             self._process.wait()
 
     def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> OdometryProcess:
-        """Begin to place scans, and return the same object, to be iterated over.
-
-        odometry_poses (n, 3).
-        """
+        """Begin to place scans, and return the same object, to be iterated over. odometry_poses (n, 3)."""
         self.odometry = odometry
         self._begun = pickle.dumps(odometry)
         self._scans, self._odometry_poses = scans, odometry_poses

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from curvescan._version import __version__
+from curvescan.configs import as_plain
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.io.trajectories.layouts import write_csv, write_tum
@@ -25,12 +26,10 @@ from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.graph import draw_graph
-from curvescan.plots.map import draw_map, draw_wheels
+from curvescan.plots.map import draw_graph, draw_map, draw_wheels
 from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.graph_files import describe_graph, save_graph, write_closures
 from curvescan.runs.odometry_process import OdometryProcess
-from curvescan.runs.plain import as_plain
 from curvescan.runs.view_file import write_view_file
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap

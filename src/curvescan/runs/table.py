@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from curvescan.errors import InvalidArgumentError
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +24,20 @@ class ResultTable:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise InvalidArgumentError(f"a row needs {len(self.columns)} entries, got {len(row)}: {list(row)}")
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        items: Iterable[_T],
+        columns: Sequence[tuple[str, Callable[[_T], str]]],
+        *,
+        last: Sequence[Sequence[str]] = (),
+        keys: int = 1,
+    ) -> ResultTable:
+        """Return a table with a row an item: each column's name, and what it says of an item; `last` are more rows."""
+        rows = [tuple(entry(item) for _, entry in columns) for item in items]
+        return cls(title=title, columns=[name for name, _ in columns], rows=[*rows, *last], keys=keys)
 
     def markdown(self, width: int | None = None) -> str:
         """Return the table as Markdown, with its title as a heading.

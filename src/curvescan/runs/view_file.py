@@ -20,12 +20,10 @@ from curvescan.types import Ints, Pose
 
 VIEW_FILE = "view.npz"
 
-MAX_BEAMS = 240
-"""Beams of a scan that are kept at most: every second or third of one that has more."""
+MAX_BEAMS = 240  # beams of a scan that are kept at most: every second or third of one that has more
 
 _CENTIMETRES = 100.0
-_FARTHEST = 65_000
-"""Longest range that is kept, centimetres; 0 is no reading."""
+_FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
 
 
 def write_view_file(

@@ -15,8 +15,7 @@ from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
 
-_LEAST_VARIANCE = 1e-18
-"""Square metres and radians: a nanometre and a nanoradian."""
+_LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
 
 
 def identity() -> UncertainPose:

@@ -12,6 +12,7 @@ import sqlite3
 import tempfile
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from curvescan.cli.main import run
 from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
-from curvescan.io.files import decompression as unpacking
+from curvescan.io.files import lines as unpacking
 from curvescan.io.ros.laser_scan import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
 from tests.bags import (
@@ -434,17 +435,22 @@ def test_compressed_bag_without_its_check_sum_is_read(tmp_path: Path, kind: str)
     assert "compressed data break off" in log.notes[0]
 
 
+def write_three(writer: Any, store: Any, serialize: Any) -> None:
+    """Write the same scan three times."""
+    entry = scan()
+    data = serialize(build(store, entry[1], entry[3]), entry[1])
+    with writer:
+        connection = writer.add_connection(entry[0], entry[1], typestore=store)
+        for i in range(3):
+            writer.write(connection, i, data)
+
+
 @pytest.mark.parametrize("compression", Ros1Writer.CompressionFormat)
 def test_ros1_bag_with_compressed_chunks(tmp_path: Path, compression: Ros1Writer.CompressionFormat) -> None:
     path = tmp_path / "a.bag"
     writer = Ros1Writer(path)
     writer.set_compression(compression)
-    entry = scan()
-    data = ROS1.serialize_ros1(build(ROS1, entry[1], entry[3]), entry[1])
-    with writer:
-        connection = writer.add_connection(entry[0], entry[1], typestore=ROS1)
-        for i in range(3):
-            writer.write(connection, i, data)
+    write_three(writer, ROS1, ROS1.serialize_ros1)
     assert [s.ranges.tolist() for s in read_log(path)] == [list(RANGES)] * 3
 
 
@@ -452,12 +458,7 @@ def test_ros1_bag_with_compressed_chunks(tmp_path: Path, compression: Ros1Writer
 def test_mcap_with_and_without_compressed_chunks(tmp_path: Path, mode: CompressionMode) -> None:
     writer = Ros2Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.MCAP)
     writer.set_compression(mode, CompressionFormat.ZSTD)
-    entry = scan()
-    data = ROS2.serialize_cdr(build(ROS2, entry[1], entry[3]), entry[1])
-    with writer:
-        connection = writer.add_connection(entry[0], entry[1], typestore=ROS2)
-        for i in range(3):
-            writer.write(connection, i, data)
+    write_three(writer, ROS2, ROS2.serialize_cdr)
     assert [s.ranges.tolist() for s in read_log(tmp_path / "bag")] == [list(RANGES)] * 3
 
 

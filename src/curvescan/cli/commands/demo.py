@@ -68,7 +68,7 @@ def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamF
     from curvescan.cli.console import OUT, load_kernels, run_display
     from curvescan.cli.summary import errors_of, report
     from curvescan.io import output_folder
-    from curvescan.plots.side_by_side import draw_side_by_side
+    from curvescan.plots.map import draw_side_by_side
     from curvescan.runs.results import save_run
 
     matching = rules.matching

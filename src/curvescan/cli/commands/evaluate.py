@@ -31,15 +31,13 @@ def evaluate(
     Parameters
     ----------
     trajectory
-        Poses of the laser: trajectory.tum or trajectory.csv, or a results folder; or a log, whose own poses are then
-        measured.
+        Poses of the laser: trajectory.tum or trajectory.csv, a results folder, or a log with poses.
     relations
         Relations of the robot: lines of t1 t2 x y z roll pitch yaw.
     reference
         Reference poses: TUM, CSV with columns stamp (or timestamp), x, y, theta, or a log with corrected poses.
     laser_pose
-        Pose of the laser on the robot: metres, metres, degrees. Relations are of the robot, and so may be references in
-        TUM or CSV; the poses in a log are the laser's already.
+        Pose of the laser on the robot: metres, metres, degrees; for relations, and for references of the robot.
     near
         Relations of scans less than this apart are near, seconds.
     tolerance

@@ -13,8 +13,7 @@ from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 if TYPE_CHECKING:
     from curvescan.diagnostics.report import LogReport
 
-_INDENT, _LEAST_WIDTH = 19, 30
-"""Columns of names, and of text at least."""
+_INDENT, _LEAST_WIDTH = 19, 30  # columns of names, and of text at least
 
 
 def info(
@@ -35,11 +34,9 @@ def info(
         (all figures; null where one is not known or has no limit). The keys are the same for every log.
     """
     from curvescan.cli.console import OUT
-    from curvescan.cli.flags import with_flags
-    from curvescan.cli.proposals import with_options
+    from curvescan.cli.flags import with_flags, with_options
     from curvescan.diagnostics.inspect import inspect_log
-    from curvescan.diagnostics.issues import find_issues
-    from curvescan.diagnostics.report_json import report_as_plain
+    from curvescan.diagnostics.issues import find_issues, report_as_plain
 
     report = inspect_log(reading.open(log))
     if json:

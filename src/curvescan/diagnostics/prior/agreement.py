@@ -21,20 +21,14 @@ _N_MOTIONS = 150
 _SHORTEST, _LONGEST, _MAX_TURN = 0.1, 0.5, 0.5
 """Motions that are compared: metres, metres, radians. Shorter ones say nothing, longer ones are harder to match."""
 
-_MAX_SCANS = 60
-"""Most scans that a motion takes."""
-
-_SURE = 0.9
-"""Confidence of a match from which on it is compared."""
-
-_N_SURE = 10
-"""Sure matches that it takes to judge."""
+_MAX_SCANS = 60  # most scans that a motion takes
+_SURE = 0.9  # confidence of a match from which on it is compared
+_N_SURE = 10  # sure matches that it takes to judge
 
 _OFF, _OFF_RAD, _OFF_SHARE = 0.05, 0.03, 0.25
 """Motions agree that differ by no more than this, metres and radians, and this share of the motion: they may slip."""
 
-_SHARE = 0.6
-"""Share of the sure matches that agree with wheels that are used."""
+_SHARE = 0.6  # share of the sure matches that agree with wheels that are used
 
 
 @dataclass(frozen=True, kw_only=True)

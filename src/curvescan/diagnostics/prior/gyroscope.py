@@ -20,18 +20,12 @@ from curvescan.scan import LaserScan
 from curvescan.se2 import wrap
 from curvescan.types import Floats
 
-_N_STEPS, _N_TURNS = 150, 60
-"""Steps that the bias is found from, and turns in which sweeps are straightened, at most."""
+_N_STEPS, _N_TURNS = 150, 60  # steps that the bias is found from, and turns in which sweeps are straightened, at most
 
 _MIN_STEPS, _MIN_TURNS = 20, 15
-_SHARP = math.radians(4.0)
-"""Turns of so much within a sweep bend it by more than a beam."""
-
-_BIASED = math.radians(1.0)
-"""Bias from which on a gyroscope is worse than the motion model, radians a second."""
-
-_CERTAIN = 4.0
-"""Standard errors that the gain must be from zero."""
+_SHARP = math.radians(4.0)  # turns of so much within a sweep bend it by more than a beam
+_BIASED = math.radians(1.0)  # bias from which on a gyroscope is worse than the motion model, radians a second
+_CERTAIN = 4.0  # standard errors that the gain must be from zero
 
 
 @dataclass(frozen=True, kw_only=True)

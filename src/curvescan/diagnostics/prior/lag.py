@@ -18,15 +18,11 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 _N_WINDOWS = 12
-_WINDOW = 15
-"""Steps on either side of a sharp turn that are compared."""
-
-_LAGS = np.arange(-10, 31) * 0.05
-"""Lags that are tried, seconds: an odometry is late more often than early."""
+_WINDOW = 15  # steps on either side of a sharp turn that are compared
+_LAGS = np.arange(-10, 31) * 0.05  # lags that are tried, seconds: an odometry is late more often than early
 
 _LEAST_LAG = 0.1
-_BETTER = 0.6
-"""A lag is found where it leaves less than this share of the differences."""
+_BETTER = 0.6  # a lag is found where it leaves less than this share of the differences
 
 _MIN_STEPS = 30
 
@@ -68,10 +64,7 @@ def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
 
 
 def without_lag(stamps: Floats, poses: Floats, lag: float) -> Floats:
-    """Return poses as they would be without their lag.
-
-    stamps (n,); poses (n, 3).
-    """
+    """Return poses as they would be without their lag. stamps (n,); poses (n, 3)."""
     columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
     moved = np.column_stack([np.interp(stamps + lag, stamps, column) for column in columns])
     moved[:, 2] = se2.wrap(moved[:, 2])

@@ -17,8 +17,7 @@ OPTIONAL: Mapping[str, float] = {"range_min": 0.0, "range_max": math.inf, "time_
 """Numbers of a scan that a file may leave out, and what is then taken."""
 DEFAULTS: Mapping[str, float] = {"angle_min": math.nan, "angle_increment": math.nan, **OPTIONAL}
 COLUMNS = ("stamp", *DEFAULTS)
-POSE_COLUMNS = ("x", "y", "theta")
-"""Wheel odometry: pose of the laser at the scan."""
+POSE_COLUMNS = ("x", "y", "theta")  # wheel odometry: pose of the laser at the scan
 
 
 class BrokenRowError(LogFormatError):
@@ -28,10 +27,7 @@ class BrokenRowError(LogFormatError):
 def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
-    """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment.
-
-    Raises BrokenRowError.
-    """
+    """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment."""
     if not math.isfinite(value["stamp"]):
         raise BrokenRowError("time stamp not finite")
     if not 0.0 <= value["range_min"] < value["range_max"]:

@@ -31,23 +31,14 @@ FORMAT = "CoreSLAM log"
 
 N_BEAMS = 682
 N_COLUMNS = (24 + N_BEAMS, 24 + N_BEAMS + 1)
-N_COVERED = 70
-"""Beams at either end that the rover itself stands in; their readings become NaN."""
-
-ANGLE_INCREMENT = 2.0 * math.pi / 1024.0
-"""Steps of a URG-04LX, radians."""
-ANGLE_MIN = -340.0 * ANGLE_INCREMENT
-"""Its first step is number 44, and 384 looks ahead."""
+N_COVERED = 70  # beams at either end that the rover itself stands in; their readings become NaN
+ANGLE_INCREMENT = 2.0 * math.pi / 1024.0  # steps of a URG-04LX, radians
+ANGLE_MIN = -340.0 * ANGLE_INCREMENT  # its first step is number 44, and 384 looks ahead
 RANGE_MIN, RANGE_MAX = 0.02, 5.6
-SCAN_TIME = 0.1
-"""One turn of its mirror, seconds."""
-
-TICK = 2.0 * math.pi * 0.077 / 2000.0
-"""Way of a wheel of 77 mm radius in a tick, metres."""
-AXLE = 2.0 * 0.165
-"""Between the wheels, metres."""
-MOUNT = (0.145, 0.0, 0.0)
-"""Pose of the laser on the rover, whose origin is the middle of the axle."""
+SCAN_TIME = 0.1  # one turn of its mirror, seconds
+TICK = 2.0 * math.pi * 0.077 / 2000.0  # way of a wheel of 77 mm radius in a tick, metres
+AXLE = 2.0 * 0.165  # between the wheels, metres
+MOUNT = (0.145, 0.0, 0.0)  # pose of the laser on the rover, whose origin is the middle of the axle
 
 _NOTES = (
     "the log does not describe its robot: laser, wheels and mount are taken to be those of the Mines ParisTech rover",

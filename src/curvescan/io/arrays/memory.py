@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,10 +82,8 @@ def log_from_arrays(
     ----------
     readings : iterable of (float, (n,) array_like)
         Stamp in seconds, and ranges in metres; gone through once and kept. n may change, but with `angles`.
-    angle_min, angle_increment : float
-        Direction of the first beam, and angle from a beam to the next, radians; or `angles`.
-    angles : (n,) array_like
-        Direction of each beam, radians.
+    angle_min, angle_increment, angles : float, float, (n,) array_like
+        Direction of the first beam and angle from a beam to the next, or the direction of each beam, radians.
     range_min, range_max : float
         Limits of a valid reading, metres.
     time_increment, scan_time : float
@@ -97,24 +96,22 @@ def log_from_arrays(
     Raises
     ------
     InvalidArgumentError
-        When a pair is none, a number breaks the rules of LaserScan (the message names the scan), or `odometry` has
-        another length.
+        When a pair is none, a scan breaks the rules of LaserScan, or `odometry` has another length.
     """
+    layout: dict[str, Any] = {
+        "angle_min": angle_min,
+        "angle_increment": angle_increment,
+        "angles": angles,
+        "range_min": range_min,
+        "range_max": range_max,
+        "time_increment": time_increment,
+        "scan_time": scan_time,
+    }
     scans: list[LaserScan] = []
     for i, reading in enumerate(readings):
         try:
             stamp, ranges = reading
-            scan = LaserScan(
-                ranges,  # type: ignore[arg-type]
-                angle_min=angle_min,  # type: ignore[arg-type]
-                angle_increment=angle_increment,  # type: ignore[arg-type]
-                angles=angles,  # type: ignore[arg-type]
-                range_min=range_min,
-                range_max=range_max,
-                stamp=stamp,
-                time_increment=time_increment,
-                scan_time=scan_time,
-            )
+            scan = LaserScan(ranges, stamp=stamp, **layout)  # type: ignore[arg-type]
         except InvalidArgumentError as error:
             raise InvalidArgumentError(f"scan {i}: {error}") from None
         except (TypeError, ValueError):

@@ -3,16 +3,20 @@
 ``stamps`` (n,) and ``ranges`` (n, m) must be there, and ``angle_min`` and ``angle_increment``, or ``angles``. All
 others may be missing. A number that is the same for all scans may be a plain one instead of (n,).
 
-==================  ==============
-======================================================================================== stamps              (n,)
-seconds ranges              (n, m)          metres counts              (n,)            beams of each scan: the first of
-its row; missing: all m angle_min           (n,)            radians angle_increment     (n,)            radians angles
-(m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones range_min           (n,)
-metres; missing: 0 range_max           (n,)            metres; missing: no limit time_increment      (n,)
-seconds; missing: 0, not known scan_time           (n,)            seconds; missing: 0, not known intensities
-(n, m)          strength of each return; a row of NaN: none odometry            (n, 3)          pose of the laser by the
-wheels; a row of NaN: none ==================  ==============
-========================================================================================
+================  ==============  ==========================================================
+stamps            (n,)            seconds
+ranges            (n, m)          metres
+counts            (n,)            beams of each scan: the first of its row; missing: all m
+angle_min         (n,)            radians
+angle_increment   (n,)            radians
+angles            (m,) or (n, m)  directions of the beams, radians; a scan whose first angle is NaN has even ones
+range_min         (n,)            metres; missing: 0
+range_max         (n,)            metres; missing: no limit
+time_increment    (n,)            seconds; missing: 0, not known
+scan_time         (n,)            seconds; missing: 0, not known
+intensities       (n, m)          strength of each return; a row of NaN: none
+odometry          (n, 3)          pose of the laser by the wheels; a row of NaN: none
+================  ==============  ==========================================================
 """
 
 from __future__ import annotations
@@ -81,8 +85,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
         raise LogFormatError(
             f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it "
-            f"with "
-            "numpy.savez"
+            "with numpy.savez"
         )
     allowed: dict[str, tuple[tuple[int, ...], ...]] = {
         "stamps": ((n,),),

@@ -23,8 +23,7 @@ from curvescan.types import Floats
 
 _MAX_ATTEMPTS = 3
 
-_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)
-"""Date of all members: the same log gives the same bytes."""
+_YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives the same bytes
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:

@@ -17,8 +17,7 @@ from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 
-PoseRow: TypeAlias = tuple[float, float, float]
-"""[x, y, theta]: metres, metres, radians; NaN where unknown."""
+PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians; NaN where unknown
 
 NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
@@ -32,8 +31,7 @@ class Record(NamedTuple):
     place: tuple[int, ...] = ()
 
 
-ReadScan: TypeAlias = Callable[[tuple[int, ...]], LaserScan]
-"""Reads one scan of a source by its place."""
+ReadScan: TypeAlias = Callable[[tuple[int, ...]], LaserScan]  # reads one scan of a source by its place
 
 
 ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]

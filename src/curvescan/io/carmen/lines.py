@@ -24,12 +24,8 @@ import numpy as np
 from curvescan.errors import LogFormatError
 from curvescan.types import Floats
 
-PoseRow: TypeAlias = tuple[float, float, float]
-"""[x, y, theta]: metres, metres, radians."""
-
-MAX_RANGE_PARAM = b"robot_front_laser_max"
-"""CARMEN's parameter for the largest range of the front laser, metres."""
-
+PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians
+MAX_RANGE_PARAM = b"robot_front_laser_max"  # CARMEN's parameter for the largest range of the front laser, metres
 _N_TAIL = 3  # stamp host logger_stamp
 
 
@@ -115,10 +111,7 @@ def parse_odom(line: bytes) -> PoseRow:
 
 
 def parse_max_range(line: bytes) -> float | None:
-    """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters.
-
-    Raises BrokenLineError.
-    """
+    """Return the largest range that a PARAM line gives for the front laser, metres; None for other parameters."""
     fields = line.split(None, 3)
     if len(fields) < 2 or fields[1] != MAX_RANGE_PARAM:
         return None

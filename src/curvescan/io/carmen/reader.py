@@ -12,7 +12,7 @@ limit is then 8.18 m when no reading of the log exceeds 8.192 m, else 80 m. A li
 laser declared as 81.90) is brought below the first of them.
 
 The times of the beams. FLASER lines do not give them; where the readings are those of a SICK PLS they follow
-from the speed of its mirror: see :mod:`curvescan.io.carmen.pls`.
+from the speed of its mirror: see :mod:`curvescan.io.carmen.index`.
 """
 
 from __future__ import annotations
@@ -50,13 +50,12 @@ _OTHER_LASERS = {
 class CarmenLog(ScanAccess):
     """The sweeps of a CARMEN log's front laser, in file order; a Log.
 
-    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep
-    in memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any
-    value (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not
-    read.
+    The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
+    memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any value
+    (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
 
     range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic: Only
-    None: a CARMEN log has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
+    None: a CARMEN log has no topics.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:

@@ -15,10 +15,7 @@ from curvescan.io.files.lines import GZIP_MAGIC, BrokenGzipError, read_chunks
 
 
 def unpack(path: Path, target: Path) -> bool:
-    """Write what a gzip-compressed file unpacks to, and return whether it was whole.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Write what a gzip-compressed file unpacks to, and return whether it was whole."""
     try:
         with target.open("wb") as file:
             for chunk in read_chunks(path):

@@ -17,12 +17,24 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.read_errors import ReadErrorCounter
 
+MIN_UNPACKED_LIMIT = 64 << 20  # up to this many bytes a file may always unpack to
+MAX_UNPACKED_RATIO = 100  # beyond, it may unpack to this many times its size
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+def unpacked_limit(path: Path) -> int:
+    """Return how many bytes a compressed file may unpack to: what claims more could fill memory or disk.
+
+    Recorded scans shrink to a tenth, and simulated ones that see nothing to a hundredth.
+    """
+    return max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * path.stat().st_size)
+
+
 GZIP_MAGIC = b"\x1f\x8b"
-MAX_LINE_BYTES = 1 << 20
-"""Longest line that is read: twenty times a line of 5,000 readings with remissions."""
+MAX_LINE_BYTES = 1 << 20  # longest line that is read: twenty times a line of 5,000 readings with remissions
 
 _CHUNK_BYTES = 1 << 16
 
@@ -35,10 +47,7 @@ class BrokenGzipError(LogFormatError):
 
 
 def read_head(path: Path, n_bytes: int) -> bytes:
-    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter.
-
-    Raises LogFileError, BrokenGzipError.
-    """
+    """Return the first `n_bytes` of a file after unpacking, fewer when the file is shorter."""
     head = b""
     try:
         for chunk in read_chunks(path):
@@ -110,10 +119,7 @@ def read_lines(path: Path, read_errors: ReadErrorCounter, mark: LineMark | None 
 
 
 def read_chunks(path: Path) -> Iterator[bytes]:
-    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed.
-
-    Raises LogFileError, BrokenGzipError, LogFormatError.
-    """
+    """Yield the bytes of a file in pieces of at most 64 KiB, unpacked when it is gzip-compressed."""
     # read1 hands over what is unpacked before it meets a break; read would lose up to a buffer of it
     with _opened(path) as raw:
         try:

@@ -24,11 +24,8 @@ from curvescan.io.files.printable import printable
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
-HIDDEN_PREFIX = ".curvescan-"
-"""Beginning of the names of temporary folders."""
-
-RECORDS = ("run.json", "results.json")
-"""Files that list, under ``"files"``, the results they belong to."""
+HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
+RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
 
 IS_WINDOWS = os.name == "nt"
 
@@ -62,10 +59,8 @@ def output_folder(path: str | os.PathLike[str], *, inputs: Sequence[str | os.Pat
 def output_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path; the file that the block writes there replaces `path` in one step when the block ends.
 
-    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to
-    is replaced. Missing parent folders are made.
-
-    Raises OutputError.
+    After an error, and when the process is killed, `path` is as before. A symbolic link stays, and what it leads to is
+    replaced. Missing parent folders are made.
     """
     with _temporary(path, _check_takes_file, lambda target: target.parent) as (temporary, target):
         yield temporary / target.name

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.decompression import ZSTD_MAGIC
+from curvescan.io.files.lines import ZSTD_MAGIC
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -21,8 +21,7 @@ IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 _WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
-MAX_MESSAGE_BYTES = 8 << 20
-"""Longest message that is read: a scan of two million beams."""
+MAX_MESSAGE_BYTES = 8 << 20  # longest message that is read: a scan of two million beams
 
 _MAX_DEFINITION_CHARS = 1 << 16
 _MAX_EXPRESSIONS = 400
@@ -96,10 +95,7 @@ def bundled_types(is_ros1: bool) -> Typestore:
 
 
 def stamp_of(header: Any) -> float:
-    """Return the stamp of a std_msgs/Header, seconds, correctly rounded.
-
-    Raises AttributeError, TypeError, OverflowError.
-    """
+    """Return the stamp of a std_msgs/Header, seconds, correctly rounded."""
     return float((header.stamp.sec * 10**9 + header.stamp.nanosec) / 10**9)
 
 

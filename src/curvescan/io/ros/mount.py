@@ -14,8 +14,7 @@ from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS, BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree, frame_name, seven
 from curvescan.types import Floats, Pose
 
-_N_FIRST = 1000
-"""Messages of each topic of transforms that are read: robots repeat their mounts many times a second."""
+_N_FIRST = 1000  # messages of each topic of transforms that are read: robots repeat their mounts many times a second
 
 _LEVEL = ("base_link", "base_footprint", "odom", "map")
 """Frames whose z axis points up (REP-105), the nearest to the laser first."""

@@ -24,11 +24,10 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
-from curvescan.io.ros.gyro import read_gyro
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
 from curvescan.io.ros.messages import LASER_SCAN, BrokenMessageError, short_name, shown, stamp_of
 from curvescan.io.ros.mount import laser_tilt, tilt_notes
-from curvescan.io.ros.odometry import BagOdometry, read_odometry
+from curvescan.io.ros.odometry import BagOdometry, read_gyro, read_odometry
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -37,8 +36,7 @@ BROKEN_BAG = "bag damaged from here on: what stands before is read"
 
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
 
-_LATEST = (1 << 63) - 1
-"""Nanoseconds; an MCAP file can claim twice as many."""
+_LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
 
 _MAX_LISTED = 12
 _N_FIRST = 8
@@ -62,8 +60,7 @@ class RosbagLog(ScanAccess):
     earlier.
 
     range_max: Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs; topic:
-    Topic of sensor_msgs/LaserScan messages; None for the only one. Raises LogFileError, LogFormatError,
-    InvalidArgumentError.
+    Topic of sensor_msgs/LaserScan messages; None for the only one.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:

@@ -57,10 +57,7 @@ def write_g2o(path: str | os.PathLike[str], trajectory: Trajectory, edges: Itera
 
 
 def information_of(edge: PoseEdge) -> Cov:
-    """Return the (3, 3) information matrix of an edge in the frame of its measured pose.
-
-    Raises InvalidArgumentError.
-    """
+    """Return the (3, 3) information matrix of an edge in the frame of its measured pose."""
     cos, sin = np.cos(edge.pose[2]), np.sin(edge.pose[2])
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     try:

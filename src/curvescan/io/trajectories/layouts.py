@@ -25,8 +25,7 @@ from curvescan.io.files.output import output_file
 from curvescan.io.files.printable import printable
 from curvescan.types import Cov, Floats, Pose
 
-TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]
-"""Formats in which a trajectory is written and read."""
+TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]  # formats in which a trajectory is written and read
 
 CSV_HEADER = (
     "stamp", "x", "y", "theta",
@@ -309,10 +308,7 @@ def read_rows(path: str | os.PathLike[str]) -> PoseRows:
 
 
 def plain_rows(path: Path, first: str) -> PoseRows:
-    """Return the poses of TUM text, or of CSV whose columns have names, by their first line.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return the poses of TUM text, or of CSV whose columns have names, by their first line."""
     if not first:
         raise LogFormatError(f"{path} is empty: a trajectory must hold at least one pose")
     is_tum = _n_numbers(first) > 3

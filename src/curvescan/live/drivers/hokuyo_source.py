@@ -16,17 +16,12 @@ from curvescan.live.drivers.turns import TurnClock, to_unix
 from curvescan.scan import LaserScan
 
 DEFAULT_PORT = 10940
-_NO_READING = 65533
-"""Distances from here on are codes of errors, not millimetres (SCIP 2.2)."""
-_END = b"\n\n"
-"""Of a reply."""
+_NO_READING = 65533  # distances from here on are codes of errors, not millimetres (SCIP 2.2)
+_END = b"\n\n"  # of a reply
 
 
 class HokuyoSource:
-    """A Hokuyo on the network.
-
-    ignore_beams (int, int). Raises MissingPackageError.
-    """
+    """A Hokuyo on the network. ignore_beams (int, int)."""
 
     is_live = True
 

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from curvescan.errors import MissingPackageError, SourceError
-from curvescan.live.drivers.transport import PIP_COMMAND, EndOfSource, Transport
-from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
-from curvescan.scan import LaserScan
+from curvescan.errors import MissingPackageError
+from curvescan.live.drivers.spinning import Measure, SpinningSource
+from curvescan.live.drivers.transport import PIP_COMMAND, Transport
 
 BAUD = 115200
 LIMITS = (0.15, 12.0)
 _N_BUFFERED = 4096
 
 
-class RplidarSource:
-    """An RPLIDAR A1, A2 or A3 on a serial port.
+class RplidarSource(SpinningSource):
+    """An RPLIDAR A1, A2 or A3 on a serial port."""
 
-    ignore_beams (int, int). Raises MissingPackageError.
-    """
-
-    is_live = True
+    n_cut = 2
 
     def __init__(
         self, port: str, *, baud: int = BAUD, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
@@ -33,19 +28,12 @@ class RplidarSource:
         except ImportError as error:
             raise MissingPackageError(f"the driver rplidar is the package rplidar-roboticia: {PIP_COMMAND}") from error
         self._package: Any = rplidar
-        self.port = port
-        self._baud, self._is_mirrored, self._ignore_beams = baud, is_mirrored, ignore_beams
-        self._transport: Transport | None = None
         self._laser: Any = None
+        super().__init__("RPLIDAR", port, baud, is_clockwise=not is_mirrored, limits=LIMITS, ignore_beams=ignore_beams)
 
-    @property
-    def name(self) -> str:
-        """Model and port."""
-        return f"RPLIDAR at {self.port}"
-
-    def __enter__(self) -> Self:
-        self._transport = Transport(self.port, self._baud)
-        line = _Line(self._transport)
+    def start(self, transport: Transport) -> None:
+        """Start the laser."""
+        line = _Line(transport)
 
         class OnLine(self._package.RPLidar):  # type: ignore[name-defined,misc]
             """The package's driver, on our line instead of a port it opens itself."""
@@ -58,60 +46,12 @@ class RplidarSource:
                 return line.read(dsize)
 
         self._laser = OnLine(self.port, self._baud)
-        try:
-            self._laser.stop()  # it may still be scanning for whoever used it before
-        except SourceError:
-            self._transport.close()
-            raise
-        return self
+        self._laser.stop()  # it may still be scanning for whoever used it before
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._transport is not None:
-            self._transport.close()
-
-    def scans(self) -> Iterator[LaserScan]:
-        """Yield a scan a turn, from the second turn on: the first is cut."""
-        try:
-            yield from self._turns()
-        except (EndOfSource, SourceError) as end:
-            if isinstance(end, SourceError):
-                raise
-        except Exception as error:  # what the package does not expect of its bytes
-            raise SourceError(f"the {self.name} sends what its driver cannot read: {error}") from error
-
-    def _turns(self) -> Iterator[LaserScan]:
-        if self._transport is None:
-            raise SourceError(f"the {self.name} is not open: use it in a `with`")
-        clock = TurnClock()
-        angles: list[float] = []
-        ranges: list[float] = []
-        strengths: list[float] = []
-        n_turns = 0
+    def measures(self) -> Iterator[Measure]:
+        """Yield its measures."""
         for is_new, quality, angle_deg, distance_mm in self._laser.iter_measures(max_buf_meas=False):
-            if is_new:
-                begin, end = clock.turn(self._transport.arrival)
-                self._transport.turn_done()
-                if n_turns > 1:
-                    scan = scan_of_turn(
-                        angles,
-                        ranges,
-                        strengths,
-                        begin=to_unix(begin),
-                        end=to_unix(end),
-                        is_clockwise=not self._is_mirrored,
-                        range_min=LIMITS[0],
-                        range_max=LIMITS[1],
-                        ignore_beams=self._ignore_beams,
-                    )
-                    if scan is not None:
-                        yield scan
-                n_turns += 1
-                angles, ranges, strengths = [], [], []
-            angles.append(math.radians(angle_deg))
-            ranges.append(1e-3 * distance_mm)
-            strengths.append(float(quality))
+            yield Measure(is_new, (math.radians(angle_deg), 1e-3 * distance_mm, float(quality)))
 
 
 class _Line:

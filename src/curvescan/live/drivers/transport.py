@@ -16,11 +16,8 @@ from curvescan.errors import MissingPackageError, SourceError
 
 PIP_COMMAND = "pip install 'curvescan[lidar]'"
 
-SILENCE = 2.0
-"""A port from which nothing comes for so long is silent, seconds."""
-
-NONSENSE = 5.0
-"""A port whose bytes make no turn for so long sends something else, seconds."""
+SILENCE = 2.0  # a port from which nothing comes for so long is silent, seconds
+NONSENSE = 5.0  # a port whose bytes make no turn for so long sends something else, seconds
 
 _POLL = 0.1
 _URL_WAIT = 0.005
@@ -32,19 +29,12 @@ class EndOfSource(Exception):  # noqa: N818 - an end, not an error
 
 
 class Transport:
-    """Bytes of a laser.
-
-    Raises SourceError, MissingPackageError.
-
-    Attributes
-    ----------
-    arrival : float or None
-        When the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times.
-    """
+    """Bytes of a laser."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port, self.baud = port, baud
         self.is_recording = port.startswith(RECORDING)
+        # when the last bytes came, by time.monotonic(), seconds; None in a recording, which has no times
         self.arrival: float | None = None
         self._line = _opened(port, baud)
         self._is_closed = False
@@ -52,10 +42,7 @@ class Transport:
         self._n_bytes, self._seconds_read = 0, 0.0
 
     def read(self, size: int = 1) -> bytes:
-        """Return between 1 and `size` bytes, as soon as there are any.
-
-        Raises SourceError, EndOfSource.
-        """
+        """Return between 1 and `size` bytes, as soon as there are any. Raises SourceError, EndOfSource."""
         # only the time spent waiting here counts: the caller may have been busy
         started = time.monotonic()
         while not (data := self._some(size)):

@@ -15,11 +15,8 @@ from curvescan.scan import LaserScan
 _LATE = 0.5
 """A turn that ends later than expected by this share of a turn was delivered late, and keeps the time expected."""
 
-_SLEW = 0.1
-"""Share of a smaller delay by which the clock follows."""
-
-_MAX_LATE = 10
-"""After so many late turns in a row it is the clock that was wrong: turns were lost."""
+_SLEW = 0.1  # share of a smaller delay by which the clock follows
+_MAX_LATE = 10  # after so many late turns in a row it is the clock that was wrong: turns were lost
 
 
 class TurnClock:
@@ -82,34 +79,32 @@ def to_unix(monotonic: float) -> float:
 
 
 def scan_of_turn(
-    angles_rad: Sequence[float],
-    ranges_m: Sequence[float],
-    intensities: Sequence[float] | None,
-    *,
+    points: Sequence[tuple[float, float, float]],
     begin: float,
     end: float,
+    *,
     is_clockwise: bool,
-    range_min: float,
-    range_max: float,
+    limits: tuple[float, float],
     ignore_beams: tuple[int, int] = (0, 0),
 ) -> LaserScan | None:
     """Return a turn as a scan; None where it has no two directions.
 
-    ignore_beams (int, int).
+    points (n, 3): direction, radians, range, metres, and strength of each reading.
     """
-    angles, order = np.unique(np.mod(np.asarray(angles_rad, dtype=np.float64), 2.0 * np.pi), return_index=True)
+    table = np.array(points, dtype=np.float64).reshape(-1, 3)
+    angles, order = np.unique(np.mod(table[:, 0], 2.0 * np.pi), return_index=True)
     n = angles.size
     used = slice(ignore_beams[0], n - ignore_beams[1])
     angles, order = angles[used], order[used]
     if angles.size < 2:
         return None
     return LaserScan(
-        np.asarray(ranges_m, dtype=np.float64)[order],
+        table[order, 1],
         angles=-angles if is_clockwise else angles,
-        range_min=range_min,
-        range_max=range_max,
+        range_min=limits[0],
+        range_max=limits[1],
         stamp=begin + ignore_beams[0] / n * (end - begin),
-        intensities=None if intensities is None else np.asarray(intensities, dtype=np.float64)[order],
+        intensities=table[order, 2],
         time_increment=(end - begin) / n,
         scan_time=end - begin,
     )

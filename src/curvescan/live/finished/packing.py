@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 _TYPES = {"<f4": "Float32Array", "<f8": "Float64Array", "|u1": "Uint8Array", "<u2": "Uint16Array", "<i4": "Int32Array"}
-_ALIGNED = 8
-"""Each array begins at a multiple of this, as a typed array of JavaScript must."""
+_ALIGNED = 8  # each array begins at a multiple of this, as a typed array of JavaScript must
 
 
 def packed(tree: Any) -> bytes:

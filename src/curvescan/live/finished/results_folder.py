@@ -15,9 +15,9 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.trajectories.layouts import csv_rows
-from curvescan.live.finished.status import status_of
-from curvescan.live.live_map import picture_of
+from curvescan.live.live_map import picture_of, status_of
 from curvescan.mapping.map_server import read_map
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry import StepOutcome
 from curvescan.runs.results import RUN_RECORD
 from curvescan.runs.view_file import beams_of, read_view_file
@@ -28,8 +28,7 @@ from curvescan.types import Cov, Floats, Ints, Pose
 
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())
-_FOLLOWED = 0.5
-"""The optimum follows an edge of more weight."""
+_FOLLOWED = 0.5  # the optimum follows an edge of more weight
 _UNFOLLOWED = ("left_out", "It was accepted; the optimum leaves it out, as other edges contradict it.")
 _CARRIED = ("in_the_map", "It has no record: added by hand, of an earlier session, or of keyframes that have gone.")
 _DROPPED = ("dropped", "It was accepted, and is no longer in the map.")
@@ -182,19 +181,19 @@ def describe_map(
 
 def picture_tree(slam_map: SlamMap) -> dict[str, Any] | None:
     """Return the picture of a map's occupancy, for the page."""
-    picture = picture_of(slam_map.occupancy(), 0)
-    if picture is None:
-        return None
-    return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
+    return _picture_of(slam_map.occupancy())
 
 
 def _picture(folder: Path, slam_map: SlamMap | None) -> dict[str, Any] | None:
     if slam_map is not None:
         return picture_tree(slam_map)
-    if not (folder / "map.yaml").is_file():
+    return _picture_of(read_map(folder / "map.yaml")) if (folder / "map.yaml").is_file() else None
+
+
+def _picture_of(grid: OccupancyGrid) -> dict[str, Any] | None:
+    picture = picture_of(grid, 0)
+    if picture is None:
         return None
-    picture = picture_of(read_map(folder / "map.yaml"), 0)
-    assert picture is not None, "a map of map_server has cells"
     return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
 
 

@@ -22,16 +22,10 @@ _MAX_RUNS = 2
 
 
 class FinishedView:
-    """Finished runs on one page; shown by a notebook, or saved as one HTML file.
-
-    Attributes
-    ----------
-    runs : tuple of FinishedRun
-        One, or two side by side.
-    """
+    """Finished runs on one page; shown by a notebook, or saved as one HTML file."""
 
     def __init__(self, runs: Sequence[FinishedRun]) -> None:
-        self.runs = tuple(runs)
+        self.runs = tuple(runs)  # one, or two side by side
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page into one HTML file, which opens without a server.

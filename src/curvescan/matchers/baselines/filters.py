@@ -11,8 +11,7 @@ from curvescan.scan import Readings
 from curvescan.se2.angles import wrap_angle
 from curvescan.types import Bools, Floats, Points
 
-HIDDEN_MARGIN = 0.1
-"""How far behind another surface a reading must lie to be hidden by it, metres."""
+HIDDEN_MARGIN = 0.1  # how far behind another surface a reading must lie to be hidden by it, metres
 
 
 def median_filter(readings: Readings, n_readings: int) -> Readings:

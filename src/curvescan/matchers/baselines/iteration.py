@@ -11,8 +11,7 @@ import numpy as np
 from curvescan.matchers.baselines.config import ConvergenceConfig
 from curvescan.types import Bools, Floats, Pose
 
-LEAST_PAIRS = 5
-"""Pairs under which no step is taken; a pose has three unknowns."""
+LEAST_PAIRS = 5  # pairs under which no step is taken; a pose has three unknowns
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

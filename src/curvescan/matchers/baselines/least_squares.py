@@ -23,8 +23,7 @@ tangents err by 2 to 3 degrees, and sin^2(3 deg) = 0.003 of a single wall's read
 corridors of a real log (180 beams) matches under it erred by 10 to 40 mm along them where the robot had moved 55 mm,
 those above 5 % by 6 mm."""
 
-DAMPING = 1e-3
-"""Share of a reading added to the information along every direction of a step."""
+DAMPING = 1e-3  # share of a reading added to the information along every direction of a step
 
 
 def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
@@ -37,10 +36,7 @@ def jacobian(points_cur: Points, normals: Points, pose: Pose) -> Floats:
 
 
 def is_constrained(rows: Floats, points_cur: Points) -> bool:
-    """Return whether normal distances fix all three of x, y and theta.
-
-    rows (n, 3); points_cur (n, 2).
-    """
+    """Return whether normal distances fix all three of x, y and theta. rows (n, 3); points_cur (n, 2)."""
     if len(rows) < 3:
         return False
     information = rows.T @ rows / len(rows)

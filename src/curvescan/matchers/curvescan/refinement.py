@@ -79,16 +79,12 @@ def accumulate(
 
     Parameters
     ----------
-    surfels_a, view_b
-        Readings of scan a, the range image of scan b.
     pose, way : (3,) float64, float
-        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where it is the
-        reference.
+        Of the current scan in the reference; FORWARD where scan a is the current one, BACKWARD where the reference.
     sigma_extra, slack_slope : float
         Standard deviation of a residual besides the noise: metres, and metres more for each metre of range.
     system : (9,) float64
-        What is added to: the information and the gradient over x, y and theta, theta turning about the current sensor;
-        columns of normal_equations.py.
+        What is added to: columns of normal_equations.py; theta turns about the current sensor.
     """
     surfels_b = view_b.surfels
     motion = motion_of(pose, way)

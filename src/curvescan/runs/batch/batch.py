@@ -21,10 +21,8 @@ from curvescan.runs.batch.results.results import Results
 from curvescan.runs.batch.worker import Task
 from curvescan.runs.batch.workers import Done, WorkerPool, run_tasks
 
-Engine: TypeAlias = Literal["local", "ray"]
-"""Where the workers of a batch run."""
-TIMEOUT_S = 3600.0
-"""Time that a log may take unless the caller says otherwise, seconds."""
+Engine: TypeAlias = Literal["local", "ray"]  # where the workers of a batch run
+TIMEOUT_S = 3600.0  # time that a log may take unless the caller says otherwise, seconds
 
 
 class BatchDisplay(Protocol):
@@ -32,11 +30,9 @@ class BatchDisplay(Protocol):
 
     def begin(self, stage: str, n_logs: int) -> None:
         """Begin a stage over so many logs; 0: its length is not known."""
-        ...
 
     def add(self, record: BatchRecord) -> None:
         """Show that a log is done."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from curvescan.runs.plain import as_plain
+from curvescan.configs import as_plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +30,9 @@ class Job(Protocol):
 
     def __call__(self, log: Path, folder: Path) -> JobResult:
         """Run over a log and write the results into a folder that need not exist; errors are raised."""
-        ...
 
     def warm_up(self) -> None:
         """Compile what the job needs, once, before the workers start."""
-        ...
 
 
 def digest_of(job: Job) -> str:

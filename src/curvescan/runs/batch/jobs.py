@@ -6,12 +6,12 @@ Kernels and figures are loaded when a job runs: a batch that has nothing left to
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from curvescan.configs import as_config
-from curvescan.io.reading import read_log
+from curvescan.io.reading import open_log
 from curvescan.io.sensor_setup import SensorSetup
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, config_of
@@ -39,8 +39,7 @@ class LogOptions:
 
     def open(self, path: Path) -> Log:
         """Return the log in a file."""
-        # asdict copies no arrays here: a set-up is numbers and flags
-        return read_log(path, range_max=self.range_max, topic=self.topic, **asdict(self.setup))
+        return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.ros.bags.bag_files import storage_files
 from curvescan.runs.batch.storage.object_store import Bucket, StoredObject, is_url, split_url
 
-BAG_MARK = "metadata.yaml"
-"""A folder of a bucket that holds this file is a ROS 2 bag, which is one log."""
+BAG_MARK = "metadata.yaml"  # a folder of a bucket that holds this file is a ROS 2 bag, which is one log
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +51,6 @@ def find_logs(patterns: Iterable[str | os.PathLike[str]]) -> tuple[LogState, ...
 
     Of folders those that hold a ROS 2 bag are logs, and the files in them are not logs of their own. A path without
     wildcards is taken as it is: whether it is a log will be seen.
-
-    Raises InvalidArgumentError, StorageError, MissingPackageError.
     """
     paths: dict[Path, None] = {}
     remote: dict[str, LogState] = {}

@@ -19,15 +19,11 @@ from curvescan.runs.batch.workers import Event
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a core: libraries that start threads of their own would share it."""
-_PATIENCE_S = 2.0
-"""Time that a worker has to end when its pipe does, seconds."""
+_PATIENCE_S = 2.0  # time that a worker has to end when its pipe does, seconds
 
 
 class ProcessPool:
-    """Starts processes.
-
-    n_workers: How many there may be at once; None for as many as there are cores.
-    """
+    """Starts processes. n_workers: How many there may be at once; None for as many as there are cores."""
 
     def __init__(self, n_workers: int | None, log: Path) -> None:
         self.n_workers = n_workers or n_usable_cores()

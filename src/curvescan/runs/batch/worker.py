@@ -50,8 +50,7 @@ class Failure:
     traceback: str = ""  # where in the program, when nobody expected it; else empty
 
 
-Reply: TypeAlias = "Ready | JobResult | Failure"
-"""What a worker says."""
+Reply: TypeAlias = "Ready | JobResult | Failure"  # what a worker says
 
 
 def serve() -> None:

@@ -32,27 +32,21 @@ class Worker(Protocol):
 
     def send(self, task: Task) -> bool:
         """Give a task, and return whether the worker is there to take it."""
-        ...
 
     def cause_of_death(self) -> str:
         """Return how it ended, as a sentence."""
-        ...
 
     def kill(self) -> None:
         """End it at once."""
-        ...
 
     def dismiss(self) -> None:
         """Let it end; do not wait for it."""
-        ...
 
     def end(self) -> None:
         """Wait until it has ended, and make it end where it does not."""
-        ...
 
 
-Event: TypeAlias = "tuple[Worker, Reply | None]"
-"""A worker and its reply; None when it has died."""
+Event: TypeAlias = "tuple[Worker, Reply | None]"  # a worker and its reply; None when it has died
 
 
 class WorkerPool(Protocol):
@@ -63,15 +57,12 @@ class WorkerPool(Protocol):
 
     def warm_up(self, job: Job) -> None:
         """Compile what the job needs, once on each machine."""
-        ...
 
     def start(self, job: bytes, events: SimpleQueue[Event]) -> Worker:
         """Start a worker with a pickled job; its first reply is `Ready`."""
-        ...
 
     def close(self) -> None:
         """Give back what the pool has taken."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

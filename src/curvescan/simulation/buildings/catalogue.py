@@ -26,8 +26,7 @@ from curvescan.simulation.buildings.world import World
 
 _T = TypeVar("_T")
 
-Seed = int | np.random.SeedSequence
-"""What decides a random world: the same seed, the same bits."""
+Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
 WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "room": lambda _: room(),
@@ -54,10 +53,7 @@ room out) depend on the seed."""
 
 
 def build_world(world: World | str, seed: Seed = 0) -> World:
-    """Return a named world built with a seed, or the world itself when it is one already.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a named world built with a seed, or the world itself when it is one already."""
     if isinstance(world, World):
         return world
     return look_up(WORLDS, world, "world")(seed)

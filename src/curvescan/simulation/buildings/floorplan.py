@@ -10,8 +10,7 @@ import numpy as np
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats
 
-WALL_THICKNESS = 0.12
-"""Metres, of inner walls; thick enough for door jambs to show as corners."""
+WALL_THICKNESS = 0.12  # metres, of inner walls; thick enough for door jambs to show as corners
 
 _SAME = 1e-6
 

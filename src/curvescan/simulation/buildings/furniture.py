@@ -13,9 +13,7 @@ from curvescan.simulation.buildings.floorplan import WALL_THICKNESS, Door, Room,
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Floats
 
-AISLE = 0.85
-"""Metres kept free around things that stand in the middle of a room, so that a robot passes."""
-
+AISLE = 0.85  # metres kept free around things that stand in the middle of a room, so that a robot passes
 _SITTING = 0.5  # metres in front of a desk
 
 

@@ -105,10 +105,7 @@ def columns(places: ArrayLike, radius: float = 0.25) -> World:
 
 
 def clutter(area: ArrayLike, n_things: int, seed: int | np.random.SeedSequence = 0) -> World:
-    """Return boxes at any angle and small discs, at random places.
-
-    area (4,).
-    """
+    """Return boxes at any angle and small discs, at random places. area (4,)."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = np.asarray(area, dtype=np.float64)
     places = np.column_stack([rng.uniform(x0, x1, n_things), rng.uniform(y0, y1, n_things)])

@@ -12,9 +12,7 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats, Points
 
-CELL = 0.1
-"""Side of a grid cell, metres."""
-
+CELL = 0.1  # side of a grid cell, metres
 _COMFORT = 0.8  # metres of clearance beyond which a walk gains nothing by keeping farther away
 _SHY = 3.0  # how much longer a cell without clearance counts than one with `_COMFORT`
 _MOVES = tuple((i, j, float(np.hypot(i, j))) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)

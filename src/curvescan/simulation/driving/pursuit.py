@@ -60,10 +60,7 @@ def at_start(line: Points) -> Floats:
 
 
 def follow(line: Points, state: Floats, drive: Drive, step: float) -> Iterator[Floats]:
-    """Yield the states of a robot that drives along a line to its end.
-
-    line (n, 2); state (5,); result (5,).
-    """
+    """Yield the states of a robot that drives along a line to its end. line (n, 2); state (5,); result (5,)."""
     x, y, theta, speed, turn_rate = (float(value) for value in state)
     limits = _speed_limits(line, drive)
     faster, turn_faster = drive.acceleration * step, 4.0 * drive.acceleration * step

@@ -47,10 +47,7 @@ class People:
 
 
 def circles_of(places: Points, headings: Floats, phases: Floats, people: People) -> Floats:
-    """Return the circles that walkers show.
-
-    places (p, 2); headings (p,); phases (p,); result (2 p, 3).
-    """
+    """Return the circles that walkers show. places (p, 2); headings (p,); phases (p,); result (2 p, 3)."""
     if people.body_radius is not None:
         return np.column_stack([places, np.full(len(places), people.body_radius)])
     ahead = np.column_stack([np.cos(headings), np.sin(headings)])
@@ -64,10 +61,7 @@ def circles_of(places: Points, headings: Floats, phases: Floats, people: People)
 def walk(
     world: World, robot: Pose, n_people: int, people: People, period: float, seed: np.random.SeedSequence
 ) -> Floats:
-    """Return the circles that walkers show at each scan.
-
-    robot (n, 3); result (n, c, 3).
-    """
+    """Return the circles that walkers show at each scan. robot (n, 3); result (n, c, 3)."""
     rng = np.random.default_rng(seed)
     n_steps = max(int(np.ceil(period / 0.1)), 1)
     step = period / n_steps

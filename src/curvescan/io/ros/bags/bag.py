@@ -24,8 +24,8 @@ from rosbags.rosbag1 import WriterError as RosbagsWriterError
 from rosbags.rosbag2 import ReaderError as Ros2Error
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.printable import printable
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
@@ -54,10 +54,7 @@ class Message:
 
 
 class Bag:
-    """A ROS bag that can be read again and again; no file stays open between the readings.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """A ROS bag that can be read again and again; no file stays open between the readings."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -90,8 +87,7 @@ class Bag:
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
         """Yield the messages of these topics in the order they were received, one in memory at a time.
 
-        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all. Raises
-        LogFormatError.
+        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all.
         """
         for file in self._files:
             limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]

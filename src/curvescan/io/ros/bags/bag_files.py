@@ -34,19 +34,13 @@ _MAGICS = {BagKind.ROS1: b"#ROSBAG V", BagKind.SQLITE: b"SQLite format 3\x00", B
 
 
 def bag_kind(path: Path) -> BagKind | None:
-    """Return the kind of bag in a file, plain or gzip-compressed; None when it is none.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return the kind of bag in a file, plain or gzip-compressed; None when it is none."""
     head = read_head(path, _MAGIC_BYTES)
     return next((kind for kind in BagKind if kind.begins(head)), None)
 
 
 def storage_files(folder: Path) -> tuple[Path, ...]:
-    """Return the storage files of a ROS 2 bag folder, in the order they were recorded.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return the storage files of a ROS 2 bag folder, in the order they were recorded."""
     try:
         entries = sorted(entry for entry in folder.iterdir() if entry.is_file())
     except OSError as error:

@@ -69,10 +69,8 @@ def mcap_in_file(path: Path) -> Iterator[Path]:
 class BagWriter:
     """Writes a bag message by message; to be used in a ``with``.
 
-    The recorder's time of reception is the message's stamp, but never before that of the message before: readers
-    order by it, and the order of the calls must stay though stamps may repeat or go back.
-
-    Raises OutputError.
+    The recorder's time of reception is the message's stamp, but never before that of the message before: readers order
+    by it, and the order of the calls must stay though stamps may repeat or go back.
     """
 
     def __init__(self, path: object, kind: BagKind) -> None:

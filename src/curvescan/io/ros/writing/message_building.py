@@ -23,8 +23,7 @@ MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
 _SECOND = 10**9
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
-_UNKNOWN = 1e6
-"""Variance of a speed that is not known, (m/s)^2 and (rad/s)^2."""
+_UNKNOWN = 1e6  # variance of a speed that is not known, (m/s)^2 and (rad/s)^2
 
 
 class MessageBuilder:
@@ -55,15 +54,11 @@ class MessageBuilder:
         return text
 
     def laser_scan(self, scan: LaserScan) -> tuple[Any, bool]:
-        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are.
-
-        Raises OutputError.
-        """
+        """Return a scan as sensor_msgs/LaserScan, and whether all its numbers are kept as they are."""
         if not scan.has_uniform_angles:
             raise OutputError(
                 f"cannot write the scan at {scan.stamp} s to a ROS bag: a LaserScan message has evenly spaced beams, "
-                f"these "
-                "are not; CSV and NPZ keep them"
+                "these are not; CSV and NPZ keep them"
             )
         last = scan.angle_min + max(len(scan) - 1, 0) * scan.angle_increment
         fields = {
@@ -82,9 +77,8 @@ class MessageBuilder:
             intensities = np.asarray(strengths, dtype=np.float64).astype(np.float32)
         if not (short["angle_increment"] != 0.0 and short["range_min"] < short["range_max"]):
             raise OutputError(
-                f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or "
-                f"range_min and "
-                "range_max equal"
+                f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or range_min "
+                "and range_max equal"
             )
         message = self._new(
             LASER_SCAN,

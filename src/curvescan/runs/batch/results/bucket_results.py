@@ -26,8 +26,7 @@ from curvescan.runs.batch.storage.object_store import Bucket, split_url
 from curvescan.runs.batch.worker import Task
 
 _READERS = 32
-_POLL_S = 1.0
-"""Between two looks at what other batches have done, seconds."""
+_POLL_S = 1.0  # between two looks at what other batches have done, seconds
 
 
 @contextmanager

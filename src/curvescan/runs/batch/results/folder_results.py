@@ -20,10 +20,7 @@ from curvescan.runs.batch.worker import Task
 
 @contextmanager
 def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
-    """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may.
-
-    Raises OutputError, StorageError, MissingPackageError.
-    """
+    """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may."""
     if is_url(out):
         from curvescan.runs.batch.results.bucket_results import open_bucket_results
 

@@ -78,8 +78,6 @@ def open_manifest(folder: Path) -> Iterator[Manifest]:
     """Yield the manifest of a batch's folder, locked: a second batch in the same folder is refused.
 
     The lock ends with the process, however it ends.
-
-    Raises OutputError.
     """
     path = folder / MANIFEST
     try:

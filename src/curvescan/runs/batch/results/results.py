@@ -22,11 +22,9 @@ class TaskQueue(Protocol):
 
     def take(self) -> Task | None:
         """Return the next one, or None where there is none at the moment."""
-        ...
 
     def n_left(self) -> int:
         """Return how many may still come."""
-        ...
 
 
 class Results(Protocol):
@@ -39,29 +37,23 @@ class Results(Protocol):
 
     def place(self, folder: str) -> str:
         """Return the path or URL of a folder of results."""
-        ...
 
     def name_folders(self, logs: Sequence[str]) -> dict[str, str]:
         """Return the name of the folder of results of each log."""
-        ...
 
     def holds(self, record: BatchRecord) -> bool:
         """Return whether the results of a record are there."""
-        ...
 
     def queue(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
     ) -> AbstractContextManager[TaskQueue]:
         """Give out logs; `on_record` is called for those that another batch has run meanwhile."""
-        ...
 
     def append(self, record: BatchRecord) -> bool:
         """Keep a record, and return whether it was still this batch's to write."""
-        ...
 
     def finish(self, records: Sequence[BatchRecord]) -> None:
         """Write the table of all."""
-        ...
 
 
 def fleet_table(records: Sequence[BatchRecord]) -> bytes:

@@ -18,8 +18,7 @@ from contextlib import suppress
 from curvescan.errors import OutputError, StorageError
 from curvescan.runs.batch.storage.object_store import Bucket
 
-LEASE_S = 60.0
-"""A claim that has not changed for so long is nobody's, seconds."""
+LEASE_S = 60.0  # a claim that has not changed for so long is nobody's, seconds
 _RENEWALS = 4
 
 

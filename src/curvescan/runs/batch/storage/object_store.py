@@ -22,8 +22,7 @@ SCHEMES = ("s3", "gs", "az")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AZURE_STORAGE_ENDPOINT", "GOOGLE_BASE_URL")
 _RETRIES: Any = {"max_retries": 4, "retry_timeout": timedelta(seconds=60)}
 _REQUEST_S = 120
-_PART_BYTES = 8 << 20
-"""So much is fetched with one request: a slow line still ends each in time."""
+_PART_BYTES = 8 << 20  # so much is fetched with one request: a slow line still ends each in time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +40,7 @@ def is_url(path: str | os.PathLike[str]) -> bool:
 
 
 def split_url(url: str) -> tuple[str, str]:
-    """Return a bucket's address and the key in it: ``s3://bucket/a/b`` is ``("s3://bucket", "a/b")``.
-
-    Raises InvalidArgumentError.
-    """
+    """Return a bucket's address and the key in it: ``s3://bucket/a/b`` is ``("s3://bucket", "a/b")``."""
     scheme, _, rest = url.partition("://")
     bucket, _, key = rest.partition("/")
     if scheme not in SCHEMES or not bucket:

@@ -25,8 +25,7 @@ from curvescan.io.ros.bags.hardening.chunks import Unpacker, packing_of
 MIN_INDEX_LIMIT = 1 << 20
 """So many messages any ROS 1 bag may have; their index takes 150 bytes each in memory, and 12 in the file."""
 
-BYTES_A_MESSAGE = 24
-"""Beyond, it may have one for so many bytes of the file."""
+BYTES_A_MESSAGE = 24  # beyond, it may have one for so many bytes of the file
 
 MIN_HELD_LIMIT = 128 << 20
 """Up to so many bytes of chunks of an MCAP file may lie over the same moment, for they are held together."""

@@ -1,0 +1,104 @@
+"""SpinningSource: a laser on a serial line that spins; its readings are cut into turns and stamped as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from curvescan.errors import SourceError
+from curvescan.live.drivers.transport import EndOfSource, Transport
+from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
+from curvescan.scan import LaserScan
+
+
+class Measure(NamedTuple):
+    """A reading as a driver's package gives it."""
+
+    is_new: bool  # whether a turn begins with it
+    point: tuple[float, float, float]  # direction, radians, range, metres, and strength
+    rate_hz: float = 0.0  # turns a second; 0: not known
+
+
+class SpinningSource:
+    """What the lasers that spin have in common; a :class:`curvescan.live.ScanSource`."""
+
+    is_live = True
+    n_cut = 1
+    """Turns at the beginning that are not whole."""
+
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        baud: int,
+        *,
+        is_clockwise: bool,
+        limits: tuple[float, float],
+        ignore_beams: tuple[int, int],
+    ) -> None:
+        self.name, self.port = f"{name} at {port}", port
+        self._baud, self._is_clockwise, self._limits, self._ignore_beams = baud, is_clockwise, limits, ignore_beams
+        self._transport: Transport | None = None
+
+    def start(self, transport: Transport) -> None:
+        """Start the laser at the other end."""
+        raise NotImplementedError
+
+    def measures(self) -> Iterator[Measure]:
+        """Yield one reading after another."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        self._transport = Transport(self.port, self._baud)
+        try:
+            self.start(self._transport)
+        except SourceError:
+            self._transport.close()
+            raise
+        except Exception as error:
+            self._transport.close()
+            raise SourceError(f"cannot start the {self.name}: {error}") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._transport is not None:
+            self._transport.close()
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield a scan a turn, from the first whole one on."""
+        try:
+            yield from self._turns()
+        except (EndOfSource, SourceError) as end:
+            if isinstance(end, SourceError):
+                raise
+        except Exception as error:  # what the package does not expect of its bytes
+            raise SourceError(f"the {self.name} sends what its driver cannot read: {error}") from error
+
+    def _turns(self) -> Iterator[LaserScan]:
+        transport, clock = self._transport, TurnClock()
+        if transport is None:
+            raise SourceError(f"the {self.name} is not open: use it in a `with`")
+        points: list[tuple[float, float, float]] = []
+        n_turns = 0
+        for is_new, point, rate_hz in self.measures():
+            if is_new:
+                begin, end = clock.turn(transport.arrival, rate_hz)
+                transport.turn_done()
+                if transport.arrival is not None:
+                    begin, end = to_unix(begin), to_unix(end)
+                if n_turns >= self.n_cut:
+                    scan = scan_of_turn(
+                        points,
+                        begin,
+                        end,
+                        is_clockwise=self._is_clockwise,
+                        limits=self._limits,
+                        ignore_beams=self._ignore_beams,
+                    )
+                    if scan is not None:
+                        yield scan
+                points, n_turns = [], n_turns + 1
+            points.append(point)
