@@ -1,9 +1,10 @@
 """Localization of drives through one place in each other's maps: fixes, found, false, tracked and time.
 
-Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvescan reads, or on CMU's ``robotdata*.log.gz``. Each log makes a
-map, kept in CACHE; every other log is localized in it, with no guess and with an initial pose 1 m and 20 deg off. No truth is needed: a
-right fix puts the one map on the other as the other right fixes do, so that the placement that most of all fixes of both directions
-support is taken as the reference.
+Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvescan reads, or on CMU's
+``robotdata*.log.gz``. Each log makes a map, kept in CACHE; every other log is localized in it. With ``--prior`` also
+with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
+each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
+most poses support is the reference.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.io.arrays.memory import MemoryLog
 from curvescan.odometry import StepOutcome
 from curvescan.types import Bools, Floats, Ints, Pose
 
@@ -77,9 +79,20 @@ class Localized:
         return np.flatnonzero([outcome is StepOutcome.FOUND for outcome in self.outcomes])
 
 
-def make_drive(path: Path, cache: Path) -> Drive:
+def halves_of(log: cs.Log) -> list[cs.Log]:
+    """Return the halves of a log."""
+    scans, wheels, n = list(log), log.odometry, len(log) // 2
+    parts = []
+    for k, part in enumerate((slice(0, n), slice(n, 2 * n))):
+        odometry = None
+        if wheels is not None:
+            odometry = cs.Trajectory(stamps=wheels.stamps[part], poses=wheels.poses[part])
+        parts.append(MemoryLog(scans=tuple(scans[part]), odometry=odometry, name=f"{log.name}-{k + 1}"))
+    return parts
+
+
+def make_drive(log: cs.Log, cache: Path) -> Drive:
     """Return a drive with its map by SLAM, from the cache where it was made before."""
-    log = read_drive(path)
     file, track = cache / f"{log.name}.csmap", cache / f"{log.name}.npy"
     if not track.exists():
         run = cs.run(log, engine="slam")
@@ -89,7 +102,9 @@ def make_drive(path: Path, cache: Path) -> Drive:
     return Drive(log=log, slam_map=cs.load_map(file), poses=np.load(track))
 
 
-def localized(drive: Drive, slam_map: cs.SlamMap, initial_pose: cs.UncertainPose | None = None) -> Localized:
+def localized(
+    drive: Drive, slam_map: cs.SlamMap | cs.OccupancyGrid, initial_pose: cs.UncertainPose | None = None
+) -> Localized:
     """Return the steps of a drive in a map."""
     given = {} if initial_pose is None else {"initial_pose": initial_pose}
     started = time.process_time()
@@ -147,13 +162,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("cache", type=Path)
     parser.add_argument("logs", type=Path, nargs="+")
     parser.add_argument("--prior", action="store_true", help="also with an initial pose 1 m and 20 deg off")
+    parser.add_argument("--plain", action="store_true", help="also in the cells of the map alone")
+    parser.add_argument("--halves", action="store_true", help="halves of each log in each other's maps")
     parser.add_argument("--only", help="a pair, such as 4,2")
     given = parser.parse_args(arguments)
     given.cache.mkdir(parents=True, exist_ok=True)
-    drives = [make_drive(path, given.cache) for path in given.logs]
+    logs = [read_drive(path) for path in given.logs]
+    logs = [half for log in logs for half in halves_of(log)] if given.halves else logs
+    drives = [make_drive(log, given.cache) for log in logs]
     sys.stdout.write("| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan |\n")
     for i, j in itertools.permutations(range(len(drives)), 2):
-        if given.only and given.only != f"{i + 1},{j + 1}":
+        if (given.only and given.only != f"{i + 1},{j + 1}") or (given.halves and i // 2 != j // 2):
             continue
         drive, other = drives[i], drives[j]
         found = localized(drive, other.slam_map)
@@ -167,6 +186,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         name = f"{i + 1} in {j + 1}"
         sys.stdout.write(line_of(name, drive, found, reference) + "\n")
         sys.stdout.flush()
+        if given.plain:
+            plain = localized(drive, other.slam_map.occupancy())
+            off = np.hypot(*(plain.poses - found.poses)[:, :2].T)
+            text = line_of(f"{name}, plain map", drive, plain, reference)
+            sys.stdout.write(f"{text} {np.nanmedian(off):.3f} m from the pose in map.csmap\n")
+            sys.stdout.flush()
         if given.prior and reference is not None:
             begin = se2.compose(reference, drive.poses[0]) + PRIOR_OFF
             prior = cs.UncertainPose(begin, np.diag(PRIOR_SIGMA**2))

@@ -15,7 +15,7 @@ function listen() {
   });
   on("status", showStatus);
   on("path", (p) => { state.path.length = 2 * p.start; for (const v of p.points) state.path.push(v); });
-  on("wheels", (w) => { state.wheels.length = 2 * w.start; for (const v of w.points) state.wheels.push(v); document.querySelector("li.wheels").hidden = false; });
+  on("wheels", (w) => { state.wheels.length = 2 * w.start; for (const v of w.points) state.wheels.push(v); $("by-wheels").hidden = false; });
   on("map", loadMap);
   on("closures", (c) => { state.closures = c.lines; });
   on("times", (t) => { state.times = t.ms; });
@@ -26,7 +26,7 @@ function listen() {
 
 function showStatus(s) {
   state.isOver = s.kind === "ended" || s.kind === "error";
-  if (state.isOver) $("dock").hidden = true;
+  if (state.isOver) showDock(false);
   if (s.kind === "loading") chip("outcome", "waiting", s.text);
   showMessage(s.kind === "running" || s.kind === "loading" ? "" : s.text);
 }
@@ -60,13 +60,15 @@ async function offer(isReplay) {
   setToken(await answer.text());
   $("save").hidden = false;
   if (!isReplay || state.isOver) return;
-  $("dock").hidden = false; $("time").max = Math.max(state.n - 1, 0); $("time").hidden = !state.n;
+  $("time").max = Math.max(state.n - 1, 0); $("time").hidden = !state.n; $("time").value = state.scan ? state.scan.index : 0;
+  showDock(true);
   if (mayAct) return;
   mayAct = true;
   $("play").addEventListener("click", () => pace({ is_paused: !state.isPaused }));
   $("time").addEventListener("change", (e) => pace({ to: Number(e.target.value) }));
   $("speed").addEventListener("change", (e) => pace({ speed: Number(e.target.value) }));
 }
+function showDock(isShown) { $("dock").hidden = !isShown; document.body.classList.toggle("docked", isShown); redraw(); }
 async function pace(wanted) { showPace(await (await post("pace", wanted)).json()); }
 function showPace({ speed, is_paused: isPaused }) {
   state.isPaused = isPaused;
