@@ -62,10 +62,9 @@ class ResultsSink(MapSink):
         log: PreparedLog | None = None,
         command: Sequence[str] = (),
     ) -> tuple[str, ...]:
-        """Write the results into an existing folder, after the sink was closed, and return the names of the files.
+        """Write the results into a folder, after the sink was closed; of a log they are those of the offline command.
 
-        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
-        from those that were kept, one for every 0.15 m and 20 degrees.
+        A laser's scans have gone: its maps are drawn from those kept, one for every 0.15 m and 20 degrees.
         """
         scans = _Passed(name, report.n_scans) if log is None else log.log
         is_partial = report.error is not None or len(scans) > report.n_scans
@@ -74,9 +73,8 @@ class ResultsSink(MapSink):
         if isinstance(engine, Slam):
             revised = replace(self._finished(engine), stamps=record.online.stamps)
             record = replace(record, trajectory=revised, seconds_to_finish=self._seconds_to_finish)
-        maps = None
-        if log is None or isinstance(engine, Localizer):
-            maps = self._maps(engine, record.trajectory.poses)
+        is_drawn = log is None or isinstance(engine, Localizer)
+        maps = self._maps(engine, record.trajectory.poses) if is_drawn else None
         run = Run(
             log=scans,
             scans=scans,
