@@ -118,9 +118,7 @@ def test_the_page_is_an_instrument(running, tmp_path, log: cs.Log) -> None:
         page.run("const t = document.getElementById('time'); t.value = 40; t.dispatchEvent(new Event('change'))")
         page.wait("state.scan.index === 39")
         assert thread.is_alive()
-        page.run(
-            "document.getElementById('speed').value = '20'; document.getElementById('speed').dispatchEvent(new Event('change'))"
-        )
+        page.run("const s = document.getElementById('speed'); s.value = '20'; s.dispatchEvent(new Event('change'))")
         page.wait("document.getElementById('message').hidden")
         assert source.speed == 20.0
         page.run("document.getElementById('play').click()")
