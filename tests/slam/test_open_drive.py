@@ -72,6 +72,12 @@ def test_without_a_match_nothing_is_seen_of_the_way(drive):
     assert sigma[2] < 0.5
 
 
+def test_before_anything_is_usual_the_odometry_says_how_little_is_known():
+    drive = OpenDrive()
+    drive.add(_step(0.0, OPEN))
+    assert drive.known(WIDE) is WIDE
+
+
 def test_the_direction_turns_with_the_sensor(drive):
     drive.add(_step(0.1, CLOSED, turn=np.pi / 2))
     drive.add(_step(0.0, OPEN))

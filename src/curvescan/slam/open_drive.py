@@ -40,6 +40,7 @@ class OpenDrive:
         self.hidden: Floats = np.zeros(2)
         self._before: Floats = np.zeros(2)  # hidden before the keyframe, since a match measured all of the motion
         self._since: Floats = np.zeros(2)  # the same since the keyframe
+        self._n_measured = 0  # scans that measured all of the motion: before the first nothing is usual
         self._turned = 0.0  # since the keyframe, radians
         self._n_open = self._n_blind = 0  # scans since then that left a direction open, or everything
 
@@ -55,7 +56,8 @@ class OpenDrive:
         motion = step.motion
         direction = _open_direction(step)
         if direction is None:
-            self.usual = self.usual + (motion[:2] - self.usual) / _MEMORY
+            self._n_measured += step.is_matched
+            self.usual = self.usual + (motion[:2] - self.usual) / min(max(self._n_measured, 1), _MEMORY)
             self._before = self._since = np.zeros(2)
         else:
             self._n_open += 1
@@ -67,7 +69,7 @@ class OpenDrive:
 
     def known(self, motion: UncertainPose) -> UncertainPose:
         """Return the motion since the keyframe as well as it is known: across what is open as the matches say, along it by what may be hidden."""
-        if not self._n_open:
+        if not (self._n_open and self._n_measured):
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
         cov = np.zeros((3, 3))
