@@ -1,7 +1,8 @@
 """A verdict: whether the result of a run can be trusted, and why not.
 
-It is judged by what the run ended with, not by what happened on the way: parts that stayed apart, the covariance of the final poses,
-sure matches that contradict the finished map, scans that are not in the map, faults of the log that spoil the readings.
+It is judged by what the run ended with, not by what happened on the way: parts that stayed apart, the covariance of the
+final poses, sure matches that contradict the finished map, scans that are not in the map, faults of the log that spoil
+the readings.
 """
 
 from __future__ import annotations
@@ -71,8 +72,9 @@ class Verdict:
 class Evidence:
     """The figures of a result that a verdict is judged by; engine: "odometry", "slam" or "localization".
 
-    is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose; path and
-    sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left out" or "none".
+    is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose;
+    path and sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left
+    out" or "none".
     """
 
     engine: str = "odometry"
@@ -148,14 +150,16 @@ _REASONS = (
     _Reason(
         lambda e: e.n_parts > 1,
         lambda e: (
-            f"the {'map' if e.is_slam else 'trajectory'} is in {e.n_parts} parts, and how they lie to each other is unknown"
+            f"the {'map' if e.is_slam else 'trajectory'} is in {e.n_parts} parts, "
+            "and how they lie to each other is unknown"
         ),
         lambda e: _by_motion(e, "drive from one part to the other once more"),
     ),
     _Reason(
         lambda e: e.engine == "localization" and e.found < MIN_FOUND,
         lambda e: (
-            f"the sensor was found in the map in {e.found:.0%} of the scans, first in scan {int(np.argmax(e.is_known)):,}"
+            f"the sensor was found in the map in {e.found:.0%} of the scans, first in scan "
+            f"{int(np.argmax(e.is_known)):,}"
             if e.is_known.any()
             else "the sensor was not found in the map"
         ),
@@ -164,8 +168,8 @@ _REASONS = (
     _Reason(
         lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
         lambda e: (
-            f"{e.n_unmatched:,} of {e.n_scans - 1:,} scans are not matched ({e.n_unmatched / (e.n_scans - 1):.0%}), up to "
-            f"{_longest(e.is_unmatched):,} in a row"
+            f"{e.n_unmatched:,} of {e.n_scans - 1:,} scans are not matched ({e.n_unmatched / (e.n_scans - 1):.0%}), "
+            f"up to {_longest(e.is_unmatched):,} in a row"
         ),
         lambda e: _by_motion(e, "a wider field of view or a slower drive"),
     ),
@@ -174,8 +178,8 @@ _REASONS = (
         lambda e: (
             f"the position is uncertain by up to {e.sigma:.1f} m (standard deviation)"
             + (
-                f"; in {int(np.count_nonzero(e.is_open)):,} scans, up to {_longest(e.is_open):,} in a row, motion along one "
-                "direction is unobservable"
+                f"; in {int(np.count_nonzero(e.is_open)):,} scans, up to {_longest(e.is_open):,} in a row, "
+                "motion along one direction is unobservable"
             )
             * bool(e.is_open.any())
         ),
@@ -189,7 +193,8 @@ _REASONS = (
     _Reason(
         lambda e: bool(e.contradictions),
         lambda e: (
-            f"{sum(c[0] for c in e.contradictions):,} sure matches from {sum(c[1] for c in e.contradictions):,} keyframes "
+            f"{sum(c[0] for c in e.contradictions):,} sure matches from "
+            f"{sum(c[1] for c in e.contradictions):,} keyframes "
             f"contradict the map, most at x {e.contradictions[0][2]:.0f} m, y {e.contradictions[0][3]:.0f} m"
         ),
         lambda e: _by_motion(e, "look there with `curvescan view`, which mends closures by hand"),

@@ -1,7 +1,8 @@
 """Gaps: scans that nothing places, how a later match bridges them, and when the track is lost.
 
-The expected motion carries a track over a few scans. If none of them matches what was known before, nothing says any more
-that they are near it: the sensor may have been carried away. The track then starts anew, its place in the old one unknown.
+The expected motion carries a track over a few scans. If none of them matches what was known before, nothing says any
+more that they are near it: the sensor may have been carried away. The track then starts anew, its place in the old one
+unknown.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ MIN_CONFIDENCE = 0.8
 """Least confidence of a match that bridges a gap: it also lies where it is expected."""
 
 _SHARE = 0.65
-"""Share of the scores on either side below which a doubtful match is questioned. A sensor carried to another room leaves one of 0.2 to 0.45
-between 0.7 and 0.85, and the next scan, 0.1 m on, is as sure of it, as its guess comes from there; but it scores no more."""
+"""Share of the scores on either side below which a doubtful match is questioned. A sensor carried to another room
+leaves one of 0.2 to 0.45 between 0.7 and 0.85, and the next scan, 0.1 m on, is as sure of it, as its guess comes from
+there; but it scores no more."""
 
 _NEAR_M, _NEAR_RAD = 0.5, 0.5
 """Expected motion, metres and radians, from which on a view may change so much by itself."""
@@ -106,7 +108,8 @@ def widen_gap(o: Observation, placement: Placement) -> Placement:
 def question_link(o: Observation, placement: Placement, last: Localization) -> Placement | None:
     """Return the placement of a scan that what was in use hardly shows, in a gap; None where the match is sure.
 
-    Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been carried away.
+    Its motion is taken, but only a later match with what was in use before it shows that the sensor has not been
+    carried away.
     """
     result, config = placement.match, o.config.keyframes
     if result is None or placement.gap is not None or config.max_gap == 0:
@@ -131,7 +134,7 @@ def with_keyframe(o: Observation, placement: Placement) -> Placement:
 
 
 def _joins(gated: GatedMatch, least_score: float, tracked: MatchResult | None) -> bool:
-    """Return whether a match with a reference from before a gap bridges it, one that is questioned where the match within the track is given."""
+    """Return whether a match with a reference from before a gap bridges it; tracked: the questioned match."""
     result = gated.result
     if not (result.ok and gated.is_plausible) or result.score < least_score:
         return False

@@ -26,7 +26,8 @@ class GatedMatch(NamedTuple):
     is_plausible : bool
         Whether the match is about where it was expected.
     is_prior_rejected : bool
-        Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out.
+        Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left
+        out.
     measured : UncertainPose or None
         What was fused with what was expected; None where the match failed.
     is_by_last_motion : bool
@@ -41,7 +42,7 @@ class GatedMatch(NamedTuple):
     is_by_last_motion: bool = False
 
     def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
-        """Return a match that another odometry had no part in, with whether it contradicts what that odometry expected."""
+        """Return a match that another odometry had no part in, and whether it contradicts that odometry."""
         distance = 0.0 if self.measured is None else fuse(expected, self.measured)[1]
         is_rejected = self.is_plausible and distance > config.motion_gate_chi2
         return self._replace(is_prior_rejected=is_rejected, is_by_last_motion=True)
@@ -56,7 +57,7 @@ class GatedMatch(NamedTuple):
         return self.is_fully_observed and self.is_plausible and not self.result.score < min_score
 
     def is_accepted(self, least_score: float) -> bool:
-        """Return whether the match may decide: one that explains little of the scans must lie where expected, and be sure."""
+        """Return whether the match may decide: one that explains little must lie where expected, and be sure."""
         result = self.result
         if not result.ok or not result.score < least_score:
             return result.ok

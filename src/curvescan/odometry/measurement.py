@@ -23,8 +23,8 @@ _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
 
 _FLAT_SIGMA = 0.1
-"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best place,
-metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
+place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
 
 _TIED_SIGMA = 0.2
 """Standard deviation where other places along it are nearly as good, metres."""
@@ -34,8 +34,8 @@ _TIED = InformationConfig(degenerate_sigma=_TIED_SIGMA)
 _NEAR = InformationConfig(degenerate_sigma=0.3)
 
 _VAGUE_SIGMA = 0.08
-"""Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a guess, metres: below it
-they say nothing new, and what they say again and again of one keyframe errs alike."""
+"""Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
+guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
 
 _LEAST_SHIFT = 0.5
 """Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
@@ -93,9 +93,9 @@ def unguided_measurement(result: MatchResult, config: CurvescanConfig) -> Uncert
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
-    """Return a match that failed as one that did not, where its best pose explains the scans well and lies where expected.
+    """Return a match that failed as a good one where its best pose explains the scans and lies where expected.
 
-    Without a guess such a pose would be one of several, or chance. Of scans of one place that follow each other it is right.
+    Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
     """
     assessed = _assessed(result)
     if result.ok or assessed is None or assessed.assessment is None or assessed.support is None:
@@ -124,7 +124,7 @@ def _assessed(result: MatchResult) -> AssessedPose | None:
 
 
 def _has_one_best(assessed: AssessedPose) -> bool:
-    """Return whether the readings fix the pose, though along one direction only just, and no other pose along it is as good."""
+    """Return whether the readings fix the pose, if only just along one direction, and no other along it is as good."""
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False

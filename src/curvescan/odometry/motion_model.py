@@ -27,8 +27,8 @@ _LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
 """Limits of the variance of another odometry, in those of the configuration."""
 
 _MOVING_M, _MOVING_RAD = 0.06, 0.06
-"""Wheels that report the very pose of the scan before, after a motion longer than this, were not updated: three times the least
-change of a motion that is expected, metres and radians."""
+"""Wheels that report the very pose of the scan before, after a motion longer than this, were not updated: three times
+the least change of a motion that is expected, metres and radians."""
 
 _MOST_MISSED = 1
 """Scans in a row without a match after which wheels that report the same pose are believed: the sensor stands still."""
@@ -38,7 +38,7 @@ _N_UNUSUAL = 10
 
 
 class Clock(NamedTuple):
-    """The stamps of a stream: the last one, the usual time between two, seconds, and how many steps it was taken from."""
+    """The stamps of a stream: the last one, the usual time between two, seconds, and of how many steps."""
 
     stamp: float = math.nan
     period: float = 0.0
@@ -116,8 +116,8 @@ class MotionModel:
     n_failures : int
         Scans without a match in a row.
     odometry_noise : tuple of float
-        Variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
-        the last steps that a match measured.
+        Variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean
+        over the last steps that a match measured.
     """
 
     config: MotionConfig
@@ -188,7 +188,7 @@ class MotionModel:
         return self.n_failures >= self.config.max_repeats and not prediction.is_measured
 
     def _is_missed(self, odometry_pose: Pose | None) -> bool:
-        """Return whether another odometry stands still to the bit while the sensor moves, as far as matches show that."""
+        """Return whether another odometry stands still to the bit while matches show that the sensor moves."""
         before = self.odometry_pose
         if odometry_pose is None or before is None or self.n_failures > _MOST_MISSED:
             return False
@@ -197,7 +197,7 @@ class MotionModel:
         return is_moving and bool((odometry_pose == before).all())
 
     def _moved(self, prediction: Prediction, motion: UncertainPose) -> Pose | None:
-        """Return how the sensor moved since the last update of another odometry; None where that came with this scan."""
+        """Return how the sensor moved since another odometry was updated; None where that came with this scan."""
         if not prediction.is_missed:
             return None
         return motion.pose if self.moved is None else se2.compose(self.moved, motion.pose)

@@ -55,9 +55,9 @@ class Matching:
     ) -> GatedMatch:
         """Return a match compared with what is expected of it, the last scan being at `origin` of the reference.
 
-        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last motion or leaves a
-        direction open, or where the guess decided it and the other odometry contradicts it. A match that is sure is the same
-        with and without it.
+        Another odometry is asked where the laser alone leaves a doubt: where the match fails, contradicts the last
+        motion or leaves a direction open, or where the guess decided it and the other odometry contradicts it. A match
+        that is sure is the same with and without it.
         """
         motion, min_score = self.config.motion, self.config.keyframes.min_score
         expected = compose(origin, prediction.motion)
@@ -82,7 +82,7 @@ class Matching:
         expected: UncertainPose,
         repeated: UncertainPose | None = None,
     ) -> GatedMatch:
-        """Return a match made from what is expected of it, and compared with that or, where given, the last motion repeated."""
+        """Return a match made from what is expected, compared with that or, where given, the last motion repeated."""
         motion = self.config.motion
         result = self.matcher.match(reference.features, current.features, expected)
         measured = None

@@ -238,7 +238,7 @@ def without_trace(step: Step) -> Step:
 
 
 def pose_at(odometry_poses: Pose | None, k: int) -> Pose | None:
-    """Return the pose of the sensor at scan k by its wheels; NaN beyond the last, as of a log that grows while it is read."""
+    """Return the pose of the sensor at scan k by its wheels; NaN beyond the last, as of a log that grows."""
     if odometry_poses is None:
         return None
     return odometry_poses[k] if k < len(odometry_poses) else np.full(3, np.nan)

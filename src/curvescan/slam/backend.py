@@ -1,6 +1,7 @@
 """Backend: keyframes in, a pose graph that closes its loops out.
 
-The state of SLAM but for the odometry: a map that grows, the search for its loop closures, and the optimization that runs beside.
+The state of SLAM but for the odometry: a map that grows, the search for its loop closures, and the optimization that
+runs beside.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ class Backend:
             self._job = None
 
     def _adopt(self, job: Job) -> None:
-        """Take the poses of an optimization, and withdraw the closures that bend the odometry: the map is never worse than it."""
+        """Take the poses of an optimization, and withdraw the closures that bend the odometry."""
         self._map.adopt(job.result())
         if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
             self._map.fall_back(self._search.withdraw())
@@ -149,7 +150,7 @@ class Backend:
         self._adopt(self._new_job(is_last=True))
 
     def count_matches(self) -> tuple[int, int]:
-        """Return how many loop closures the graph follows, and how many matches of neighbours that do not follow each other."""
+        """Return how many loop closures the graph follows, and how many matches of other neighbours."""
         graph = self.graph
         is_followed = graph.is_closure & (graph.weights > 0.5)
         numbers = self.keyframes.numbers[graph.ends[is_followed]]

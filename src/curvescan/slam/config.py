@@ -22,12 +22,13 @@ class KeyframesConfig:
     turn: float = 0.5
     """A new keyframe is due when the sensor has turned by this much, radians."""
     vague: float = 0.3
-    """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor the odometry may
-    stand still while the sensor moves."""
+    """A new keyframe is due when the way since the last one is known no better than this, metres: along a bare corridor
+    the odometry may stand still while the sensor moves."""
     n_linked: int = 3
     """Preceding keyframes that a new one is matched with."""
     n_lost: int = 8
-    """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a fragment."""
+    """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a
+    fragment."""
     n_prepared: int = 3000
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 
@@ -65,8 +66,8 @@ class NoiseConfig:
     """Noise: what the covariances of matches and motions leave out."""
 
     kept: float = 0.4
-    """Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common to all of
-    their edges. Measured in simulation for the odometry."""
+    """Share of the variance of a match that belongs to the edge; the rest is the keyframes' own noise, which is common
+    to all of their edges. Measured in simulation for the odometry."""
     floor_m: float = 0.005
     """Error of a match besides its covariance, metres and axis."""
     floor_rad: float = 0.002
@@ -85,7 +86,7 @@ class NoiseConfig:
         return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
 
     def slipped(self, motion: UncertainPose, way: float) -> UncertainPose:
-        """Return a motion of the odometry with what it may slip; `way` is what was driven since a match measured all of it, metres.
+        """Return a motion of the odometry with what it may slip; way: metres since a match measured all of it.
 
         Slips go on: their standard deviation grows with the way and not with its root.
         """
@@ -94,7 +95,7 @@ class NoiseConfig:
         return UncertainPose(motion.pose, motion.cov + self.floor + np.diag([variance, variance, 0.0]))
 
     def doubled(self, pose: UncertainPose) -> UncertainPose:
-        """Return a pose of twice its standard deviations and those of the floor: motions that follow each other err together."""
+        """Return a pose of twice its standard deviations and the floor's: motions in a row err together."""
         return UncertainPose(pose.pose, 4.0 * (pose.cov + self.floor))
 
     def edge(self, covariance: Cov) -> Cov:
@@ -102,7 +103,7 @@ class NoiseConfig:
         return self.kept * covariance + self.floor
 
     def common(self, edges: Cov) -> Cov:
-        """Return of (m, 3, 3) covariances of edges, without their floor, what each of their two scans adds to all of its edges."""
+        """Return of (m, 3, 3) covariances of edges without floor what each of both scans adds to all of its edges."""
         return (1.0 - self.kept) / (2.0 * self.kept) * edges
 
 
@@ -130,21 +131,25 @@ class ClosuresConfig:
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0
-    """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom, 99.9 %."""
+    """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom,
+    99.9 %."""
     min_score: float = 0.25
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
     max_bend: float = 0.2
-    """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
-    closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
+    """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges.
+    Beyond it the closures that did it are withdrawn, and from then on only those are accepted that lie where the graph
+    surely expects them."""
     max_turn: float = 0.5
-    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
-    the mean does not show."""
+    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a
+    quarter or a half, which the mean does not show."""
     log_odds: float = 8.0
-    """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less what contradicts it."""
+    """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
+    what contradicts it."""
     most_log_odds: float = 14.0
-    """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of the way."""
+    """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of
+    the way."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 

@@ -1,7 +1,7 @@
 """GrowingMap: keyframes, the pose graph that ties them, and what the graph knows of the newest one.
 
-A keyframe is tied to the one before it by what a match and the odometry say of the way; an optimization revises all poses, a loop closure
-those since it; places that hold too many keyframes lose the oldest.
+A keyframe is tied to the one before it by what a match and the odometry say of the way; an optimization revises all
+poses, a loop closure those since it; places that hold too many keyframes lose the oldest.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
 
 _MOST_VARIANCE = 30.0**2
-"""Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the rest."""
+"""Of a motion of which nothing is known, square metres: wider ones leave the information matrix without digits for the
+rest."""
 
 
 _NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
@@ -120,8 +121,8 @@ class GrowingMap:
     def _link(self, before: int, k: int, motion: UncertainPose) -> UncertainPose:
         """Tie a keyframe to the one before it, and return how it lies to that.
 
-        The match counts in the directions that it measures, the odometry's motion in the others; where the two contradict each other
-        the motion counts, and is as uncertain as they differ.
+        The match counts in the directions that it measures, the odometry's motion in the others; where the two
+        contradict each other the motion counts, and is as uncertain as they differ.
         """
         noise = self.config.noise
         share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
@@ -151,7 +152,7 @@ class GrowingMap:
         return UncertainPose(se2.between(self.graph.poses[i], self.graph.poses[j]), way.cov)
 
     def chain(self) -> Chain:
-        """Return the keyframes, those since the last optimization laid out along the odometry, as if no loop had closed since."""
+        """Return the keyframes; those since the last optimization lie along the odometry, as if no loop had closed."""
         poses = self.graph.poses.copy()
         for k in range(self.belief.n, len(poses)):
             poses[k] = se2.compose(poses[k - 1], self._motions[k].pose)

@@ -1,7 +1,7 @@
 """Optimization beside the stream: it runs in a thread, and its result is taken a fixed number of scans later.
 
-The number of scans, not the clock, says when: the same input gives the same bits, however fast the machine is. The heavy parts, kernels
-and SuperLU, release Python's lock.
+The number of scans, not the clock, says when: the same input gives the same bits, however fast the machine is. The
+heavy parts, kernels and SuperLU, release Python's lock.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _FROM_AFAR, _NEARBY = 0.05, 6.0
-"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job left."""
+"""Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job
+left."""
 
 
 _LIMIT = 16.0
@@ -139,7 +140,7 @@ def least_weights(kinds: Ints) -> Floats:
 
 
 def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
-    """Return (n, 3, 3) covariance of each pose with the current one known exactly, infinite in other components; see :mod:`posterior`."""
+    """Return (n, 3, 3) covariance of each pose with the current one known exactly; infinite in other components."""
     poses, weights, k = solved.poses, solved.weights.copy(), solved.current
     # a step that slipped is as wide as it is off
     is_step = solved.kinds != EdgeKind.CLOSURE

@@ -1,7 +1,7 @@
 """LoopSearch: which keyframes are matched with each other, and which of the matches become loop closures.
 
-A new keyframe queues the earlier ones that may show its place; a few are matched with each scan. What agrees with where the graph surely
-expects it is accepted, what the graph does not know waits for others that agree.
+A new keyframe queues the earlier ones that may show its place; a few are matched with each scan. What agrees with where
+the graph surely expects it is accepted, what the graph does not know waits for others that agree.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class LoopSearch:
                 self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, is_known=True)
 
     def _forget_untied(self) -> None:
-        """Forget that keyframes were matched that no edge ties: where the map is known now, the match is another one."""
+        """Forget matches of keyframes that no edge ties: where the map is known now, the match is another one."""
         numbers, graph = self._map.keyframes.numbers, self._map.graph
         self._tried = {number: set() for number in numbers.tolist()}
         for one, other in numbers[graph.ends].tolist():
@@ -113,7 +113,7 @@ class LoopSearch:
             self._tried[other].add(one)
 
     def reopen(self) -> bool:
-        """Accept the sure matches that contradict the map and are likelier than what they contradict; return whether any is."""
+        """Accept what contradicts the map and is likelier than what it contradicts; return whether anything is."""
         n_before = len(self.closures)
         for group, log_odds in self._against():
             if log_odds > self.config.closures.log_odds:
@@ -130,7 +130,7 @@ class LoopSearch:
         return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
 
     def _against(self) -> list[tuple[list[Closure], float]]:
-        """Return the groups of matches, by row, that contradict the map, and the log odds of each less those of the closures it contradicts."""
+        """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
         growing, chain = self._map, self._map.chain()
         tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
         tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop}  # the latest of each pair
@@ -158,7 +158,7 @@ class LoopSearch:
         return expectation_of(off, closure.covariance + 4.0 * self.config.noise.floor, ANY_SLIP)
 
     def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures that are accepted for it; is_known: no others will come to agree."""
+        """Match a candidate unless it was, and return the closures accepted; is_known: no others will come to agree."""
         i, j, _ = candidate
         if not self._is_new(i, j):
             return []
@@ -188,7 +188,7 @@ class LoopSearch:
         del self._pool[: -self.config.closures.n_waiting]
 
     def _wait(self, closure: Closure) -> list[Closure]:
-        """Hold a closure against others, and return those that are accepted now: their odds exceed those of what they contradict."""
+        """Hold a closure against others, and return those whose odds now exceed those of what they contradict."""
         self._remember(closure)
         pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
         missed = np.array([float(self._missed.get(c.j, False)) for c in pool])
@@ -222,7 +222,7 @@ class LoopSearch:
         return self._log(closure)
 
     def _log(self, closure: Closure) -> Closure:
-        """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go, in place of their rows."""
+        """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go."""
         i, j = (self._map.keyframes[k].number for k in (closure.i, closure.j))
         record = replace(closure, i=i, j=j)
         self.closures.append(record)
@@ -233,7 +233,7 @@ class LoopSearch:
         del self.closures[: -self.config.places.n_logged]
 
     def renumber(self, is_kept: Bools, gone: list[int]) -> None:
-        """Count the keyframes anew after some went; `is_kept` says which rows stay, `gone` are the numbers of the others."""
+        """Count the keyframes anew after some went; is_kept: which rows stay; gone: numbers of the others."""
         for one in gone:
             for other in self._tried.pop(one, ()):
                 self._tried[other].discard(one)

@@ -1,4 +1,4 @@
-"""SlamMap: what SLAM leaves behind: keyframes with their poses, the graph between them, and the occupancy that they show."""
+"""SlamMap: what SLAM leaves behind: keyframes with their poses, their graph, and the occupancy that they show."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class SlamMap:
             yield PoseEdge(i=i, j=j, pose=self.measured[k], covariance=self.edge_covariances[k])
 
     def occupancy(self, config: OccupancyConfig | None = None) -> OccupancyGrid:
-        """Return the occupancy: the one that was stored, or, with a config or without a stored one, that of the keyframes."""
+        """Return the occupancy that was stored; with a config, or where none was, that of the keyframes."""
         if config is None and self.grid is not None:
             return self.grid
         builder = OccupancyBuilder(config)

@@ -1,7 +1,7 @@
 """Map files (.csmap): a zip archive of NumPy arrays, as numpy.savez_compressed writes it, with a version.
 
-docs/slam.md lists the arrays. A reader refuses what is damaged or of a later version in one sentence; arrays that it does not know are
-left aside, so that a later version may add some.
+docs/slam.md lists the arrays. A reader refuses what is damaged or of a later version in one sentence; arrays that it
+does not know are left aside, so that a later version may add some.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ def read_map_file(path: str | os.PathLike[str]) -> MapContent:
     with path.open("rb") as opened:
         if opened.read(2) != b"PK":  # of the zip archive that it is
             raise LogFormatError(
-                f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`, which keeps the scans of the "
-                "map's keyframes; a picture or a map.pgm of cells has none to match with"
+                f"{path} is not a map that curvescan saved: give the map.csmap of `curvescan slam`, "
+                "which keeps the scans of the map's keyframes; a picture or a map.pgm of cells has none to match with"
             )
     file = NpzFile(path)
     if "csmap_version" not in file.headers:

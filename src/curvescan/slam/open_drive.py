@@ -1,7 +1,8 @@
 """OpenDrive: what the sensor may have driven besides, along directions that its matches left open.
 
-Along a bare corridor the matches fix heading and distance to the walls; of the way along it they say nothing, and the odometry may stand still
-while the sensor drives on. How far it drives as a rule is known from the scans before. The difference of both is how uncertain the way is.
+Along a bare corridor the matches fix heading and distance to the walls; of the way along it they say nothing, and the
+odometry may stand still while the sensor drives on. How far it drives as a rule is known from the scans before. The
+difference of both is how uncertain the way is.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class OpenDrive:
         self._turned += float(motion[2])
 
     def known(self, motion: UncertainPose) -> UncertainPose:
-        """Return the motion since the keyframe as well as it is known: across what is open as the matches say, along it by what may be hidden."""
+        """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
         if not (self._n_open and self._n_measured):
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
@@ -91,7 +92,7 @@ def _turned(vector: Floats, angle: float) -> Floats:
 
 
 def _open_direction(step: Step) -> Floats | None:
-    """Return the (2, 2) projection on what a step left open, frame of the sensor before it; None where it measured all."""
+    """Return the (2, 2) projection on what a step left open, frame of the sensor before; None where it measured all."""
     if not step.is_matched:
         return None if step.outcome is StepOutcome.STARTED else np.eye(2)
     if step.match is None or step.match.degenerate_direction is None:

@@ -1,6 +1,7 @@
 """Slam: a stream of scans in, a globally consistent trajectory and a map out.
 
-The odometry follows the sensor; every half metre its scan becomes a keyframe of a pose graph, which closes loops and revises all poses.
+The odometry follows the sensor; every half metre its scan becomes a keyframe of a pose graph, which closes loops and
+revises all poses.
 """
 
 from __future__ import annotations
@@ -203,7 +204,7 @@ class Slam:
 
     @property
     def is_deceived(self) -> bool:
-        """Whether closures had to be withdrawn because they bent the odometry: places look alike, and the map is the odometry's."""
+        """Whether closures were withdrawn because they bent the odometry: places look alike."""
         return self.backend.n_withdrawals > 0
 
     def finish(self) -> Trajectory:

@@ -66,7 +66,7 @@ class Edit:
 
 
 def edited(slam_map: SlamMap, edits: Sequence[Edit], config: SlamConfig | None = None) -> SlamMap:
-    """Return a map with its graph edited and optimized again; without a stored occupancy, which the keyframes give anew.
+    """Return a map with its graph edited and optimized again; its occupancy is made anew of the keyframes.
 
     Raises InvalidArgumentError when an edit names what the map does not have.
     """
@@ -112,7 +112,7 @@ def _touching(graph: MapGraph, i: int, j: int) -> Bools:
 
 
 def ask_match(slam_map: SlamMap, i: int, j: int, config: SlamConfig | None = None) -> tuple[MatchResult, Edit | None]:
-    """Return the match of keyframe j with keyframe i without a guess, and the edit that adds it; None where it fails."""
+    """Return the match of keyframe j with i without a guess, and the edit that adds it; None where it fails."""
     if not (0 <= i < len(slam_map) and 0 <= j < len(slam_map)) or i == j:
         raise InvalidArgumentError(f"a match takes two keyframes of 0 to {len(slam_map) - 1}, got {i} and {j}")
     result = match(slam_map.scans[i], slam_map.scans[j])

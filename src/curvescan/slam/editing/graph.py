@@ -80,8 +80,8 @@ class MapGraph:
 def solved(slam_map: SlamMap, graph: MapGraph, config: SlamConfig) -> SlamMap:
     """Return a map with another graph, optimized to the end, every closure reconsidered.
 
-    A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and one
-    with all edges in full, the better one is taken.
+    A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and
+    one with all edges in full, the better one is taken.
     """
     edges, limit = Edges.of(graph.ends, graph.measured, graph.covariances), config.optimizer.limit
     optima = [

@@ -18,7 +18,8 @@ from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Cov, Pose
 
 _N_ALIKE, _MOST_VIEWS = 3, 200
-"""Keyframes of one map that each one of the other is matched with, and how many of the other, evenly chosen, at most."""
+"""Keyframes of one map that each one of the other is matched with, and how many of the other, evenly chosen, at
+most."""
 
 _AGREES_M, _AGREES_RAD = 0.5, 0.1
 """Two matches agree when they put the one map in the other within this: maps bend by as much over tens of metres."""
@@ -59,7 +60,7 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
 
 
 def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[np.ndarray, Pose, Cov]:
-    """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) the poses, (k, 3, 3) their covariances."""
+    """Return (k, 2) keyframes of both maps that match without a guess, (k, 3) poses, (k, 3, 3) their covariances."""
     known = Keyframes("curvescan", None, len(one))
     for k, scan in enumerate(one.scans):
         known.add(scan, k)
@@ -90,7 +91,7 @@ def _agreed(one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose) -> 
     most = support[best] if support else 0
     if most < _LEAST or most < _MARGIN * rival:
         raise InvalidArgumentError(
-            f"nothing joins the two maps: {most} keyframes match without a guess and agree on how they lie to each other, "
+            f"nothing joins the two maps: {most} keyframes match without a guess and agree on how they lie, "
             f"{rival} on another place; {_LEAST} are needed, and {_MARGIN:g} times as many as on any other"
         )
     return near

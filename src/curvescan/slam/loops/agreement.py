@@ -1,8 +1,9 @@
 """Agreement: the odds of a set of matches that agree pairwise, against those of the sets that contradict it.
 
-Pairs agree when the cycle through both closes within its covariance (Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement
-set maximization for robust multi-robot map merging", ICRA 2018). Views of one place err alike: a match adds to the odds of its set in proportion to
-the way since the last one that counted. One place may look like another for a stretch, so that the sum is bounded.
+Pairs agree when the cycle through both closes within its covariance (Mangelson, Dominic, Eustice and Vasudevan,
+"Pairwise consistent measurement set maximization for robust multi-robot map merging", ICRA 2018). Views of one place
+err alike: a match adds to the odds of its set in proportion to the way since the last one that counted. One place may
+look like another for a stretch, so that the sum is bounded.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
 
 _MISSED_ODDS, _MOST_MISSED = 1.5, 6.0
-"""Log odds against the graph of a view that should match where the graph has it and does not, and the most of all such views."""
+"""Log odds against the graph of a view that should match where the graph has it and does not, and the most of all such
+views."""
 
 
 class Group(NamedTuple):
@@ -34,7 +36,10 @@ class Group(NamedTuple):
 
 
 def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig, missed: float) -> float:
-    """Return the log odds of closures that agree, less those of the known ones that contradict them; missed: of each, as in :func:`best_group`."""
+    """Return the log odds of closures that agree, less those of the known ones that contradict them.
+
+    missed: of each, as in :func:`best_group`.
+    """
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
     against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
@@ -47,8 +52,8 @@ def best_group(
 ) -> tuple[Group, float]:
     """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it.
 
-    missed (n,): of each closure whether its later keyframe matches nothing where the graph has it; known: standard deviation up to which
-    the ways between closures count, metres.
+    missed (n,): of each closure whether its later keyframe matches nothing where the graph has it; known: standard
+    deviation up to which the ways between closures count, metres.
     """
     agrees = agreements(pool, chain, config, known)
     last = len(pool) - 1
@@ -80,7 +85,7 @@ def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: flo
 
 
 def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, missed: Floats) -> float:
-    """Return the log odds of a set: of its views, of where the graph expects them, and of views that the graph as it is does not explain."""
+    """Return the log odds of a set: of its views, where the graph expects them, and what the graph does not explain."""
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]

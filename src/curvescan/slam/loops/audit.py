@@ -43,7 +43,8 @@ class Contradiction:
     pairs : (n, 2) int64
         Numbers of the keyframes of each match; the later one second.
     off : (3,) float64
-        Median of where the matches put the later keyframe, seen from where the map has it: x, y, theta; metres and radians.
+        Median of where the matches put the later keyframe, seen from where the map has it: x, y, theta; metres and
+        radians.
     """
 
     place: Floats
@@ -62,9 +63,9 @@ class Contradiction:
 
 
 def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
-    """Return what groups of matches, by row, say against a map, the largest first; poses (n, 3) of the map, numbers (n,).
+    """Return what groups of matches, by row, say against a map, the largest first.
 
-    One keyframe may be deceived: it takes three.
+    One keyframe may be deceived: it takes three. poses (n, 3): of the map; numbers (n,).
     """
     found: list[Contradiction] = []
     for group in groups:
@@ -82,7 +83,8 @@ def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> l
 def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
     """Return the sets of sure matches that agree with each other and not with a map.
 
-    Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of the way between.
+    Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of
+    the way between.
     """
     rest = sorted(
         (c for c in tried if c.confidence >= SURE and _is_against(c, poses, config)), key=lambda c: (c.j, c.i)
@@ -102,7 +104,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
 
 
 def _is_against(closure: Closure, poses: Pose, config: SlamConfig) -> bool:
-    """Return whether a map contradicts a match, and yet by no more than a way may have slipped: else it shows another place."""
+    """Return whether a map contradicts a match by no more than a way may have slipped: else it shows another place."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + 4.0 * config.noise.floor
     gate = config.closures.gate

@@ -1,8 +1,9 @@
 """Bending: whether the closed map asks more of the odometry than it may err by.
 
-Closures that are true leave the odometry's steps nearly as they were: it errs now and then by much, and else by centimetres. False ones,
-which agree with each other because rooms are alike, shorten or fold way after way. The motion model's edges, wide and never given up,
-measure it: their mean squared Mahalanobis distance, the worst hundredth left out, was 0.001 on Intel, 0.01 on ACES, and 0.37 to 1.3 on folded maps.
+Closures that are true leave the odometry's steps nearly as they were: it errs now and then by much, and else by
+centimetres. False ones, which agree with each other because rooms are alike, shorten or fold way after way. The motion
+model's edges, wide and never given up, measure it: their mean squared Mahalanobis distance, the worst hundredth left
+out, was 0.001 on Intel, 0.01 on ACES, and 0.37 to 1.3 on folded maps.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
 
 
 def bending(poses: Pose, edges: Edges) -> float:
-    """Return how far the poses leave the steps of the motion model: mean squared Mahalanobis distance, worst slips left out.
+    """Return how far the poses leave the steps: mean squared Mahalanobis distance, worst slips left out.
 
     poses (n, 3).
     """

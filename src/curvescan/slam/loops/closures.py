@@ -1,7 +1,7 @@
 """Loop closures: a match between keyframes that do not follow each other, and how likely it is.
 
-The log odds of a match are its own, by its confidence, and those of where the graph expects it. Where they suffice it is accepted alone; else
-it waits for others that agree with it (:mod:`agreement`).
+The log odds of a match are its own, by its confidence, and those of where the graph expects it. Where they suffice it
+is accepted alone; else it waits for others that agree with it (:mod:`agreement`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _N_NEIGHBOURS = 10
 
 
 def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
-    """Return whether keyframes, by their numbers, are so far apart along the path that a match of them is a loop closure."""
+    """Return whether keyframes, by their numbers, are so far apart along the path that their match closes a loop."""
     return np.abs(np.subtract(j, i)) > _N_NEIGHBOURS
 
 
@@ -56,7 +56,8 @@ class Closure:
     scan : int
         Number of the scan at which it was tried.
     i, j : int
-        Keyframes; j is the later one. Within the back end their rows, in all records their numbers, which stay when others go.
+        Keyframes; j is the later one. Within the back end their rows, in all records their numbers, which stay when
+        others go.
     pose : (3,) float64
         Pose of j in the frame of i by the match; NaN where it failed.
     covariance : (3, 3) float64
@@ -110,7 +111,8 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
 def measured(result: MatchResult) -> UncertainPose:
     """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
 
-    Along a corridor the heading stays measured: a way of 100 m with a hundredth of a degree per metre would open it as well.
+    Along a corridor the heading stays measured: a way of 100 m with a hundredth of a degree per metre would open it as
+    well.
     """
     cov = result.covariance
     if result.degenerate_direction is not None:

@@ -1,4 +1,4 @@
-"""How much the graph speaks for a pose: its density there, against a match that is wrong and may lie anywhere nearby."""
+"""How much the graph speaks for a pose: its density there, against a wrong match, which may lie anywhere nearby."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from curvescan import se2
 from curvescan.types import Cov, Pose
 
 _ANYWHERE_M = 10.0
-"""Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell nothing."""
+"""Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
+nothing."""
 
 SLIP: Cov = np.diag(np.square([0.7, 0.7, 0.0]))
 """(3, 3) covariance of a slip that the odometry did not notice: it moves the sensor, and does not turn it."""

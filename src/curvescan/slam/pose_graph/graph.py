@@ -1,7 +1,7 @@
 """PoseGraph: keyframe poses and the measured poses between them.
 
-The graph only stores. Rows are appended, and arrays grow by half, so that adding stays cheap; :mod:`optimization` moves the
-poses and weighs the edges.
+The graph only stores. Rows are appended, and arrays grow by half, so that adding stays cheap; :mod:`optimization` moves
+the poses and weighs the edges.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class PoseGraph:
         return self.n_poses - 1
 
     def keep_poses(self, is_kept: Bools) -> None:
-        """Remove the poses that are not kept; the others keep their order. The caller counts the ends of the edges anew."""
+        """Remove poses; the others keep their order. The caller counts the ends of the edges anew."""
         rows = np.flatnonzero(is_kept)
         self._poses[: len(rows)] = self._poses[: self.n_poses][rows]
         self.n_poses = len(rows)

@@ -1,8 +1,8 @@
 """Removal of a pose from a graph: what its edges measured is carried over to those that stay.
 
-The exact marginal ties all neighbours to each other. Kept of it are the steps of the chain, composed, and the closures, moved to the
-heir: a pose of the same place that the removed one is tied to. After Eade, Fong and Munich, "Monocular graph SLAM with complexity
-reduction", IROS 2010.
+The exact marginal ties all neighbours to each other. Kept of it are the steps of the chain, composed, and the closures,
+moved to the heir: a pose of the same place that the removed one is tied to. After Eade, Fong and Munich, "Monocular
+graph SLAM with complexity reduction", IROS 2010.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ _LEAST_WEIGHT = 0.5
 """Edges that the optimum follows less than this are not carried over."""
 
 _MOST_SPREAD = 1.0
-"""A pose hangs on an heir by an edge that leaves nothing open: greatest trace of its covariance, square metres and radians."""
+"""A pose hangs on an heir by an edge that leaves nothing open: greatest trace of its covariance, square metres and
+radians."""
 
 
 def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:

@@ -1,8 +1,8 @@
 """Robust optimization: which edges are consistent with each other, by graduated non-convexity.
 
-Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated least squares
-(GNC-TLS): an edge counts in full up to `limit` squared Mahalanobis distance and not at all beyond, and the cost becomes so by steps
-from a convex one. An edge that lost its weight may win it back at any step.
+Yang, Antonante, Tzoumas and Carlone, "Graduated non-convexity for robust spatial perception", RA-L 2020, with truncated
+least squares (GNC-TLS): an edge counts in full up to `limit` squared Mahalanobis distance and not at all beyond, and
+the cost becomes so by steps from a convex one. An edge that lost its weight may win it back at any step.
 """
 
 from __future__ import annotations
