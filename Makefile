@@ -21,8 +21,10 @@ FLEET := .venv-fleet
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
 
-test: lint
-	$(BIN)/python -c 'import curvescan; curvescan.warm_up()'  # once, and not by each worker
+# kernels are compiled once, and not by each worker, while the other core checks the sources
+test: $(INSTALLED)
+	$(BIN)/python -c 'import curvescan; [curvescan.warm_up(method) for method in curvescan.MATCHERS]' & compiling=$$!; \
+		$(MAKE) --no-print-directory lint && wait $$compiling
 	$(BIN)/pytest -q -n 2 --dist worksteal
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n 2 --dist worksteal -m kernels  # reads past the end are seen here
 

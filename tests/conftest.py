@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import os
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 
 import pytest
 from hypothesis import settings
@@ -29,24 +30,44 @@ def _kernels() -> set[object]:
 
 
 @functools.cache
-def imports_kernels(module: ModuleType) -> bool:
-    """Whether a test file imports a kernel, a module that has kernels, or a slow twin."""
-    homes = {one.__module__ for one in _kernels()}
-    for value in vars(module).values():
-        if isinstance(value, ModuleType):
-            name = value.__name__
-            if name in homes or name.startswith("tests.reference"):
-                return True
-        elif isinstance(value, FunctionType | CPUDispatcher) and (
-            getattr(value, "py_func", value) in _kernels() or value.__module__.startswith("tests.reference")
-        ):
+def _homes() -> frozenset[str]:
+    """Modules that have kernels."""
+    return frozenset(one.__module__ for one in _kernels())
+
+
+def meets_kernels(function: object) -> bool:
+    """Whether a test, or a helper of the tests that it calls, names a kernel, a module of kernels, or a slow twin."""
+    waiting, seen = [function], set()
+    while waiting:
+        one = waiting.pop()
+        one = getattr(getattr(one, "hypothesis", None), "inner_test", one)
+        one = inspect.unwrap(getattr(one, "py_func", one))
+        if one in seen:
+            continue
+        seen.add(one)
+        if one in _kernels() or str(getattr(one, "__module__", "")).startswith("tests.reference"):
             return True
+        if isinstance(one, ModuleType):
+            if one.__name__ in _homes() or one.__name__.startswith("tests.reference"):
+                return True
+        elif isinstance(one, FunctionType) and one.__module__.startswith("tests."):
+            names = _names(one.__code__)
+            waiting += [value for name, value in one.__globals__.items() if name in names and _is_code(value)]
     return False
+
+
+def _is_code(value: object) -> bool:
+    return isinstance(value, ModuleType | FunctionType | CPUDispatcher)
+
+
+def _names(code: CodeType) -> set[str]:
+    inner = (one for one in code.co_consts if isinstance(one, CodeType))
+    return {*code.co_names}.union(*map(_names, inner))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if isinstance(item, pytest.Function) and imports_kernels(item.module):
+        if isinstance(item, pytest.Function) and meets_kernels(item.obj):
             item.add_marker("kernels")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "1":
         return

@@ -12,9 +12,8 @@ import pytest
 
 from curvescan import InvalidArgumentError, Odometry, SourceError, simulate
 from curvescan.live import ScanSource, Tracker, run_live
-from curvescan.live.drivers import transport
+from curvescan.live.drivers import open_driver, transport
 from curvescan.live.drivers.lds2d_source import Lds2dSource
-from curvescan.live.drivers.opening import open_driver
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn
 from curvescan.live.warm_up import warm_up
 

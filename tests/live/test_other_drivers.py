@@ -10,8 +10,7 @@ import pytest
 
 from curvescan import MissingPackageError, Odometry, SourceError, simulate
 from curvescan.live import ScanSource, Tracker, run_live
-from curvescan.live.drivers import transport
-from curvescan.live.drivers.opening import open_driver
+from curvescan.live.drivers import open_driver, transport
 
 pytest.importorskip("rplidar", reason="rplidar-roboticia is not installed (extra lidar)")
 pytest.importorskip("hokuyolx", reason="hokuyolx is not installed (extra lidar)")

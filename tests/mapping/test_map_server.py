@@ -10,7 +10,7 @@ import pytest
 from curvescan import LaserScan
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.mapping.config import OccupancyConfig
-from curvescan.mapping.map_server import read_map, write_map
+from curvescan.mapping.map_server import map_pixels, read_map, write_map
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.plots.occupancy import draw_occupancy
 
@@ -125,13 +125,37 @@ def test_a_map_comes_back_as_it_was_written(tmp_path):
     assert grid.origin.tolist() == [-1.5, 2.0]
 
 
+def test_a_map_as_others_write_it_is_read_alike(tmp_path):
+    log_odds = np.zeros((4, 5), dtype=np.float32)
+    log_odds[1, 2], log_odds[3, 0] = 2.0, -1.0
+    grid = OccupancyGrid(log_odds=log_odds, origin=np.array([-1.5, 2.0]), config=OccupancyConfig())
+    write_map(tmp_path, grid)
+    ours = read_map(tmp_path / "map.yaml")
+    # dark and light are the other way round, a PNG of three colours, a list on lines of its own, comments
+    Image.fromarray(255 - map_pixels(grid)).convert("RGB").save(tmp_path / "foreign.png")
+    (tmp_path / "foreign.yaml").write_text(
+        "# CREATOR: someone\nimage: 'foreign.png'  # beside it\nresolution: 0.05\norigin:\n- -1.5\n- 2.0\n- 0.0\n"
+        "negate: 1\noccupied_thresh: 0.9 # strict\nfree_thresh: 0.1\n"
+    )
+    foreign = read_map(tmp_path / "foreign.yaml")
+    np.testing.assert_array_equal(foreign.log_odds, ours.log_odds)
+    assert foreign.origin.tolist() == [-1.5, 2.0]
+    # thresholds decide: what is 55 % dark is occupied for one and unknown for the other
+    Image.fromarray(np.full((4, 5), 115, dtype=np.uint8)).save(tmp_path / "foreign.png")
+    text = (tmp_path / "foreign.yaml").read_text().replace("negate: 1", "negate: 0")
+    for threshold, is_occupied in ((0.5, True), (0.6, False)):
+        (tmp_path / "grey.yaml").write_text(text.replace("0.9", str(threshold)))
+        assert read_map(tmp_path / "grey.yaml").is_occupied.all() == is_occupied
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ((b"P5", b"P2"), "binary PGM"),
+        ((b"P5", b"P9"), "map.pgm is neither a PGM"),
+        ((b"trinary", b"raw"), "mode must be trinary or scale, got raw"),
         ((b"5 4", b"5 5"), "cut short"),
         ((b"origin: [0, 0, 0.0]", b"origin: [0, 0, 0.5]"), "turned by 0.5 rad"),
-        ((b"resolution", b"solution"), "resolution"),
+        ((b"resolution", b"solution"), "it has no resolution"),
     ],
 )
 def test_a_map_that_cannot_be_read_is_refused(tmp_path, change, message):

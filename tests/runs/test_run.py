@@ -134,9 +134,11 @@ def test_paths_stand_for_maps(log_file, tmp_path):
     slam = cs.Slam(map=str(path))
     slam.add(log[3])
     assert slam.map.n_sessions == 2
-    for given in (None, 3, cs.OccupancyBuilder().grid()):
+    for given in (None, 3):
         with pytest.raises(cs.InvalidArgumentError, match="a map must be given as a path, got "):
             cs.Localizer(given)
+    with pytest.raises(cs.LogFormatError, match="no free place"):  # a plain map is localized in; this one is empty
+        cs.Localizer(cs.OccupancyBuilder().grid())
 
 
 def test_scans_are_a_log(log_file):

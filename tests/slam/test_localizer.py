@@ -157,6 +157,20 @@ def test_reset_forgets_where_the_sensor_is(stored: SlamMap) -> None:
 
 
 @pytest.mark.slow
+def test_an_initial_pose_on_the_way_keeps_the_odometry(stored: SlamMap) -> None:
+    poses = lap()[20:50]
+    seen, true = scans(poses, seed=3), se2.between(lap()[0], poses)
+    localizer = cs.Localizer(stored)
+    steps = [localizer.add(scan) for scan in seen[:20]]
+    localizer.reset(true[20] + (0.6, -0.5, 0.3), np.diag([0.5, 0.5, 0.1]), keeps_odometry=True)
+    steps += [localizer.add(scan) for scan in seen[20:]]
+    assert steps[20].outcome is StepOutcome.FOUND
+    assert np.hypot(*(steps[20].pose - true[20])[:2]) < 0.05
+    way = np.array([step.pose_odom for step in steps])
+    assert np.hypot(*np.diff(way, axis=0)[:, :2].T).max() < 0.3
+
+
+@pytest.mark.slow
 def test_two_sessions_become_one_map(stored: SlamMap, tmp_path: Path) -> None:
     poses = lap(start=2.5)
     slam = cs.Slam(map=stored)

@@ -6,10 +6,13 @@ import math
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Quaternion, TransformStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 
 from curvescan.io.ros.transforms import FrameTree, frame_name, seven
+from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyGrid as Grid
+from curvescan.types import UncertainPose
 
 PLANAR = (0, 1, 5)
 """x, y and yaw among the six of a geometry_msgs covariance."""
@@ -68,6 +71,11 @@ def transform_message(stamp: Time, pose: np.ndarray, parent: str, child: str) ->
     return message
 
 
+def transform_pose(transform: object) -> np.ndarray:
+    """Return the (3,) pose of geometry_msgs/Transform, seen from above."""
+    return np.array([transform.translation.x, transform.translation.y, yaw_of(transform.rotation)])
+
+
 def map_message(stamp: Time, grid: object, map_frame: str) -> OccupancyGrid:
     """Return nav_msgs/OccupancyGrid of :class:`curvescan.mapping.occupancy.OccupancyGrid`: -1 unknown, else 0 to 100."""
     message = OccupancyGrid()
@@ -83,8 +91,36 @@ def map_message(stamp: Time, grid: object, map_frame: str) -> OccupancyGrid:
     return message
 
 
-def pose_of(message: Odometry) -> np.ndarray:
-    """Return the (3,) pose of nav_msgs/Odometry, seen from above."""
+def pose_message(stamp: Time, here: UncertainPose, map_frame: str) -> PoseWithCovarianceStamped:
+    """Return a pose in the map."""
+    message = PoseWithCovarianceStamped()
+    message.header.stamp, message.header.frame_id = stamp, map_frame
+    x, y, theta = here.pose.tolist()
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation = quaternion_of(theta)
+    message.pose.covariance = six_by_six(here.cov)
+    return message
+
+
+def initial_pose_of(message: PoseWithCovarianceStamped) -> UncertainPose:
+    """Return an initial pose, seen from above; its covariance NaN where the message has none."""
+    cov = np.reshape(message.pose.covariance, (6, 6))[np.ix_(PLANAR, PLANAR)]
+    return UncertainPose(pose_of(message), cov if np.any(cov) else np.full((3, 3), np.nan))
+
+
+def grid_of(message: OccupancyGrid, occupied: int = 65, free: int = 19) -> Grid:
+    """Return a map that somebody else published; percentages from `occupied` on are walls, up to `free` are free."""
+    info = message.info
+    percent = np.array(message.data, dtype=np.int64).reshape(info.height, info.width)
+    config = OccupancyConfig(resolution=float(info.resolution))
+    surest = np.log([config.highest / (1.0 - config.highest), config.lowest / (1.0 - config.lowest)])
+    log_odds = np.where(percent >= occupied, surest[0], np.where((percent >= 0) & (percent <= free), surest[1], 0.0))
+    origin = np.array([info.origin.position.x, info.origin.position.y])
+    return Grid(log_odds=log_odds.astype(np.float32), origin=origin, config=config)
+
+
+def pose_of(message: Odometry | PoseWithCovarianceStamped) -> np.ndarray:
+    """Return the (3,) pose of a message, seen from above."""
     position, rotation = message.pose.pose.position, message.pose.pose.orientation
     return np.array([position.x, position.y, yaw_of(rotation)])
 

@@ -13,7 +13,7 @@ ARGUMENTS = {
     "scan": ("scan", "topic of the laser scans"),
     "wheel_odom": ("wheel_odom", "topic of the wheel odometry, with use_odom_prior"),
     "mode": ("slam", "odometry, slam or localization"),
-    "map_file": ("", "map to localize in, or to save to"),
+    "map_file": ("", "map to localize in (.csmap, or .yaml of a plain map), or to save to"),
     "use_sim_time": ("false", "take the time from /clock"),
     "rviz": ("false", "open rviz"),
 }

@@ -25,6 +25,7 @@ sys.path.insert(0, str(HERE.parent))
 
 from curvescan_ros.node import LATCHED, CurvescanNode  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: E402
 from nav_msgs.msg import OccupancyGrid, Odometry  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -86,6 +87,8 @@ class Bench:
         # reliable and deep: a message that this test misses is no message that the node dropped
         self.listener.create_subscription(Odometry, "odom", self._on_odom, QoSProfile(depth=1000))
         self.listener.create_subscription(OccupancyGrid, "map", self.maps.append, LATCHED)
+        self.poses = []
+        self.listener.create_subscription(PoseWithCovarianceStamped, "pose", self.poses.append, QoSProfile(depth=1000))
         self.listener.create_subscription(DiagnosticArray, "diagnostics", self.reports.append, 10)
         self._executors = []
         for node in (self.node, self.listener):
@@ -107,11 +110,11 @@ class Bench:
             n = len(self.odom)
             time.sleep(3.0)
 
-    def call(self, service):
-        client = self.listener.create_client(Trigger, service)
+    def call(self, service, kind=Trigger, request=None):
+        client = self.listener.create_client(kind, service)
         assert client.wait_for_service(10.0)
-        future = client.call_async(Trigger.Request())
-        deadline = time.monotonic() + 10.0
+        future = client.call_async(Trigger.Request() if request is None else request)
+        deadline = time.monotonic() + 120.0  # to configure compiles kernels
         while not future.done() and time.monotonic() < deadline:
             time.sleep(0.02)
         return future.result()

@@ -40,7 +40,7 @@ def serve(mode: str) -> None:
     """Run the node."""
     from curvescan_ros.node import main as run_node
 
-    sys.argv[1:] = ["--ros-args", "-p", f"mode:={mode}", "-p", "base_frame:=laser"]
+    sys.argv[1:] = ["--ros-args", "-p", f"mode:={mode}", "-p", "base_frame_id:=laser"]
     run_node()
 
 

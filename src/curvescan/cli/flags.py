@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from curvescan.diagnostics.issues import Issue
+if TYPE_CHECKING:
+    from curvescan.diagnostics.issues import Issue
+
 
 _FLAGS = {
     "as_is": "--as-is",

@@ -61,7 +61,9 @@ BenchmarkName: TypeAlias = Literal[
 
 MethodName: TypeAlias = Annotated[Method, tyro.conf.arg(help="The matcher.")]  # which matcher
 
-MapFile: TypeAlias = Annotated[Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`.")]
+MapFile: TypeAlias = Annotated[
+    Path, tyro.conf.arg(metavar="FILE", help="The map: map.csmap of `curvescan slam`, or map.yaml.")
+]
 """A map that was saved."""
 
 

@@ -51,8 +51,7 @@ def find_mount(motions_a: ArrayLike, motions_b: ArrayLike) -> UncertainPose:
     if len(a) < _LEAST_PIECES or turned < _LEAST_TURN:
         raise InvalidArgumentError(
             f"a mount needs {_LEAST_PIECES} motions with {_LEAST_TURN} rad of turns in sum, got {len(a)} with "
-            f"{turned:.2f} rad: "
-            "drive farther, and round bends"
+            f"{turned:.2f} rad: drive farther, and round bends"
         )
     found = least_squares(_misclosure, _linear_mount(a, b), args=(a, b), loss="soft_l1", f_scale=_scale(a, b))
     # a robust fit's covariance: residual variance of the pieces that the loss trusts, by the information at the optimum

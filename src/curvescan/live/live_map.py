@@ -36,6 +36,15 @@ _REDRAW_PERIOD, _REDRAW_SHARE = 1.0, 0.2
 _DARK = 20.0  # grey of the surest obstacle; the surest free space is white, 255
 
 
+_LOST, _UNSURE = ("bad", "Lost"), ("warn", "Not sure")
+_STATUSES = {"predicted": _UNSURE, "held": _LOST, "lost": _LOST, "searching": _LOST}
+
+
+def status_of(outcome: str, *, is_degenerate: bool = False) -> tuple[str, str]:
+    """Return the tone of a colour and the word of a day for the outcome, by its name, of a scan."""
+    return _STATUSES.get(outcome, _UNSURE if is_degenerate else ("good", "Tracking"))
+
+
 class LiveMap:
     """A map and a path that grow with each tracked scan."""
 

@@ -56,13 +56,28 @@ class ScanSource(Protocol):
         """Yield the scans as they come."""
 
 
-class _Paced:
-    """A source that we make ourselves, at the pace of its stamps."""
+_PAUSED = 0.05
+"""Seconds between two looks whether a pause has ended."""
+
+
+class Paced:
+    """A source that we make ourselves, at the pace of its stamps; it can be paused, and hurried on to a scan."""
 
     def __init__(self, speed: float) -> None:
+        self.speed = speed
+        self.is_paused = False
+        self.skip_to = 0  # scans before it are taken as fast as it goes
+        self._closed = threading.Event()
+
+    @property
+    def speed(self) -> float:
+        """How many times as fast as the stamps say; 0: as fast as it goes. It may change on the way."""
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
         require(speed >= 0.0, "speed must be >= 0 (0: as fast as it goes)", speed)
         self._speed = speed
-        self._closed = threading.Event()
 
     def __enter__(self) -> Self:
         return self
@@ -75,15 +90,15 @@ class _Paced:
     def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:
         """Yield scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
         due, before = time.monotonic(), math.nan
-        for scan in scans:
-            if self._speed > 0.0 and math.isfinite(self._speed):
-                step = scan.stamp - before
-                if step > 0.0:
-                    due += min(step, _LONGEST_PAUSE) / self._speed
-                before = scan.stamp
-                if self._closed.wait(max(due - time.monotonic(), 0.0)):
-                    return
-            elif self._closed.is_set():
+        for k, scan in enumerate(scans):
+            while self.is_paused and k >= self.skip_to and not self._closed.wait(_PAUSED):
+                due = time.monotonic()
+            step, before = scan.stamp - before, scan.stamp
+            if k < self.skip_to or self._speed == 0.0 or math.isinf(self._speed):
+                due = time.monotonic()
+            elif step > 0.0:
+                due += min(step, _LONGEST_PAUSE) / self._speed
+            if self._closed.wait(max(due - time.monotonic(), 0.0)):
                 return
             yield scan
 
@@ -117,7 +132,7 @@ class MendedSource:
         return map(self._mender.add, self._source.scans())
 
 
-class LogSource(_Paced):
+class LogSource(Paced):
     """A log, replayed.
 
     Parameters
@@ -139,6 +154,11 @@ class LogSource(_Paced):
         """Name of the log."""
         return self.log.name
 
+    @property
+    def n_scans(self) -> int:
+        """Scans of the log."""
+        return len(self.log)
+
     def first(self) -> LaserScan | None:
         """Return the first scan, without taking it; None of a log that has none."""
         return next(iter(self.log), None)
@@ -148,7 +168,7 @@ class LogSource(_Paced):
         return self._at_their_time(iter(self.log))
 
 
-class SimulatedSource(_Paced):
+class SimulatedSource(Paced):
     """A simulated robot that drives round a building, lap after lap; each scan is made when it is due.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ class TrackedScan:
     seconds: float  # time that it took
     received: float  # when the source gave the scan, by time.monotonic(), seconds
     n_dropped: int  # scans of the source that were dropped before this one because tracking was too slow
+    wheels: Pose | None = None  # pose of the sensor by its wheels, in a frame of their own
 
     @property
     def pose(self) -> Pose:
@@ -77,6 +79,7 @@ class Tracker:
 
     def __init__(self, engine: Engine, odometry_poses: Pose | None = None) -> None:
         self.engine = engine
+        self.lock = threading.Lock()  # the engine belongs to who holds it
         self._odometry_poses = odometry_poses
         self._n_scans = 0
         self._is_deskewed = is_deskewed(engine)
@@ -95,7 +98,8 @@ class Tracker:
         started = time.perf_counter()
         if odometry_pose is None:
             odometry_pose = pose_at(self._odometry_poses, self._n_scans)
-        step = self.engine.add(scan, odometry_pose)
+        with self.lock:
+            step = self.engine.add(scan, odometry_pose)
         seconds = time.perf_counter() - started
         self._scan_of_keyframe.setdefault(step.keyframe, self._n_scans)
         self._is_revised |= step.is_revised
@@ -109,6 +113,7 @@ class Tracker:
             seconds=seconds,
             received=received,
             n_dropped=n_dropped,
+            wheels=odometry_pose,
         )
         self._n_scans += 1
         return tracked

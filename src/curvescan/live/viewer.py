@@ -8,23 +8,30 @@ anew.
 from __future__ import annotations
 
 import contextlib
+import json
 import math
+import tempfile
 import threading
 import time
+from array import array
 from collections import deque
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, MapTooLargeError
-from curvescan.live.live_map import MapPicture, picture_of
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, MapTooLargeError, require
+from curvescan.live.live_map import MapPicture, picture_of, status_of
 from curvescan.live.sinks import MapSink, SavedMap
-from curvescan.live.tracker import TrackedScan
+from curvescan.live.sources import Paced
+from curvescan.live.tracker import TrackedScan, Tracker
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
-from curvescan.types import Floats
+from curvescan.slam import Slam
+from curvescan.types import Floats, Pose
 
 _PICTURE_PERIOD, _PICTURE_SHARE = 0.4, 0.1
 """The map is drawn as a picture at most every so many seconds, and in at most this share of the time."""
@@ -42,7 +49,7 @@ Event = tuple[str, dict[str, Any]]
 
 
 class Viewer(MapSink):
-    """What the page shows; `name` is its title, the others are those of :class:`curvescan.live.sinks.MapSink`."""
+    """What the page shows; `replay` is a source that it may pause and hurry on, the rest as of a MapSink."""
 
     def __init__(
         self,
@@ -52,8 +59,14 @@ class Viewer(MapSink):
         occupancy: OccupancyConfig | None = None,
         saved_map: SavedMap | None = None,
         is_lossless: bool = False,
+        replay: Paced | None = None,
     ) -> None:
-        self._about = {"name": name, "mode": mode}
+        self._about = {"name": name, "mode": mode, "replay": replay is not None}
+        self._replay = replay
+        self._tracker: Tracker | None = None
+        self.actions = frozenset({"save"} if replay is None else {"save", "pace"})
+        self._wheels = array("d")  # x, y of each scan by the wheels, one after the other, metres
+        self._wheels_from: Pose | None = None
         self._status = {"kind": "loading", "text": "loading"}
         self._occupancy = occupancy
         self._picture: MapPicture | None = None
@@ -74,7 +87,11 @@ class Viewer(MapSink):
         if saved_map is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
 
-    page, actions = "page", frozenset[str]()
+    page = "page"
+
+    def offer(self, tracker: Tracker) -> None:
+        """Let the page save the map that a tracker makes."""
+        self._tracker = tracker
 
     def set_status(self, kind: str, text: str) -> None:
         """Show a sentence on the page: "loading", "running", "ended" or "error"."""
@@ -96,8 +113,33 @@ class Viewer(MapSink):
         return (picture.png, "image/png") if path == "/map.png" and picture is not None else None
 
     def act(self, name: str, arguments: Mapping[str, Any]) -> tuple[bytes, str]:
-        """Do what the page asks for."""
-        raise InvalidArgumentError(f"the page may not ask for {name}")
+        """Do what the page asks for: save the map, or change the pace of a replay."""
+        if name == "save":
+            return self._saved(), "application/zip"
+        source = self._replay
+        if name != "pace" or source is None:
+            raise InvalidArgumentError(f"the page may not ask for {name}")
+        speed, is_paused, to = (arguments.get(key) for key in ("speed", "is_paused", "to"))
+        if speed is not None:
+            require(isinstance(speed, int | float) and math.isfinite(speed), "speed must be a finite number", speed)
+            source.speed = float(speed)
+        if is_paused is not None:
+            require(isinstance(is_paused, bool), "is_paused must be true or false", is_paused)
+            source.is_paused = is_paused
+        if to is not None:
+            require(type(to) is int and 0 <= to < 1 << 53, "to must be the number of a scan", to)
+            source.skip_to = to
+        return json.dumps({"speed": source.speed, "is_paused": source.is_paused}).encode(), "application/json"
+
+    def _saved(self) -> bytes:
+        """Return the map that SLAM has made so far as the bytes of its file."""
+        if self._tracker is None or not isinstance(engine := self._tracker.engine, Slam):
+            raise InvalidArgumentError("there is no map to save: SLAM makes one, once it has begun")
+        with self._tracker.lock:
+            slam_map = engine.map
+        with tempfile.TemporaryDirectory() as folder:
+            slam_map.save(path := Path(folder) / "map.csmap")
+            return path.read_bytes()
 
     def stop(self) -> None:
         """End the streams of all browsers."""
@@ -111,7 +153,9 @@ class Viewer(MapSink):
         The path and the map come first, then scans as they come, the newest when the browser is slower.
         """
         seen = _Seen()
-        yield "about", self._about
+        replay = self._replay
+        now = {} if replay is None else {"pace": {"speed": replay.speed, "is_paused": replay.is_paused}}
+        yield "about", self._about | now | {"n_scans": getattr(replay, "n_scans", 0)}
         while True:
             with self._changed:
                 is_new = self._changed.wait_for(lambda: self._is_over or self._n_events != seen.n_events, _HEARTBEAT)
@@ -140,6 +184,9 @@ class Viewer(MapSink):
             seen.picture = self._picture.version
             p = self._picture
             yield ("map", {"version": p.version, "origin": p.origin, "resolution": p.resolution, "shape": p.shape})
+        if seen.n_wheels < len(self._wheels):
+            yield "wheels", {"start": seen.n_wheels // 2, "points": self._wheels[seen.n_wheels :].tolist()}
+            seen.n_wheels = len(self._wheels)
         closures = (self._map.path_version, self._n_closures)
         if closures != seen.closures:
             seen.closures = closures
@@ -154,6 +201,7 @@ class Viewer(MapSink):
         event = self._scan_event_of(tracked)
         with self._changed:
             self._map.add(tracked)
+            self._add_wheels(tracked)
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
             self._scan_event, self._times = event, tuple(self._recent)
@@ -161,6 +209,14 @@ class Viewer(MapSink):
             self._changed.notify_all()
         if time.monotonic() >= self._next_picture:
             self._draw()
+
+    def _add_wheels(self, tracked: TrackedScan) -> None:
+        """Take up where the wheels alone have the sensor, laid on its path at the first scan that is known."""
+        if tracked.wheels is None or not np.isfinite(tracked.pose).all():
+            return
+        if self._wheels_from is None:
+            self._wheels_from = se2.compose(tracked.pose, se2.inverse(tracked.wheels))
+        self._wheels.extend(np.round(se2.compose(self._wheels_from, tracked.wheels)[:2], 3))
 
     def _finish(self) -> None:
         with self._changed:
@@ -199,6 +255,8 @@ class Viewer(MapSink):
         self._stamps.append(tracked.scan.stamp)
         self._n_lost += not tracked.is_matched and tracked.index > 0
         match, c = tracked.match, tracked.covariance
+        degenerate = is_degenerate(match)
+        tone, word = status_of(tracked.outcome.name.lower(), is_degenerate=degenerate)
         recent: Floats = np.array(self._recent)
         return {
             "index": tracked.index,
@@ -206,10 +264,12 @@ class Viewer(MapSink):
             "pose": [round(v, 5) for v in tracked.pose.tolist()] if is_known else None,
             "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]] if is_known else None,
             "outcome": tracked.outcome.name,
+            "tone": tone,
+            "word": word,
             "sentence": tracked.outcome.value,
             "is_matched": tracked.is_matched or (tracked.index == 0 and is_known),
             "score": None if match is None or not match.ok else round(float(match.score), 3),
-            "degenerate": is_degenerate(match),
+            "degenerate": degenerate,
             "ms": round(1e3 * tracked.seconds, 3),
             "ms_median": round(float(np.median(recent)), 3),
             "ms_max": round(float(recent.max()), 3),
@@ -235,6 +295,7 @@ class _Seen:
         self.status: dict[str, str] | None = None
         self.path_version, self.n_path = -1, 0
         self.picture = -1
+        self.n_wheels = 0
         self.closures = (0, 0)
         self.scan_event: dict[str, Any] | None = None
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
+from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, MissingPackageError, OutputError
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 
@@ -82,19 +82,24 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     """Return a map of map_server: what its thresholds call occupied and free, as sure as a grid can be."""
     path = Path(path)
     try:
-        lines = [line.partition(":") for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
-        values = {key.strip(): value.strip() for key, _, value in lines}
-        picture = (path.parent / values["image"].strip("'\"")).read_bytes()
+        # a list may stand on lines of its own
+        text = re.sub(r"\n\s*-\s+", ", ", re.sub(r"\s#.*|^#.*", "", path.read_text("utf-8"), flags=re.MULTILINE))
+        lines = (line.partition(":") for line in text.splitlines())
+        values = {key.strip(): value.strip(" ,'\"") for key, _, value in lines}
         x, y, yaw = (float(v) for v in values["origin"].strip("[]").split(","))
-        pixels = _pgm_pixels(picture)
-        is_dark = values.get("negate", "0") not in ("1", "true")
+        pixels = _pixels(path.parent / values["image"])
+        if values.get("mode", "trinary") not in ("trinary", "scale"):
+            raise ValueError(f"mode must be trinary or scale, got {values['mode']}: save it anew")
+        is_dark = values.get("negate", "0").lower() not in ("1", "true")
         share = (255.0 - pixels if is_dark else pixels) / 255.0
         is_occupied = share > float(values.get("occupied_thresh", "0.65"))
         is_free = share < float(values.get("free_thresh", "0.196"))
         config = OccupancyConfig(resolution=float(values["resolution"]))
     except OSError as error:
         raise LogFileError(f"cannot read {path} or its picture: {error.strerror or error}") from error
-    except (KeyError, ValueError) as error:
+    except KeyError as error:
+        raise LogFormatError(f"{path} is no map of map_server that can be read: it has no {error.args[0]}") from error
+    except ValueError as error:
         raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
     if yaw != 0.0:
         raise LogFormatError(f"{path} is turned by {yaw:g} rad against its frame: turn the picture")
@@ -103,10 +108,20 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     return OccupancyGrid(log_odds=np.ascontiguousarray(log_odds[::-1]), origin=np.array([x, y]), config=config)
 
 
-def _pgm_pixels(data: bytes) -> NDArray[np.uint8]:
+def _pixels(path: Path) -> NDArray[np.uint8]:
+    """Return the grey values of a picture: a PGM, or what Pillow reads, where colours are averaged as map_server does."""
+    data = path.read_bytes()
     header = re.match(rb"P5\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+(\d+)\s", data)
     if header is None or int(header[3]) != 255:
-        raise ValueError("its picture must be a binary PGM of 8 bits (P5)")
+        try:
+            from PIL import Image, UnidentifiedImageError
+        except ImportError:
+            raise MissingPackageError("a map as PNG needs Pillow: pip install pillow; or save it as PGM") from None
+        try:
+            with Image.open(path) as picture:
+                return np.asarray(np.asarray(picture.convert("RGB")).mean(axis=2), dtype=np.uint8)
+        except UnidentifiedImageError:
+            raise ValueError(f"its picture {path.name} is neither a PGM (P5) nor any other that can be read") from None
     n_columns, n_rows = int(header[1]), int(header[2])
     if len(data) - header.end() != n_columns * n_rows or not n_columns * n_rows:
         raise ValueError("its picture is cut short")

@@ -132,17 +132,14 @@ def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
 def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
     yield "# The paper's experiments"
     yield (
-        "P. Núñez, R. Vázquez-Martín, A. Bandera, F. Sandoval, Robotica 27 (2009) 469-479, sections 3.2 and 3.3, "
-        "rerun on simulated "
-        f"scans by curvescan {__version__}, seed {results.seed}"
+        "P. Núñez, R. Vázquez-Martín, A. Bandera, F. Sandoval, Robotica 27 (2009) 469-479, sections 3.2 and 3.3, rerun "
+        f"on simulated scans by curvescan {__version__}, seed {results.seed}"
         + (", quick: ten runs, one seed and a quarter of the scans." if results.is_quick else ".")
     )
     yield (
         "Each is done under the paper's conditions (a real LMS200's noise of 5 mm, turns of at most 4 degrees from a "
-        "scan to "
-        "the next, 3 people) and under hard ones (10 mm, turns of up to 17 degrees, 20 people). The scans are "
-        "simulated; the "
-        "building is ours."
+        "scan to the next, 3 people) and under hard ones (10 mm, turns of up to 17 degrees, 20 people). The scans are "
+        "simulated; the building is ours."
     )
     yield "## Experiment 1: random transform"
     yield (
@@ -203,15 +200,13 @@ _PAPER_TEXT = {
     2: "The paper's robot ended at about (46, 52) mm by measurement and at about (29, 26) mm, 3.9 deg by its "
     "matching (signs lost).",
     3: "The paper: 325 scans over about 60 m; CF-SMA, IDC and Cox are alike, Cox a little off in angle, Histogram's "
-    "pose "
-    "suffers from abrupt errors (Tables II and III, entries lost in our copy).",
+    "pose suffers from abrupt errors (Tables II and III, entries lost in our copy).",
     4: "The paper: 525 scans over about 80 m with some people; the same tables (IV and V, entries lost in our copy).",
 }
 
 _FIGURE_8 = (
-    "The text of figure 8 in the paper: CF-SMA, IDC and Cox give alike maps, Cox's a little turned; Histogram's "
-    "breaks where its "
-    "pose jumps."
+    "The text of figure 8 in the paper: CF-SMA, IDC and Cox give alike maps, Cox's a little turned; Histogram's breaks "
+    "where its pose jumps."
 )
 
 
@@ -223,13 +218,10 @@ def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:
             continue
         yield (
             f"{method} ends more than 1 % of the path away (first seed): {lost.n_failed} of the matches failed and "
-            f"{lost.n_wrong} were off by more than "
-            f"0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m and turned "
-            f"{np.degrees(lost.turn):.1f} deg in the mean, in "
-            f"all others {lost.usual_motion:.2f} m and {np.degrees(lost.usual_turn):.1f} deg. With the true motion "
-            f"in their place the end "
-            f"would be off by {lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % "
-            f"of the path."
+            f"{lost.n_wrong} were off by more than 0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m "
+            f"and turned {np.degrees(lost.turn):.1f} deg in the mean, in all others {lost.usual_motion:.2f} m and "
+            f"{np.degrees(lost.usual_turn):.1f} deg. With the true motion in their place the end would be off by "
+            f"{lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % of the path."
         )
 
 
@@ -273,11 +265,9 @@ def _accuracy_verdicts(results: Experiments) -> Iterator[str]:
         all_x, all_y, _ = runs.mean_of_all
         holds = "reproduced" if min(x, y) <= 0.012 and max(x, y) <= 0.022 else "not reproduced"
         yield (
-            f"Experiment 1, {condition.title} ({len(runs.errors):,} runs). The paper: mean errors of 12 mm in x and "
-            f"22 mm in y. Here "
-            f"{1e3 * x:.1f} and {1e3 * y:.1f} mm for the {100 * runs.right_share:.1f} % of the runs that are right, "
-            f"which is {holds}; "
-            f"{1e3 * all_x:.1f} and {1e3 * all_y:.1f} mm with the wrong ones among them."
+            f"Experiment 1, {condition.title} ({len(runs.errors):,} runs). The paper: mean errors of 12 mm in x and 22 "
+            f"mm in y. Here {1e3 * x:.1f} and {1e3 * y:.1f} mm for the {100 * runs.right_share:.1f} % of the runs that "
+            f"are right, which is {holds}; {1e3 * all_x:.1f} and {1e3 * all_y:.1f} mm with the wrong ones among them."
         )
 
 

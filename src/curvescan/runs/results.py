@@ -26,8 +26,7 @@ from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.graph import draw_graph
-from curvescan.plots.map import draw_map, draw_wheels
+from curvescan.plots.map import draw_graph, draw_map, draw_wheels
 from curvescan.plots.occupancy import draw_occupancy
 from curvescan.runs.graph_files import describe_graph, save_graph, write_closures
 from curvescan.runs.odometry_process import OdometryProcess

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
+from numpy.typing import ArrayLike
+
 from curvescan.configs import as_config, nearest
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
@@ -20,6 +22,7 @@ from curvescan.io.held import HeldLog
 from curvescan.io.log import Log
 from curvescan.io.reading import read_log
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.runs.graph_files import edges_of
@@ -28,9 +31,10 @@ from curvescan.runs.result import Run
 from curvescan.runs.results import left_out, list_further_files, save_run
 from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
+from curvescan.slam.localization.grid_map import opened
 from curvescan.slam.map import as_map
 from curvescan.slam.run import Engine
-from curvescan.types import Pose
+from curvescan.types import Pose, UncertainPose
 
 EngineName: TypeAlias = Literal["odometry", "slam"]
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -167,12 +171,13 @@ def run(
 
 def localize(
     log: LogLike,
-    map: SlamMap | PathLike,  # noqa: A002 - the name that Slam gives it
+    map: SlamMap | OccupancyGrid | PathLike,  # noqa: A002 - the name that Slam gives it
     *,
     out: PathLike | None = None,
     method: Method | str = DEFAULT_METHOD,
     config: SlamConfig | Mapping[str, Any] | None = None,
     matcher: MatcherConfig | None = None,
+    initial_pose: UncertainPose | ArrayLike | None = None,
     odometry_prior: bool | None = None,
     as_is: bool = False,
     command: Sequence[str] = (),
@@ -180,28 +185,32 @@ def localize(
     display: RunDisplay | None = None,
     keeps_steps: bool = True,
 ) -> Run:
-    """Return where the sensor of a log is in a saved map, with no guess, and write it into a folder.
+    """Return where the sensor of a log is in a saved map, and write it into a folder.
 
     Parameters
     ----------
     log : Log, iterable of LaserScan, str or path-like
         A log, its scans, or the path of its file.
-    map : SlamMap, str or path-like
-        The map, or the path of its file, ``map.csmap`` of a SLAM run.
+    map : SlamMap, OccupancyGrid, str or path-like
+        The map, or the path of its file: ``map.csmap`` of a SLAM run, or the YAML or PGM file of a plain map.
     out, method, matcher, odometry_prior, as_is, command, source, display, keeps_steps
         As of :func:`curvescan.run`.
     config : SlamConfig, mapping or None
         Configuration that localization shares with SLAM.
+    initial_pose : UncertainPose, (3,) array_like or None
+        About where the first scan is taken in the map; None where nothing is known. See :meth:`Localizer.reset`.
 
     Raises
     ------
     InvalidArgumentError, LogFileError, LogFormatError, OutputError
         As :func:`curvescan.run` does.
     """
-    rules, known = as_config(config, SlamConfig(), hint=_HINT), as_map(map)
+    rules, known = as_config(config, SlamConfig(), hint=_HINT), opened(map)
 
     def new(deskew: bool) -> Localizer:
-        return Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
+        found = Localizer(known, method=method, matcher=matcher, config=_deskewing(rules, deskew))
+        found.reset(*initial_pose) if isinstance(initial_pose, UncertainPose) else found.reset(initial_pose)
+        return found
 
     job = _Job(
         out=out,
@@ -237,8 +246,8 @@ def _new_slam(
     return new, rules.odometry.deskew
 
 
-def _files(map: SlamMap | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
-    return () if map is None or isinstance(map, SlamMap) else (Path(map),)
+def _files(map: SlamMap | OccupancyGrid | PathLike | None) -> tuple[Path, ...]:  # noqa: A002
+    return () if map is None or isinstance(map, SlamMap | OccupancyGrid) else (Path(map),)
 
 
 def _deskewing(rules: SlamConfig, deskew: bool) -> SlamConfig:

@@ -1,8 +1,8 @@
 """Localizer: where a sensor is in a saved map, with no guess, and from then on.
 
-Until the sensor is found, each view is held against the whole map (:mod:`curvescan.slam.localization.search`), and the place that it speaks for is
-confirmed by matches with the keyframes around. Then the odometry leads, and keyframes correct it. Where the odometry breaks, or the map contradicts
-the scan, the whole map is looked at again: a sensor that was carried away is found elsewhere.
+Until the sensor is found, each view is held against the whole map (:mod:`curvescan.slam.localization.search`), and
+matches with the keyframes around confirm the place. Then the odometry leads, and keyframes correct it. Where the
+odometry breaks, or the map contradicts the scan, the whole map is looked at again, with what was known before.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.configs import as_config
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.odometry.deskewing import Deskewer
@@ -25,12 +26,14 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
-from curvescan.slam.localization.field import field_of
+from curvescan.slam.localization.correlative import contour_length
+from curvescan.slam.localization.grid_map import opened, with_field
 from curvescan.slam.localization.matching import Hit, MapMatcher, fused
-from curvescan.slam.localization.search import MapSearch, Place, is_same
+from curvescan.slam.localization.prior import Prior
+from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from curvescan.slam.localization.step import NOWHERE, as_step
 from curvescan.slam.loops.closures import is_confident, vaguely
-from curvescan.slam.map import SlamMap, as_map
+from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Ints, Points
 
@@ -38,7 +41,7 @@ _SEARCHED = np.diag(np.square([0.15, 0.15, 0.06]))
 """Covariance of a pose that the search found, as a guess for matches: metres and radians."""
 
 _LEAST_FIT, _WORSE_FIT = 0.2, 0.05
-"""Least agreement with the map of a pose that matches confirm, and how much less than at the pose that the search found."""
+"""Least agreement with the map of a pose that matches confirm, and how much less than where the search found it."""
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -48,8 +51,9 @@ class Localizer:
 
     Parameters
     ----------
-    slam_map : SlamMap or path
-        The map, or its file; it is not changed.
+    slam_map : SlamMap, OccupancyGrid or path
+        The map, or its file: ``map.csmap`` of SLAM, or a plain map of cells with its YAML file, as ROS's map_server has
+        it. It is not changed.
     method : str
         Name of the matcher.
     matcher : dataclass, mapping or None
@@ -62,22 +66,22 @@ class Localizer:
 
     def __init__(
         self,
-        slam_map: SlamMap | str | os.PathLike[str],
+        slam_map: SlamMap | OccupancyGrid | str | os.PathLike[str],
         *,
         method: str = DEFAULT_METHOD,
         matcher: MatcherConfig | None = None,
         config: SlamConfig | Mapping[str, Any] | None = None,
         n_tried: int = 12,
     ) -> None:
-        self.map = slam_map = as_map(slam_map)
         hint = "the configuration of the matcher is given as matcher="
-        self.config = as_config(config, SlamConfig(), hint=hint)
+        rules = as_config(config, SlamConfig(), hint=hint)
+        slam_map, field, self.config = with_field(opened(slam_map), rules)
+        self.map = slam_map
         self.method, self._matcher, self._n_tried = method, matcher, n_tried
         n_prepared = max(self.config.keyframes.n_prepared, len(slam_map))
         self._keyframes = Keyframes(method, matcher, n_prepared)
         for k, scan in enumerate(slam_map.scans):
             self._keyframes.add(scan, int(slam_map.indices[k]), int(slam_map.sessions[k]))
-        field = field_of(slam_map)
         self._matching = MapMatcher(slam_map, self._keyframes, self.config, field)
         self._search = MapSearch(field, slam_map.poses, n_tried)
         self.reset()
@@ -86,11 +90,32 @@ class Localizer:
         found = "not found" if self._here is None else "found"
         return f"Localizer({self.method}: in a map of {len(self.map):,} keyframes, {found})"
 
-    def reset(self) -> None:
-        """Forget where the sensor is: the next scan is the first of another log."""
-        self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
-        self._deskewer = Deskewer()
-        self._last: Step | None = None  # of the scan before
+    def reset(
+        self, pose: ArrayLike | None = None, covariance: ArrayLike | None = None, *, keeps_odometry: bool = False
+    ) -> None:
+        """Forget where the sensor is; an initial pose may say about where it is.
+
+        Parameters
+        ----------
+        pose : (3,) array_like or None
+            About where the next scan is taken, x, y, theta in the frame of the map; None where nothing is known. The
+            scans decide: a place that it makes likely needs less of them, another one more.
+        covariance : (3, 3) array_like or None
+            Of `pose`; None for 0.5 m and 15 deg.
+        keeps_odometry : bool
+            Whether the next scan follows the last one; else it is the first of another log.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When `pose` is not three numbers, or `covariance` no covariance.
+        """
+        self._prior = None if pose is None else Prior.of(pose, covariance)  # where the sensor is, by all before
+        self._is_told = pose is not None  # of the next scan already: its motion is in it
+        if not keeps_odometry:
+            self.odometry = Odometry(self.method, matcher=self._matcher, config=self.config.odometry)
+            self._deskewer = Deskewer()
+            self._last: Step | None = None  # of the scan before
         self._search.clear()
         self._here: UncertainPose | None = None  # at the last scan matched with the map
         self._keyframe = -1  # that it was matched with
@@ -115,9 +140,14 @@ class Localizer:
         is_unmeasured = step.outcome in _UNMEASURED
         self._n_lost = self._n_lost + 1 if is_unmeasured else 0
         is_doubtful = step.match is not None and not is_confident(step.match, self.config)
-        self._is_torn |= is_unmeasured or is_doubtful
+        is_doubtful |= is_unmeasured
+        self._is_torn |= is_doubtful
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
+        if self._prior is not None and not self._is_told:
+            moved = vaguely(UncertainPose(step.motion, step.motion_covariance), self.config)
+            self._prior = self._prior.moved(moved, is_doubtful=is_doubtful)
+        self._is_told = False
         if self._here is None or self._anchor is None:
             localized = self._look(scan, step)
         else:
@@ -151,7 +181,7 @@ class Localizer:
         self._is_torn = False
         scan = self._deskewed(scan, step)
         similar = self._matching.similar(scan, self._n_tried)
-        self._search.add(_points(scan), moved, self._by_similarity(scan), similar)
+        self._search.add(_points(scan), moved, self._by_similarity(scan), similar, self._prior)
         self._view = step
         hits = self._confirmed(scan, self._search.winner, similar)
         if not hits:
@@ -159,7 +189,7 @@ class Localizer:
         return self._take(step, fused(hits), StepOutcome.FOUND, hits[0].keyframe)
 
     def _confirmed(self, scan: LaserScan, place: Place | None, similar: Sequence[Hit] = ()) -> list[Hit]:
-        """Return matches with keyframes around a place, and with similar ones, that put the scan there; none where they leave a direction open."""
+        """Return matches that put a scan at a place; none where they leave a direction open."""
         if place is None:
             return []
         searched = UncertainPose(place.pose, _SEARCHED)
@@ -188,7 +218,7 @@ class Localizer:
         deskewed = self._deskewed(scan, step)
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
-        alone = self._search_alone(deskewed) if self._is_torn else None
+        alone = self._search_alone(deskewed, self._prior) if self._is_torn else None
         vague = vaguely(expected, self.config)
         found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
@@ -197,13 +227,15 @@ class Localizer:
             now, _ = fuse(before, fused(hits))
             view = self._search.field.agreement(points, now.pose)
             if view.score > 0.0 and (alone is None or alone.is_best(now.pose, view.score)):
-                return self._take(step, now, StepOutcome.TRACKED, hits[0].keyframe)
+                return self._take(
+                    step, now, StepOutcome.TRACKED, hits[0].keyframe, said(contour_length(points), view.score)
+                )
         else:
             view = self._search.field.agreement(points, expected.pose)
         self._n_missed += is_due or view.score < 0.0 or self._is_torn
         elsewhere: list[Hit] = []
         if self._n_missed:
-            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed)).winner)
+            elsewhere = self._confirmed(deskewed, (alone or self._search_alone(deskewed, self._prior)).winner)
         if elsewhere:
             return self._take(step, fused(elsewhere), StepOutcome.FOUND, elsewhere[0].keyframe)
         if self._n_missed >= self.config.keyframes.n_lost:
@@ -217,10 +249,10 @@ class Localizer:
         rules, (x, y, theta) = self.config.keyframes, moved.pose.tolist()
         return bool(np.hypot(x, y) < share * rules.distance and abs(theta) < share * rules.turn)
 
-    def _search_alone(self, scan: LaserScan) -> MapSearch:
+    def _search_alone(self, scan: LaserScan, prior: Prior | None = None) -> MapSearch:
         """Return what a search of the whole map finds by one scan alone."""
         alone = self._search.afresh()
-        alone.add(_points(scan), None, self._by_similarity(scan))
+        alone.add(_points(scan), None, self._by_similarity(scan), prior=prior)
         return alone
 
     def _by_similarity(self, scan: LaserScan) -> Ints | None:
@@ -231,8 +263,11 @@ class Localizer:
         seen = keyframes.signature(keyframes.prepare(scan))
         return keyframes.index.most_similar(seen, len(keyframes))
 
-    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int) -> Step:
+    def _take(self, step: Step, here: UncertainPose, outcome: StepOutcome, keyframe: int, view: float = 0.0) -> Step:
         self._here, self._anchor, self._keyframe = here, step, keyframe
+        before, area = self._prior, self._search.area
+        is_expected = before is not None and before.log_odds(here.pose[np.newaxis], area)[0] > 0.0
+        self._prior = before.confirmed(here, view) if before is not None and is_expected else Prior(here=here)
         self._view = None
         self._search.clear()
         self._n_missed = 0

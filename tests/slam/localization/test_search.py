@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -128,6 +130,26 @@ def test_a_place_does_not_stand_out_where_matches_say_another(stored: SlamMap, f
     assert search.winner is None
     search._found = [known, _place(3.0, -0.15)]
     assert search.winner is known
+
+
+@pytest.mark.parametrize(
+    ("support", "view", "prior", "is_sure"),
+    [
+        (1.3, 0.15, 0.0, True),
+        (1.3, 0.15, -1.0, False),  # several views, where the sensor hardly can be
+        (2.1, 0.15, -1.0, True),  # until they outweigh what is known of it
+        (0.0, 0.0, 0.4, True),  # next to nothing, where it was expected
+        (-0.15, -0.15, 0.4, False),
+    ],
+)
+def test_a_prior_adds_to_what_the_views_say(
+    stored: SlamMap, field: DistanceField, support: float, view: float, prior: float, is_sure: bool
+) -> None:
+    place = replace(_place(0.0, support, view), prior=prior)
+    assert (_search(stored, field, place).winner is not None) is is_sure
+    # of two places that look alike it chooses one
+    alike = replace(_place(3.0, support, view), prior=prior - 0.5)
+    assert (_search(stored, field, alike, place).winner is place) is is_sure
 
 
 def test_one_view_does_not_overrule_those_before(stored: SlamMap, field: DistanceField) -> None:

@@ -21,6 +21,7 @@ from curvescan.matchers.registry import Method
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.preparation import PreparedLog
+    from curvescan.diagnostics.verdict import Verdict
     from curvescan.io import Log
     from curvescan.live import LiveReport, ScanSource, Tracker, Viewer
     from curvescan.live.sinks import MapSink
@@ -73,7 +74,7 @@ class EngineFlags:
     odometry_only: Flag = False
     """Odometry instead of SLAM: past poses are not revised."""
     map: Annotated[Path | None, tyro.conf.arg(name="map", metavar="FILE")] = None
-    """A map saved by `curvescan slam`: localize in it."""
+    """Localize in this map: map.csmap of `curvescan slam`, or the YAML or PGM file of a plain map."""
     method: MethodName = "curvescan"
 
     def __post_init__(self) -> None:
@@ -121,11 +122,12 @@ class PageFlags:
         from curvescan.cli.serving import free_port, open_browser
         from curvescan.live import Viewer
         from curvescan.live.server import PageServer
+        from curvescan.live.sources import Paced
 
         viewer: Viewer | None = None
         sinks: list[MapSink] = []
         if not self.no_page:
-            viewer = Viewer(source.name, **maps)
+            viewer = Viewer(source.name, replay=source if isinstance(source, Paced) else None, **maps)
             sinks.append(viewer)
             server = PageServer(viewer, host=self.host, port=free_port(self.host, self.http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
@@ -172,16 +174,18 @@ def live(
 
     laser = source.open(log, use)
     with ExitStack() as pages:
-        saved = None if engine.map is None else curvescan.load_map(engine.map)
+        saved, drawn = (None, None) if engine.map is None else _opened(engine.map)
         maps = {"mode": engine.mode, "occupancy": occupancy, "is_lossless": not laser.is_live}
-        viewer, sinks = page.open(pages, laser, {**maps, "saved_map": saved})
+        viewer, sinks = page.open(pages, laser, {**maps, "saved_map": drawn})
         with output_folder(out) if out else nullcontext() as folder:
-            report = _follow(laser, engine, viewer, sinks, use, Outputs(folder, out, record, saved, maps))
+            report, verdict = _follow(
+                laser, engine, viewer, sinks, use, Outputs(folder, out, record, saved, drawn, maps)
+            )
         if page.keep_open and viewer is not None and not report.is_interrupted:
             wait("the source has ended; Ctrl-C closes the page")
     if report.error is not None:
         raise report.error
-    return 0
+    return 0 if verdict is None or verdict.is_trusted else 3
 
 
 class Outputs(NamedTuple):
@@ -190,7 +194,8 @@ class Outputs(NamedTuple):
     folder: Path | None
     out: Path | None
     record: Path | None
-    saved_map: Any
+    saved_map: Any  # to localize in
+    drawn: Any  # the same as keyframes, to be drawn
     maps: dict[str, Any]
 
 
@@ -201,10 +206,11 @@ def _follow(
     sinks: Sequence[MapSink],
     use: LogFlags,
     outputs: Outputs,
-) -> LiveReport:
-    """Run a source, print the summary and write the results."""
+) -> tuple[LiveReport, Verdict | None]:
+    """Run a source, print the summary and write the results; the verdict is None where no scan came."""
     import curvescan.live as live_package
     from curvescan.cli.console import OUT
+    from curvescan.cli.flags import with_flags
     from curvescan.live import LogSource, Tracker
 
     results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
@@ -216,9 +222,11 @@ def _follow(
     engine = _warmed(lambda: flags.engine(outputs.saved_map, can_deskew=can_deskew), flags.method, viewer)
     sinks = [*sinks, *([] if results is None else [results])]
     if outputs.record is not None:
-        sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.saved_map, **outputs.maps))
-    report = _track(source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks)
-    OUT.print(summary(report, source.name), markup=False)
+        sinks.append(live_package.McapRecorder(outputs.record, saved_map=outputs.drawn, **outputs.maps))
+    report, verdict = _track(
+        source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks, prepared
+    )
+    OUT.print(summary(report, source.name, engine), markup=False)
     if outputs.folder is not None and results is not None and report.n_scans:
         files = results.write(
             outputs.folder,
@@ -229,10 +237,12 @@ def _follow(
             command=sys.argv,
         )
         OUT.print(f"wrote {outputs.out}/{', '.join(files)}", markup=False)
-    return report
+    if verdict is not None:
+        OUT.print(with_flags(verdict.sentence), markup=False, soft_wrap=True)
+    return report, verdict
 
 
-def summary(report: LiveReport, name: str) -> str:
+def summary(report: LiveReport, name: str, engine: Engine) -> str:
     """Return how a live run went, in a few lines."""
     import numpy as np
 
@@ -240,8 +250,8 @@ def summary(report: LiveReport, name: str) -> str:
         return f"{name}: no scan"
     lines = [f"{name}: {report.n_scans:,} scans" + (", interrupted" * report.is_interrupted)]
     lines += [f"  {n:,}  {kind.value}" for kind, n in report.outcomes.most_common()]
-    if report.n_closures:
-        lines.append(f"  {report.n_closures:,} loop closures")
+    if isinstance(engine, curvescan.Slam):
+        lines.append(f"  {engine!r}")  # as `slam` counts them
     lines.append(f"  {report.n_dropped:,} scans dropped because tracking was too slow")
     for what, values in (("time a scan", report.seconds), ("from scan to pose", report.latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
@@ -265,8 +275,16 @@ def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     return prepared
 
 
+def _opened(path: Path) -> tuple[Any, Any]:
+    """Return a map to localize in, and the same as keyframes."""
+    from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid, opened
+
+    found = opened(path)
+    return found, found if isinstance(found, curvescan.SlamMap) else map_of_grid(found, field_of_grid(found))
+
+
 def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
-    from curvescan.live.drivers.opening import open_driver
+    from curvescan.live.drivers import open_driver
 
     if port is None:
         raise InvalidArgumentError(f"--driver {driver} needs --port: where the laser is")
@@ -295,20 +313,37 @@ def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) ->
     return new()
 
 
-def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink]) -> LiveReport:
+def _track(
+    source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: Sequence[MapSink], prepared: PreparedLog | None
+) -> tuple[LiveReport, Verdict | None]:
     """Run and show; every sink has finished when this returns."""
+    from curvescan.cli.console import ERR
+    from curvescan.diagnostics.verdict import judge
     from curvescan.live import run_live
+    from curvescan.odometry.run import Recorder
 
     if viewer is not None:
+        viewer.offer(tracker)
         viewer.set_status("running", "running")
+    recorder, verdict = Recorder(), None
+    engine = tracker.engine
     try:
-        report = run_live(source, tracker, sinks)
-        if report.n_scans and isinstance(tracker.engine, curvescan.Slam):
+        report = run_live(source, tracker, sinks, on_scan=lambda one: recorder.add(one.step, one.seconds))
+        if report.is_interrupted:
+            ERR.print(f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once")
+        has_prior = prepared is not None and prepared.odometry_poses is not None
+        record = recorder.record(engine.method, is_partial=report.is_interrupted, has_prior=has_prior)
+        if report.n_scans and isinstance(engine, curvescan.Slam):
             started = time.perf_counter()
-            poses = tracker.engine.finish().poses
+            with tracker.lock:
+                revised = engine.finish()
+            record = replace(record, trajectory=replace(revised, stamps=record.online.stamps))
+            poses = revised.poses
             seconds = time.perf_counter() - started
             for sink in sinks:
                 sink.finish_with(poses, seconds)
+        if report.n_scans:
+            verdict = judge(record, engine, prepared)
     finally:
         for sink in sinks:
             sink.close()
@@ -317,8 +352,9 @@ def _track(source: ScanSource, tracker: Tracker, viewer: Viewer | None, sinks: S
             viewer.set_status("error", str(report.error))
         else:
             what = "stopped" if report.is_interrupted else "ended"
-            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.")
+            result = "" if verdict is None else f" The result is {verdict.sentence}."
+            viewer.set_status("ended", f"{source.name} has {what} after {report.n_scans:,} scans.{result}")
     for sink in sinks:
         if sink.error is not None:
             raise sink.error
-    return report
+    return report, verdict

@@ -55,9 +55,8 @@ def match(
         x, y, theta = result.pose
         sigma = np.sqrt(np.diag(result.covariance))
         OUT.print(
-            f"  x {x:.4f} ± {sigma[0]:.4f} m, y {y:.4f} ± {sigma[1]:.4f} m, "
-            f"theta {np.degrees(theta):.3f} ± {np.degrees(sigma[2]):.3f} deg, "
-            f"{result.n_matched} matched pairs"
+            f"  x {x:.4f} ± {sigma[0]:.4f} m, y {y:.4f} ± {sigma[1]:.4f} m, theta {np.degrees(theta):.3f} ± "
+            f"{np.degrees(sigma[2]):.3f} deg, {result.n_matched} matched pairs"
         )
     if result.degenerate_direction is not None:
         dx, dy, dtheta = result.degenerate_direction

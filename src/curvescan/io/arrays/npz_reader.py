@@ -85,8 +85,7 @@ def _check_arrays(file: NpzFile) -> tuple[int, int]:
     if n > max(_MIN_SCAN_LIMIT, file.n_given // _BYTES_A_SCAN) or m > _MAX_BEAMS:
         raise LogFormatError(
             f"{file.path}: {n:,} scans of {m:,} beams are too many for a file of its size: if it is sound, save it "
-            f"with "
-            "numpy.savez"
+            "with numpy.savez"
         )
     allowed: dict[str, tuple[tuple[int, ...], ...]] = {
         "stamps": ((n,),),

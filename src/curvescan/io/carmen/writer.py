@@ -47,8 +47,7 @@ def _line(scan: LaserScan, pose: Pose | None) -> str:
     if not scan.has_uniform_angles:
         raise OutputError(
             f"cannot write the scan at {scan.stamp} s to a CARMEN log: its lines have evenly spaced beams, these are "
-            f"not; "
-            "CSV and NPZ keep them"
+            "not; CSV and NPZ keep them"
         )
     ranges, strengths = scan.ranges, scan.intensities
     ranges = np.where((ranges > 0.0) & (ranges < scan.range_min), 0.0, ranges)

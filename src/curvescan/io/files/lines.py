@@ -17,8 +17,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.files.decompression import unpacked_limit
 from curvescan.io.files.read_errors import ReadErrorCounter
+
+MIN_UNPACKED_LIMIT = 64 << 20  # up to this many bytes a file may always unpack to
+MAX_UNPACKED_RATIO = 100  # beyond, it may unpack to this many times its size
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+def unpacked_limit(path: Path) -> int:
+    """Return how many bytes a compressed file may unpack to: what claims more could fill memory or disk.
+
+    Recorded scans shrink to a tenth, and simulated ones that see nothing to a hundredth.
+    """
+    return max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * path.stat().st_size)
+
 
 GZIP_MAGIC = b"\x1f\x8b"
 MAX_LINE_BYTES = 1 << 20  # longest line that is read: twenty times a line of 5,000 readings with remissions

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.decompression import ZSTD_MAGIC
+from curvescan.io.files.lines import ZSTD_MAGIC
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -1,4 +1,4 @@
-"""Wheel odometry of a bag at the stamps of its scans: nav_msgs/Odometry or /tf, composed with the laser's mount."""
+"""Wheel odometry and gyroscope of a bag at the stamps of its scans; odometry is composed with the laser's mount."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFormatError
 from curvescan.io.ros.bags.bag import Bag, Message
-from curvescan.io.ros.messages import ODOMETRY, TRANSFORMS, BrokenMessageError, shown, stamp_of
+from curvescan.io.ros.messages import IMU, ODOMETRY, TRANSFORMS, BrokenMessageError, shown, stamp_of
 from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, Transform, frame_name, planar, seven
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
@@ -182,3 +182,36 @@ def _at(stamps: Floats, rows: Floats) -> Pose:
     columns = [np.interp(stamps, times, column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))]
     columns[2] = se2.wrap(columns[2])
     return np.stack(columns, axis=-1)
+
+
+def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
+    """Return the angle about z that the gyroscope has turned by at each scan.
+
+    Of several the one with the most messages is read. Its z axis is taken to point up, as REP-103 has it.
+
+    stamps (n,); result (n,): Radians if the driver gives radians a second; NaN outside the time it covers. None
+    without a gyroscope.
+    """
+    counts = {name: topic.count for name, topic in bag.topics.items() if topic.msgtype == IMU}
+    if not any(counts.values()):
+        return None
+    rows = array("d")
+    try:
+        for message in bag.messages([max(counts, key=lambda name: counts[name])]):
+            try:
+                decoded = bag.decode(message)
+                rate = float(decoded.angular_velocity.z)
+                at = message.received / 10**9 if is_unstamped else stamp_of(decoded.header)
+            except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+                continue  # one of a hundred a second
+            rows.extend((at, rate))
+    except LogFormatError:
+        pass  # damage from here on: what stands before is used, and the read errors of the scans report it
+    times, rates = np.array(rows).reshape(-1, 2).T
+    times, first_idx = np.unique(times[np.isfinite(rates)], return_index=True)
+    if times.size < 2:
+        return None
+    rates = rates[np.isfinite(rates)][first_idx]
+    turned = np.append(0.0, np.cumsum(np.diff(times) * 0.5 * (rates[1:] + rates[:-1])))
+    at_scans: Floats = np.interp(stamps, times, turned, left=np.nan, right=np.nan)
+    return at_scans

@@ -15,7 +15,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.trajectories.layouts import csv_rows
-from curvescan.live.live_map import picture_of
+from curvescan.live.live_map import picture_of, status_of
 from curvescan.mapping.map_server import read_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry import StepOutcome
@@ -25,15 +25,6 @@ from curvescan.slam import SlamMap, load_map
 from curvescan.slam.loops.closures import ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Floats, Ints, Pose
-
-_LOST = ("bad", "Lost")
-_STATUSES = {"predicted": ("warn", "Not sure"), "held": _LOST, "lost": _LOST, "searching": _LOST}
-
-
-def status_of(outcome: str) -> tuple[str, str]:
-    """Return the tone of a colour and the word of a day for the outcome, by its name, of a scan."""
-    return _STATUSES.get(outcome, ("good", "Tracking"))
-
 
 _SENTENCES = {o.name.lower(): o.value for o in StepOutcome}
 _ACCEPTED = (ClosureOutcome.ACCEPTED.name.lower(), ClosureOutcome.AGREED.name.lower())

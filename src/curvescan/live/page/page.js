@@ -1,6 +1,7 @@
 "use strict";
 // The page of `live`. What the server sends: about, status, path, map, closures, times, scan.
-const state = { path: [], map: null, closures: [], scan: null, times: [], isOver: false, newest: -1 };
+const state = { path: [], map: null, closures: [], wheels: [], scan: null, times: [], isOver: false, newest: -1, isPaused: false, n: 0 };
+let mayAct = false;
 
 function listen() {
   const events = new EventSource("events");
@@ -8,10 +9,13 @@ function listen() {
   on("about", (a) => {
     $("name").textContent = a.name; $("mode").textContent = a.mode; document.title = `${a.name} – curvescan live`;
     document.body.classList.toggle("slam", a.mode === "SLAM");
-    state.path = []; state.closures = [];
+    state.path = []; state.closures = []; state.wheels = []; state.n = a.n_scans;
+    offer(a.replay);
+    if (a.replay) showPace(a.pace);
   });
   on("status", showStatus);
   on("path", (p) => { state.path.length = 2 * p.start; for (const v of p.points) state.path.push(v); });
+  on("wheels", (w) => { state.wheels.length = 2 * w.start; for (const v of w.points) state.wheels.push(v); $("by-wheels").hidden = false; });
   on("map", loadMap);
   on("closures", (c) => { state.closures = c.lines; });
   on("times", (t) => { state.times = t.ms; });
@@ -22,6 +26,7 @@ function listen() {
 
 function showStatus(s) {
   state.isOver = s.kind === "ended" || s.kind === "error";
+  if (state.isOver) showDock(false);
   if (s.kind === "loading") chip("outcome", "waiting", s.text);
   showMessage(s.kind === "running" || s.kind === "loading" ? "" : s.text);
 }
@@ -42,10 +47,37 @@ function showFigures(s) {
   $("length").textContent = `${s.length.toFixed(1)} m`;
   $("score").textContent = s.score === null ? "–" : s.score.toFixed(2);
   for (const name of ["n_closures", "n_lost", "n_dropped"]) $(name).textContent = s[name].toLocaleString("en");
-  const tone = !s.is_matched ? "bad" : s.degenerate ? "warn" : "good";
-  chip("outcome", tone, s.sentence + (s.degenerate ? " One direction is unobservable." : ""));
+  chip("outcome", s.tone, s.word, s.sentence + (s.degenerate ? " One direction is unobservable." : ""));
+  if (document.activeElement !== $("time")) $("time").value = s.index;
+  $("clock").textContent = `${(s.index + 1).toLocaleString("en")} / ${state.n ? state.n.toLocaleString("en") : "…"}`;
   spark();
 }
+
+async function offer(isReplay) {
+  // others may look on, and change nothing: only a page of this machine is given the token
+  const answer = await fetch("token").catch(() => null);
+  if (!answer || !answer.ok) return;
+  setToken(await answer.text());
+  $("save").hidden = false;
+  if (!isReplay || state.isOver) return;
+  $("time").max = Math.max(state.n - 1, 0); $("time").hidden = !state.n; $("time").value = state.scan ? state.scan.index : 0;
+  showDock(true);
+  if (mayAct) return;
+  mayAct = true;
+  $("play").addEventListener("click", () => pace({ is_paused: !state.isPaused }));
+  $("time").addEventListener("change", (e) => pace({ to: Number(e.target.value) }));
+  $("speed").addEventListener("change", (e) => pace({ speed: Number(e.target.value) }));
+}
+function showDock(isShown) { $("dock").hidden = !isShown; document.body.classList.toggle("docked", isShown); redraw(); }
+async function pace(wanted) { showPace(await (await post("pace", wanted)).json()); }
+function showPace({ speed, is_paused: isPaused }) {
+  state.isPaused = isPaused;
+  $("play").textContent = isPaused ? "▶" : "❚❚"; $("play").setAttribute("aria-label", isPaused ? "Go on" : "Pause");
+  const options = [...$("speed").options], known = options.find((o) => Number(o.value) === speed);
+  if (!known) $("speed").add(new Option(`×${speed}`, speed));
+  $("speed").value = String(speed);
+}
+$("save").addEventListener("click", () => download("save", {}, "map.csmap").catch(() => {}));
 
 function spark() {
   const c = $("spark"), ratio = devicePixelRatio || 1, w = c.clientWidth, h = c.clientHeight;
@@ -68,6 +100,7 @@ stage.places = (take) => {
 stage.draw = () => {
   const s = state.scan, isPlaced = stage.target() !== null;
   drawMap(state.map); drawLinks(state.closures, colours.closure);
+  drawPath(state.wheels, 2, colours.wheels, { width: 1.5, dash: [6, 4] });
   drawPath(state.path, 2, colours.path, { last: stage.target() });
   if (isPlaced) { drawScan(s.pose, s.points, 1e-3); drawRobot(s.pose, s.covariance, true); }
 };

@@ -22,6 +22,25 @@ function chip(id, tone, text, title = "") {
   $(id).className = "chip " + tone; $(id).lastElementChild.textContent = text; $(id).title = title;
 }
 
+// what a page asks its server for carries the token that only a page of this server can read
+let token = "";
+function setToken(text) { token = text; }
+async function post(name, body) {
+  const headers = { "Content-Type": "application/json", "X-Curvescan-Token": token };
+  showMessage("Working …");
+  const answer = await fetch("do/" + name, { method: "POST", headers, body: JSON.stringify(body) }).catch(() => null);
+  showMessage("");
+  if (answer && answer.ok) return answer;
+  const told = answer && answer.status === 422 ? (await answer.json()).error : "The server does not answer.";
+  showMessage(told);
+  throw new Error(told);
+}
+async function download(name, body, file) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await (await post(name, body)).blob()); link.download = file;
+  link.click(); URL.revokeObjectURL(link.href);
+}
+
 function toned(image) {
   // white free space would glare on a dark page: there free space is dark grey and obstacles are light
   if (!isDark.matches) return image;

@@ -250,7 +250,8 @@ addEventListener("keydown", (e) => {
 async function beginMending() {
   const answer = await fetch("token");
   if (!answer.ok) return; // others may look on: nothing can be changed
-  mending = { token: await answer.text(), edits: [], mode: null, picked: [], answer: null };
+  setToken(await answer.text());
+  mending = { edits: [], mode: null, picked: [], answer: null };
   $("mend").hidden = false;
   for (const mode of ["add", "pin", "forbid"]) $(mode).addEventListener("click", () => setMode(mending.mode === mode ? null : mode));
   $("take").addEventListener("click", () => { const { edit } = mending.answer; setMode(null); take(edit); });
@@ -260,16 +261,6 @@ async function beginMending() {
   $("save-map").addEventListener("click", () => save("map", "map.csmap"));
   $("save-edits").addEventListener("click", () => save("edits", "edits.json"));
   listEdits();
-}
-async function post(name, body) {
-  const headers = { "Content-Type": "application/json", "X-Curvescan-Token": mending.token };
-  showMessage("Working …");
-  const answer = await fetch("do/" + name, { method: "POST", headers, body: JSON.stringify(body) }).catch(() => null);
-  showMessage("");
-  if (answer && answer.ok) return answer;
-  const told = answer && answer.status === 422 ? (await answer.json()).error : "The server does not answer.";
-  showMessage(told);
-  throw new Error(told);
 }
 const HINTS = { add: "Pick two keyframes that show the same place.", pin: "Pick the keyframe that stays.", forbid: "Pick the first and the last keyframe of the stretch." };
 function setMode(mode) {
@@ -328,11 +319,7 @@ function listEdits() {
   }));
   $("undo").disabled = $("save-edits").disabled = !mending.edits.length;
 }
-async function save(name, file) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(await (await post(name, { edits: mending.edits })).blob()); link.download = file;
-  link.click(); URL.revokeObjectURL(link.href);
-}
+const save = (name, file) => download(name, { edits: mending.edits }, file);
 function drawMending(run) {
   if (mending.mode && !shown.has("keyframes")) drawKeyframes(run);
   pen.strokeStyle = colours.warn; pen.lineWidth = 3;

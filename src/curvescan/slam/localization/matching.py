@@ -1,7 +1,6 @@
 """MapMatcher: matches of a scan with the keyframes of a map that should show it.
 
-A guess is given, from the odometry or from the search: with it a match is sure with keyframes that share little with the scan, and that are
-metres away because they look the other way.
+With a guess, from the odometry or from the search, a match is sure with keyframes that share little with the scan.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _REACH_M = 8.0
 """Keyframes farther away are not matched, metres."""
 
 _HALF_M = 4.0
-"""One this far away comes behind a near one that shares half as much: clutter looks different from elsewhere, metres."""
+"""One this far away comes behind a near one that shares half as much, metres."""
 
 _LEAST_OVERLAP = 0.15
 """Nor those that share less of what they see, foretold from where they are."""
@@ -45,8 +44,8 @@ _SURE_LOG_ODDS = math.log(99.0)
 """Log-odds of a match of full weight: one in a hundred is wrong."""
 
 _HELD_M, _HELD_SHARE = 0.3, 0.04
-"""The walls of the map hold a scan where it may not be shifted this far along what a match leaves open, metres, without losing this share of its
-readings: a corridor has ends and doors that no one keyframe shows."""
+"""Walls hold a scan that loses this share of its readings when it is shifted so far, metres, along what a match leaves
+open: a corridor has ends and doors that no one keyframe shows."""
 
 _N_FUSED = 3
 """Keyframes whose matches are fused."""
@@ -54,24 +53,12 @@ _N_FUSED = 3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hit:
-    """A match of a scan with a keyframe of the map.
-
-    Attributes
-    ----------
-    keyframe : int
-        The keyframe.
-    here : UncertainPose
-        Where the match puts the scan in the map, the keyframe taken to be where the map has it.
-    score : float
-        Of the match.
-    weight : float
-        How much of its score speaks for the place, in [0, 1], by its confidence.
-    """
+    """A match of a scan with a keyframe of the map."""
 
     keyframe: int
-    here: UncertainPose
+    here: UncertainPose  # where it puts the scan in the map, the keyframe taken to be where the map has it
     score: float
-    weight: float = 1.0
+    weight: float = 1.0  # how much of its score speaks for the place, in [0, 1], by its confidence
 
 
 class MapMatcher:
@@ -86,10 +73,7 @@ class MapMatcher:
     def around(
         self, scan: LaserScan, expected: UncertainPose, *, seen_from: int = -1, n_most: int = _N_FUSED
     ) -> tuple[list[Hit], bool]:
-        """Return matches with keyframes that should show a scan, within the gate of where it is expected, and whether one was due.
-
-        seen_from.
-        """
+        """Return matches with keyframes that should show a scan, where it is expected, and whether one was due."""
         poses = self._map.poses
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - expected.pose[:2]).T) < _REACH_M)
         relative = se2.between(poses[near], expected.pose)
@@ -118,12 +102,7 @@ class MapMatcher:
         return fuse(expected, hit.here)[1] < self._config.closures.gate
 
     def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
-        """Return matches of one scan, the best one first, and those that agree with it.
-
-        Where the map is bent its keyframes put one scan in several places; their mean is none of them.
-
-        points (m, 2).
-        """
+        """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""
         if len(hits) < 2:
             return hits
         worth = [_SCORE * hit.weight * hit.score - self.shortfall(points, hit) for hit in hits]
@@ -132,10 +111,7 @@ class MapMatcher:
         return [first, *(hit for hit in others if self._agrees(first.here, hit))]
 
     def held(self, points: Points, place: UncertainPose, hits: list[Hit]) -> list[Hit]:
-        """Return matches of one scan, those that leave a direction open held there by the place that its walls speak for, if they do along it.
-
-        points (m, 2).
-        """
+        """Return matches of one scan; what they leave open is held by the place that its walls speak for."""
         return [
             replace(hit, here=fuse(place, hit.here)[0])
             if self.is_open(hit.here) and self._is_held(points, place.pose, hit.here)
@@ -149,19 +125,19 @@ class MapMatcher:
         return variance > self._config.closures.certain_m**2
 
     def _is_held(self, points: Points, place: Pose, here: UncertainPose) -> bool:
-        """Return whether the map agrees less with a scan when it is shifted either way along what a pose leaves open."""
+        """Return whether the map agrees less with a scan that is shifted along what a pose leaves open."""
         along = np.linalg.eigh(here.cov[:2, :2])[1][:, 1]
         shift = np.array([*(_HELD_M * along), 0.0])
         most = max(self.field.agreement(points, place + way * shift).score for way in (-1.0, 1.0))
         return most <= self.field.agreement(points, place).score - _HELD_SHARE
 
     def shortfall(self, points: Points, hit: Hit) -> float:
-        """Return by how much less the map agrees with a scan where a match has it than with the keyframe where it was taken."""
+        """Return by how much less the map agrees with a scan where a match has it than with the keyframe itself."""
         fit = self.field.agreement(points, hit.here.pose).score
         return 1.0 - self.misfit(hit.keyframe) - fit
 
     def misfit(self, k: int) -> float:
-        """Return how much of a keyframe's own scan the map does not agree with: a lot where others have the same walls elsewhere."""
+        """Return how much of a keyframe's own scan the map does not agree with: a lot where the map is bent."""
         if k not in self._misfits:
             scan = self._map.scans[k]
             points = np.ascontiguousarray(scan.points[scan.valid])
@@ -205,7 +181,7 @@ def _weight(confidence: float) -> float:
 
 
 def fused(hits: list[Hit]) -> UncertainPose:
-    """Return the pose that matches of one scan say together: they share its noise, so that several are worth no more than one."""
+    """Return the pose that matches of one scan say together: they share its noise, and count as one."""
     share = float(len(hits))
     total = UncertainPose(hits[0].here.pose, share * hits[0].here.cov)
     for hit in hits[1:]:

@@ -21,7 +21,8 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.localization.correlative import contour_length, likely_poses, refined_poses, thinned
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.matching import Hit
-from curvescan.types import Ints, Points, Pose
+from curvescan.slam.localization.prior import LOG_ODDS, Prior
+from curvescan.types import Floats, Ints, Points, Pose
 
 STEP_M, _CLEARANCE_M = 0.3, 0.15
 """Places that are tried: so far from each other, and from walls, metres."""
@@ -67,9 +68,6 @@ _MARGIN, _MARGIN_SHARE = 0.1, 0.25
 """The support of any other place is less by so much, and by so large a share: of views that say the same of two places
 more do not help."""
 
-_LEAD = 0.15
-"""A pose that is expected agrees better with the map than any other, by this share of the readings."""
-
 _SAME_M, _SAME_RAD = 0.5, 0.26
 """Poses nearer to each other are one, metres and radians."""
 
@@ -83,11 +81,17 @@ class Place:
     view: float  # by the last view alone
     support: float  # sum over the views, with what matches say
     matched: float = 0.0  # what matches without a guess say of it
+    prior: float = 0.0  # what was known before says of it, where the sensor is now
 
     @property
     def walls(self) -> float:
         """Of the support what the views say without matches."""
         return self.support - self.matched
+
+    @property
+    def sums(self) -> tuple[float, float, float]:
+        """What the last view, the views without matches, and all say, each with the prior."""
+        return self.view + self.prior, self.walls + self.prior, self.support + self.prior
 
 
 class MapSearch:
@@ -100,6 +104,7 @@ class MapSearch:
         self.field = field
         self._n_tried = n_tried
         self._places = field.places(STEP_M, _CLEARANCE_M)
+        self.area = STEP_M**2 * len(self._places)  # square metres
         self._nearest: Ints = (
             cKDTree(keyframes[:, :2]).query(self._places)[1].astype(np.int64)
             if len(self._places)
@@ -117,6 +122,7 @@ class MapSearch:
         """Forget earlier views."""
         self._found: list[Place] = []
         self._contour = 0.0  # length of the last view, metres
+        self._prior: Prior | None = None  # of the last view
 
     @property
     def is_begun(self) -> bool:
@@ -124,17 +130,25 @@ class MapSearch:
         return bool(self._found)
 
     def add(
-        self, points: Points, moved: UncertainPose | None, similarity: Ints | None = None, matched: Sequence[Hit] = ()
+        self,
+        points: Points,
+        moved: UncertainPose | None,
+        similarity: Ints | None = None,
+        matched: Sequence[Hit] = (),
+        prior: Prior | None = None,
     ) -> None:
         """Take up a view.
 
         points (m, 2); moved: The sensor's motion since the last view; None where it is not known, and earlier views
-        say nothing; similarity (n,).
+        say nothing; similarity (n,); prior: Where the sensor is, as far as it is known without this view.
         """
-        few, self._contour = thinned(points), contour_length(points)
+        few, self._contour, self._prior = thinned(points), contour_length(points), prior
         places = self._places if similarity is None else self._near(similarity)
         # walls alone are ended on elsewhere as well: of more poses the free space between them chooses
         poses = likely_poses(self.field, places, few, _N_LIKELY * self._n_tried)
+        if prior is not None:
+            near = np.ascontiguousarray(self._places[prior.is_near(self._places)])
+            poses = np.concatenate((poses, likely_poses(self.field, near, few, self._n_tried)))
         earlier = self._found if moved is not None else []
         if earlier:
             assert moved is not None
@@ -143,6 +157,7 @@ class MapSearch:
         poses = np.concatenate((poses, *[hit.here.pose[np.newaxis] for hit in matched]))
         # a place that was not among those of earlier views agreed with them no better than the least of them
         missed = min((place.walls for place in earlier), default=0.0)
+        known = self._known(poses)
         new: list[Place] = []
         for k, pose in enumerate(poses):
             before = earlier[k] if k < len(earlier) else None
@@ -153,15 +168,17 @@ class MapSearch:
             scores = [hit.weight * hit.score for hit in matched if is_same(hit.here.pose, pose)]
             by_matches = max(scores, default=0.0)
             support = view + by_matches + (before.support if before else missed)
-            matched_before = before.matched if before else 0.0
-            new.append(Place(pose=pose, fit=fit, view=view, support=support, matched=matched_before + by_matches))
-        new.sort(key=lambda place: (-place.support, -place.fit))
+            if known[k] > 0.0:  # where it was expected, it may have come back into the map with this view
+                support = max(support, view + by_matches)
+            by_matches += before.matched if before else 0.0
+            new.append(Place(pose=pose, fit=fit, view=view, support=support, matched=by_matches, prior=float(known[k])))
+        new.sort(key=lambda place: (-place.sums[2], -place.fit))
         self._found = new[: self._n_tried]
 
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
-        by_view = sorted(self._found, key=lambda place: -place.view)
+        by_view = sorted(self._found, key=lambda place: -place.sums[0])
         for best in (*by_view[:1], *self._found[:1]):
             if self.is_clear(best):
                 return best
@@ -174,32 +191,40 @@ class MapSearch:
         is_alone = rival <= _RIVAL * best.matched
         # a view that agrees with a match needs to say less; nor may the views before speak against it
         least = _EXPLAINED if is_alone and best.matched >= _MATCHED else _ONE_VIEW
-        is_seen = _is_clear(best.view, [place.view for place in others], least)
+        view, walls, support = best.sums
+        is_seen = _is_clear(view, [place.sums[0] for place in others], least)
         is_seen |= rival <= best.matched and self._stands_out(best, others)
         if is_seen and best.walls >= best.view - _MARGIN:
             return True
         # where the sensor leaves the map, views before it did speak for places that the last one is against
-        is_gathered = _is_clear(best.walls, [place.walls for place in others], _SEVERAL_VIEWS)
+        is_gathered = _is_clear(walls, [place.sums[1] for place in others], _SEVERAL_VIEWS)
         if is_gathered and best.view >= 0.0:
             return True
         # where much has changed since the map was made, matches and the lack of any other place decide;
         # but not between two places whose walls explain the views alike
-        is_tied = any(place.view >= _EXPLAINED and place.walls > best.walls - _MARGIN for place in others)
-        most = max((place.support for place in others), default=-1.0)
-        is_changed = best.matched >= _CHANGED and best.support > max(most, _LEAST)
+        is_tied = any(place.view >= _EXPLAINED and place.sums[1] > walls - _MARGIN for place in others)
+        most = max((place.sums[2] for place in others), default=-1.0)
+        is_changed = best.matched >= _CHANGED and support > max(most, _LEAST)
         return is_changed and is_alone and not is_tied
 
     def _stands_out(self, best: Place, others: Sequence[Place]) -> bool:
         """Return whether the last view agrees with a place well, and far better than with any other."""
-        ahead = best.fit - max((place.fit for place in others), default=-1.0)
+        fit = best.fit + best.prior
+        ahead = fit - max((place.fit + place.prior for place in others), default=-1.0)
         if self._contour < _CONTOUR_M or ahead < _MARGIN:
             return False
-        return best.fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
+        return fit + min(ahead, _MOST_AHEAD) >= _STANDS_OUT
 
     def is_best(self, pose: Pose, fit: float) -> bool:
         """Return whether the map agrees with the last view clearly better at a pose than at any other found."""
-        others = [place.fit for place in self._found if not is_same(place.pose, pose)]
-        return fit >= max(others, default=-1.0) + _LEAD
+        others = [place.fit + place.prior for place in self._found if not is_same(place.pose, pose)]
+        return fit + float(self._known(pose[np.newaxis])[0]) >= max(others, default=-1.0) + _MARGIN
+
+    def _known(self, poses: Pose) -> Floats:
+        """Return (n,) how much the prior of the last view speaks for poses (n, 3)."""
+        if self._prior is None:
+            return np.zeros(len(poses))
+        return self._prior.log_odds(poses, self.area) / LOG_ODDS
 
     @property
     def is_large(self) -> bool:

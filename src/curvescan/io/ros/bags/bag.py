@@ -24,8 +24,8 @@ from rosbags.rosbag1 import WriterError as RosbagsWriterError
 from rosbags.rosbag2 import ReaderError as Ros2Error
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.gzip_files import is_packed, unpack
+from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.printable import printable
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader

@@ -58,8 +58,7 @@ class MessageBuilder:
         if not scan.has_uniform_angles:
             raise OutputError(
                 f"cannot write the scan at {scan.stamp} s to a ROS bag: a LaserScan message has evenly spaced beams, "
-                f"these "
-                "are not; CSV and NPZ keep them"
+                "these are not; CSV and NPZ keep them"
             )
         last = scan.angle_min + max(len(scan) - 1, 0) * scan.angle_increment
         fields = {
@@ -78,9 +77,8 @@ class MessageBuilder:
             intensities = np.asarray(strengths, dtype=np.float64).astype(np.float32)
         if not (short["angle_increment"] != 0.0 and short["range_min"] < short["range_max"]):
             raise OutputError(
-                f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or "
-                f"range_min and "
-                "range_max equal"
+                f"cannot write the scan at {scan.stamp} s to a ROS bag: float32 makes angle_increment 0, or range_min "
+                "and range_max equal"
             )
         message = self._new(
             LASER_SCAN,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.decompression import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, ZSTD_MAGIC
+from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, ZSTD_MAGIC
 
 MIN_CHUNK_LIMIT = 16 << 20
 """Up to this many bytes a single chunk may unpack to: recorders begin a new one after 1 to 4 MiB."""

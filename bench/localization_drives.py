@@ -1,0 +1,204 @@
+"""Localization of drives through one place in each other's maps: fixes, found, false, tracked and time.
+
+Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvescan reads, or on CMU's
+``robotdata*.log.gz``. Each log makes a map, kept in CACHE; every other log is localized in it. With ``--prior`` also
+with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
+each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
+most poses support is the reference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import itertools
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import curvescan as cs
+from curvescan import se2
+from curvescan.io.arrays.memory import MemoryLog
+from curvescan.odometry import StepOutcome
+from curvescan.types import Bools, Floats, Ints, Pose
+
+SAME_M, SAME_RAD = 1.0, np.radians(10.0)
+"""A pose farther from the reference than this is false, metres and radians: maps made apart bend by some decimetres."""
+
+PRIOR_OFF, PRIOR_SIGMA = np.array([0.8, 0.6, np.radians(20.0)]), np.array([0.7, 0.7, np.radians(15.0)])
+"""An initial pose is so far off, 1 m and 20 deg, and is said to be so uncertain, x, y, theta."""
+
+
+def read_drive(path: Path) -> cs.Log:
+    """Return a log; CMU's lines ``L x y theta xl yl thetal r1..r180 t`` (centimetres, radians) are read here."""
+    if not path.name.startswith("robotdata"):
+        return cs.read_log(path)
+    with gzip.open(path, "rt") as file:
+        rows = np.array([line.split()[1:] for line in file if line.startswith("L ")], dtype=np.float64)
+    ranges, laser = 0.01 * rows[:, 6:-1], rows[:, 3:6] * (0.01, 0.01, 1.0)
+    return cs.log_from_arrays(
+        zip(rows[:, -1], ranges, strict=True),
+        angle_min=-np.pi / 2.0,
+        angle_increment=np.pi / 180.0,
+        range_max=81.8,
+        odometry=laser,
+        name=path.name.removesuffix(".log.gz"),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drive:
+    """A log, its map, and where its scans were in that map."""
+
+    log: cs.Log
+    slam_map: cs.SlamMap
+    poses: Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Localized:
+    """The steps of a drive in the map of another."""
+
+    outcomes: tuple[StepOutcome, ...]
+    poses: Pose
+    seconds: Floats
+
+    @property
+    def is_known(self) -> Bools:
+        """(n,) whether a pose was given."""
+        known: Bools = np.isfinite(self.poses[:, 0])
+        return known
+
+    @property
+    def fixes(self) -> Ints:
+        """Scans at which the sensor was found, elsewhere than the track had it or for the first time."""
+        return np.flatnonzero([outcome is StepOutcome.FOUND for outcome in self.outcomes])
+
+
+def halves_of(log: cs.Log) -> list[cs.Log]:
+    """Return the halves of a log."""
+    scans, wheels, n = list(log), log.odometry, len(log) // 2
+    parts = []
+    for k, part in enumerate((slice(0, n), slice(n, 2 * n))):
+        odometry = None
+        if wheels is not None:
+            odometry = cs.Trajectory(stamps=wheels.stamps[part], poses=wheels.poses[part])
+        parts.append(MemoryLog(scans=tuple(scans[part]), odometry=odometry, name=f"{log.name}-{k + 1}"))
+    return parts
+
+
+def make_drive(log: cs.Log, cache: Path) -> Drive:
+    """Return a drive with its map by SLAM, from the cache where it was made before."""
+    file, track = cache / f"{log.name}.csmap", cache / f"{log.name}.npy"
+    if not track.exists():
+        run = cs.run(log, engine="slam")
+        assert run.map is not None
+        run.map.save(file)
+        np.save(track, run.trajectory.poses)
+    return Drive(log=log, slam_map=cs.load_map(file), poses=np.load(track))
+
+
+def localized(
+    drive: Drive, slam_map: cs.SlamMap | cs.OccupancyGrid, initial_pose: cs.UncertainPose | None = None
+) -> Localized:
+    """Return the steps of a drive in a map."""
+    given = {} if initial_pose is None else {"initial_pose": initial_pose}
+    started = time.process_time()
+    run = cs.localize(drive.log, slam_map, **given)
+    seconds = np.full(len(run.steps), (time.process_time() - started) / max(len(run.steps), 1))
+    return Localized(
+        outcomes=tuple(step.outcome for step in run.steps),
+        poses=np.array([step.pose for step in run.steps]),
+        seconds=seconds,
+    )
+
+
+def placements(drive: Drive, found: Localized, chosen: Ints) -> Pose:
+    """Return (n, 3) poses of the drive's own map in the other map, by some of its scans."""
+    placed: Pose = se2.compose(found.poses[chosen], se2.between(drive.poses[chosen], np.zeros(3)))
+    return placed
+
+
+def is_same(drive: Drive, found: Localized, placement: Pose) -> Bools:
+    """Return (n,) whether each pose lies where a placement of the maps has its scan; of unknown poses False."""
+    x, y, theta = se2.between(se2.compose(placement, drive.poses), found.poses).T
+    same: Bools = (np.hypot(x, y) < SAME_M) & (np.abs(theta) < SAME_RAD)
+    return same
+
+
+def placement_of(drive: Drive, found: Localized) -> tuple[Pose | None, float]:
+    """Return the placement of two maps that most known poses support, and the share that does; None where nothing was found."""
+    known = np.flatnonzero(found.is_known)
+    if len(known) == 0:
+        return None, 0.0
+    tried = known[np.linspace(0, len(known) - 1, min(len(known), 60)).astype(int)]
+    each = placements(drive, found, tried)
+    shares = np.array([np.mean(is_same(drive, found, placement)[known]) for placement in each])
+    best = int(np.argmax(shares))
+    return each[best], float(shares[best])
+
+
+def line_of(name: str, drive: Drive, found: Localized, placement: Pose | None) -> str:
+    """Return a row of the table, and say where false poses are."""
+    known, fixes = found.is_known, found.fixes
+    false = known & ~(is_same(drive, found, placement) if placement is not None else np.zeros_like(known))
+    first = int(np.argmax(known)) if known.any() else -1
+    # a fix is false where the pose given with it is
+    n_false = int(np.count_nonzero(false[fixes]))
+    where = ", ".join(str(k) for k in fixes[false[fixes]].tolist()) if n_false else ""
+    return (
+        f"| {name} | {len(fixes)} | {n_false} | {first} | {np.mean(known):.1%} | {np.count_nonzero(false)} | "
+        f"{1e3 * found.seconds.mean():.1f} | {where}"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print a table of all pairs."""
+    parser = argparse.ArgumentParser(prog="python bench/localization_drives.py")
+    parser.add_argument("cache", type=Path)
+    parser.add_argument("logs", type=Path, nargs="+")
+    parser.add_argument("--prior", action="store_true", help="also with an initial pose 1 m and 20 deg off")
+    parser.add_argument("--plain", action="store_true", help="also in the cells of the map alone")
+    parser.add_argument("--halves", action="store_true", help="halves of each log in each other's maps")
+    parser.add_argument("--only", help="a pair, such as 4,2")
+    given = parser.parse_args(arguments)
+    given.cache.mkdir(parents=True, exist_ok=True)
+    logs = [read_drive(path) for path in given.logs]
+    logs = [half for log in logs for half in halves_of(log)] if given.halves else logs
+    drives = [make_drive(log, given.cache) for log in logs]
+    sys.stdout.write("| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan |\n")
+    for i, j in itertools.permutations(range(len(drives)), 2):
+        if (given.only and given.only != f"{i + 1},{j + 1}") or (given.halves and i // 2 != j // 2):
+            continue
+        drive, other = drives[i], drives[j]
+        found = localized(drive, other.slam_map)
+        reference, share = placement_of(drive, found)
+        file = given.cache / f"{drive.log.name}-in-{other.log.name}.npy"
+        # the placement that most poses of a run without a guess support is kept for all later runs
+        if file.exists():
+            reference = np.load(file)
+        elif reference is not None and share > 0.5:
+            np.save(file, reference)
+        name = f"{i + 1} in {j + 1}"
+        sys.stdout.write(line_of(name, drive, found, reference) + "\n")
+        sys.stdout.flush()
+        if given.plain:
+            plain = localized(drive, other.slam_map.occupancy())
+            off = np.hypot(*(plain.poses - found.poses)[:, :2].T)
+            text = line_of(f"{name}, plain map", drive, plain, reference)
+            sys.stdout.write(f"{text} {np.nanmedian(off):.3f} m from the pose in map.csmap\n")
+            sys.stdout.flush()
+        if given.prior and reference is not None:
+            begin = se2.compose(reference, drive.poses[0]) + PRIOR_OFF
+            prior = cs.UncertainPose(begin, np.diag(PRIOR_SIGMA**2))
+            started = localized(drive, other.slam_map, prior)
+            sys.stdout.write(line_of(f"{name}, initial pose", drive, started, reference) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

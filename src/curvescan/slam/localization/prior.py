@@ -1,0 +1,81 @@
+"""What is known of the pose before the map is looked at: an initial pose, or the last one moved by the odometry.
+
+The pose is drawn from the prior, or with a small probability from the whole map: a wrong initial pose, a sensor that
+was carried away. A far place is thus less likely by a finite factor, which views outweigh in time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvescan import se2
+from curvescan.errors import InvalidArgumentError, require
+from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.types import Bools, Cov, Floats, Points, Pose
+
+INITIAL_COVARIANCE: Cov = np.diag(np.square([0.5, 0.5, math.pi / 12.0]))
+"""Of an initial pose that comes without one, as AMCL's: 0.5 m and 15 deg."""
+
+LOG_ODDS = 20.0
+"""Log odds of one unit of agreement with the map."""
+
+_ASTRAY, _DOUBT = 0.01, 0.1
+"""Probability that the sensor is not where a fix or an initial pose has it, and that it was carried away where no sure
+match measured its motion."""
+
+_MOST = 3.0
+"""The most that views on the way say of a track, in units of agreement: motions that seem sure may err too."""
+
+_NEAR = 9.0
+"""Squared Mahalanobis distance, 3 standard deviations, of places that are looked at whatever others say."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prior:
+    """Where the sensor is, as far as it is known without the scan at hand."""
+
+    here: UncertainPose
+    astray: float = math.log(_ASTRAY)  # logarithm of the probability that it is anywhere else in the map
+
+    @staticmethod
+    def of(pose: ArrayLike, covariance: ArrayLike | None = None) -> Prior:
+        """Return an initial pose that somebody gave; raises InvalidArgumentError where it is none."""
+        here = np.array(pose, dtype=np.float64)
+        cov = np.array(INITIAL_COVARIANCE if covariance is None else covariance, dtype=np.float64)
+        require(here.shape == (3,) and bool(np.isfinite(here).all()), "pose must be three numbers x, y, theta", pose)
+        if cov.shape != (3, 3) or not np.isfinite(cov).all() or not np.allclose(cov, cov.T):
+            raise InvalidArgumentError(f"covariance must be a symmetric (3, 3) matrix of numbers, got {covariance!r}")
+        least = float(np.linalg.eigvalsh(cov)[0])
+        require(least > 0.0, "covariance must be positive definite: its least eigenvalue must be > 0", least)
+        here[2] = se2.wrap(here[2])
+        return Prior(here=UncertainPose(here, cov))
+
+    def moved(self, motion: UncertainPose, *, is_doubtful: bool) -> Prior:
+        """Return the prior after a motion of the sensor; is_doubtful: whether no sure match measured it."""
+        astray = math.exp(self.astray)
+        doubted = math.log(astray + _DOUBT * (1.0 - astray)) if is_doubtful else self.astray
+        return Prior(here=compose(self.here, motion), astray=doubted)
+
+    def confirmed(self, here: UncertainPose, said: float) -> Prior:
+        """Return the prior after a match where it was expected, and what the view says of that place."""
+        return Prior(here=here, astray=max(self.astray - LOG_ODDS * max(said, 0.0), -LOG_ODDS * _MOST))
+
+    def log_odds(self, poses: Pose, area: float) -> Floats:
+        """Return (n,) log odds of poses (n, 3), against a sensor anywhere in a map of so many square metres."""
+        off = poses - self.here.pose
+        off[:, 2] = se2.wrap(off[:, 2])
+        chi_square = np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov), off)
+        # volume of the prior as a share of the map's: one wider than the map says next to nothing
+        volume = math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(self.here.cov)))
+        share = min(volume / (2.0 * math.pi * max(area, 1.0)), 1.0)
+        here = math.log(max(1.0 - math.exp(self.astray), 1e-9)) - math.log(share) - 0.5 * chi_square
+        return np.asarray(np.logaddexp(here, self.astray))
+
+    def is_near(self, places: Points) -> Bools:
+        """Return (n,) whether places (n, 2) are about where the sensor is."""
+        off = places - self.here.pose[:2]
+        return np.asarray(np.einsum("ni,ij,nj->n", off, np.linalg.inv(self.here.cov[:2, :2]), off) < _NEAR)
