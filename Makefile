@@ -15,8 +15,9 @@ export MPLBACKEND := Agg
 
 ROS_VENV := .venv-ros
 FLEET := .venv-fleet
+KERNELS := .cache/kernels
 
-.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel dist image pins lint coverage mutants bench format clean
+.PHONY: demo docs test test-fleet test-image test-lowest test-ros test-wheel kernels dist image pins lint coverage mutants bench format clean
 
 demo: $(INSTALLED)
 	$(BIN)/curvescan demo --out demo
@@ -55,11 +56,16 @@ lint: $(INSTALLED)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# the package as it is published, checked
+# machine code of the kernels for any processor of this kind, of this Python and Numba, into KERNELS
+kernels: $(INSTALLED)
+	rm -rf $(KERNELS)
+	$(BIN)/curvescan warm-up --cache $(KERNELS)
+
+# the package as it is published, checked; its wheel brings what `make kernels` wrote into KERNELS
 dist: $(INSTALLED)
 	rm -rf dist
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check build twine
-	$(BIN)/python -m build
+	$(if $(wildcard $(KERNELS)),CURVESCAN_KERNELS=$(abspath $(KERNELS))) $(BIN)/python -m build
 	$(BIN)/python -m twine check --strict dist/*
 
 # the wheel alone, in a fresh environment, as a user installs it; WHEEL=dist/NAME.whl takes one that is built

@@ -46,6 +46,7 @@ def test_workflows_call_targets_that_there_are(path):
 def test_pythons_are_those_that_are_tried():
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "wheel.yml").read_text("utf-8"))
     tried = set(workflow["jobs"]["run"]["strategy"]["matrix"]["python"])
+    assert set(workflow["jobs"]["kernels"]["strategy"]["matrix"]["python"]) == tried
     prefix = "Programming Language :: Python :: 3."
     assert {f"3.{c.removeprefix(prefix)}" for c in PROJECT["classifiers"] if c.startswith(prefix)} == tried
 

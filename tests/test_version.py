@@ -83,11 +83,15 @@ def test_the_version_stands_first_and_the_commit_short(monkeypatch):
 
 
 @pytest.mark.parametrize("way", ["tree", "variable"])
-def test_a_wheel_carries_the_commit_that_it_was_built_from(way, tmp_path, monkeypatch):
+def test_a_wheel_carries_the_commit_that_it_was_built_from_and_the_machine_code_that_it_is_given(
+    way, tmp_path, monkeypatch
+):
     pytest.importorskip("hatchling.build")
     pytest.importorskip("hatch_fancy_pypi_readme")
     if way == "variable":
         monkeypatch.setenv("CURVESCAN_COMMIT", COMMIT)
+        monkeypatch.setenv("CURVESCAN_KERNELS", str(tmp_path / "kernels"))
+        write(tmp_path / "kernels" / "curvescan-kernels-0" / "a.nbc", "code")
     elif _version.commit() is None:
         pytest.skip("the sources are no repository")
     code = f"from hatchling.build import build_wheel; print(build_wheel({str(tmp_path)!r}))"
@@ -96,5 +100,7 @@ def test_a_wheel_carries_the_commit_that_it_was_built_from(way, tmp_path, monkey
     with zipfile.ZipFile(wheel) as archive:
         found = archive.read("curvescan/_commit.txt").decode().strip()
         assert "curvescan/__init__.pyi" in archive.namelist()
+        brought = [name for name in archive.namelist() if name.startswith("curvescan/_kernels/")]
     assert found == (COMMIT if way == "variable" else _version.commit())
+    assert brought == (["curvescan/_kernels/curvescan-kernels-0/a.nbc"] if way == "variable" else [])
     assert not (ROOT / "src" / "curvescan" / "_commit.txt").exists()

@@ -8,8 +8,9 @@ other digests are removed once they have not been used for a day. Removing one t
 harm: what is missing is compiled again.
 
 Nothing in such a folder says where the package is installed, so that it can be made on one machine and read on
-another: all folders are read, and also one that came with the package, `_kernels`. Code for this processor is taken
-first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same results.
+another: it is read in NUMBA_CACHE_DIR, also where that cannot be written, and in the package, as `_kernels`. Code for
+this processor is taken first, then code for any processor of its kind (NUMBA_CPU_NAME=generic), which has the same
+results.
 """
 
 from __future__ import annotations
@@ -64,11 +65,15 @@ def cache_folder() -> Path | None:
 
 @functools.cache
 def read_folders() -> tuple[Path, ...]:
-    """Return the folders that hold machine code of this version, the one that is written to first."""
+    """Return the folders to look for machine code of this version in, the one that is written to first.
+
+    The others are the first choice, where that cannot be written, and what came with the package.
+    """
     written, places = cache_folder(), _places()
-    brought = [_ROOT / _SHIPPED / folder.name for _, folder in places[:1]]
-    others = [folder for folder in (*(folder for _, folder in places), *brought) if folder != written]
-    return (*([written] if written else []), *(folder for folder in others if folder.is_dir()))
+    found = [folder for _, folder in places[:1]]
+    found += [_ROOT / _SHIPPED / folder.name for folder in found]
+    found = [folder for folder in found if folder != written and folder.is_dir()]
+    return (*([] if written is None else [written]), *found)
 
 
 def source_digest(root: Path) -> str | None:

@@ -103,8 +103,9 @@ def compile_all(method: str, slam: bool) -> None:
     """Compile what a run needs, and the few kernels of the simulator that `curvescan demo` needs besides."""
     from curvescan.simulation import simulate
 
-    list(simulate("office", n_scans=2, n_people=1))
-    warm_up(method, slam=slam)
+    with watch.held():
+        list(simulate("office", n_scans=2, n_people=1))
+        warm_up(method, slam=slam)
 
 
 def _compile_into(folder: Path, call: str, processor: str) -> None:

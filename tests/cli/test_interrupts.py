@@ -160,13 +160,12 @@ def interrupted_at_five(self, scan, *rest, **names):
         interrupt()
     return add(self, scan, *rest, **names)
 
-from curvescan import warmup
-usual, warm_up = Odometry.add, warmup.warm_up
-import curvescan
-def then_patch(*args, **kwargs):
-    warm_up(*args, **kwargs)
+from curvescan.runs import run
+load_kernels = run.load_kernels
+def then_patch(*args):
+    load_kernels(*args)
     Odometry.add = interrupted_at_five
-curvescan.warm_up = then_patch
+run.load_kernels = then_patch
 """
     done = run_interrupted(log, out, number, command=command, setting=setting)
     assert done.stdout.startswith("arrives\n")

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import curvescan as cs
 from curvescan.diagnostics.mending import StreamMender, mend
+from curvescan.io.arrays.memory import as_log
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.scan import mirrored
 from tests.diagnostics.test_beam_statistics import N_BEAMS, moving
@@ -99,3 +101,71 @@ def test_a_running_laser_is_mended_after_some_seconds_and_changes_its_mind_once(
     assert len(told) == 2
     assert told[1].startswith("from scan 1,000 on no longer ignored")
     assert seen[-1].range_max == 60.0
+
+
+def with_ring(log, rng, *, value, jitter, share, in_arcs):
+    """The scans with codes of one range, and the same with no reading in their place."""
+    spoilt, blank = [], []
+    for scan in log:
+        is_code = rng.random(len(scan)) < share
+        while in_arcs and np.mean(is_code) < share + 0.01:
+            first = rng.integers(len(scan))
+            is_code[first : first + len(scan) // 30] = True
+        codes = value + jitter * (rng.random(len(scan)) - 0.5)
+        spoilt.append(replace(scan, ranges=np.where(is_code, codes, scan.ranges), range_max=40.0))
+        blank.append(replace(scan, ranges=np.where(is_code, np.nan, scan.ranges), range_max=40.0))
+    return spoilt, blank
+
+
+def error_and_nees(scans, truth):
+    """Position error at the end, metres, and the squared heading error in its own variances."""
+    odometry = cs.Odometry()
+    for scan in scans:
+        step = odometry.add(scan)
+    dx, dy, turn = cs.se2.between(cs.se2.between(truth[0], truth[-1]), step.pose)
+    return np.hypot(dx, dy), turn**2 / step.covariance[2, 2]
+
+
+@pytest.mark.slow
+def test_a_constant_range_is_no_wall():
+    # 16 drives, codes at any range in 0.5 to 30 % of the beams, in half of them within half a metre, in half in arcs
+    rng, errors, nees, is_mended = np.random.default_rng(3), [], [], []
+    for k in range(16):
+        world, sensor = (("office", "sick-lms200"), ("building", "spinning-360"))[k % 2]
+        log = cs.simulate(world, sensor=sensor, n_scans=100, seed=k, odometry_noise=None)
+        value, share = rng.uniform(2.0, 30.0), 0.005 * 60.0 ** ((k // 2 + 1) / 8.0)
+        kind = {"value": value, "jitter": 0.5 * (k // 2 % 2), "share": share, "in_arcs": k // 4 % 2 == 1}
+        spoilt, blank = with_ring(log, rng, **kind)
+        mended = mend(as_log(spoilt), is_order_needed=False)
+        is_mended.append(bool(mended.done))
+        found = [error_and_nees(scans, log.truth.poses) for scans in (blank, mended.log)]
+        errors.append([error for error, _ in found])
+        nees.append([square for _, square in found])
+    without, mended_errors = np.mean(errors, axis=0)
+    assert mended_errors <= 1.1 * without + 0.002  # metres: a fifth of the noise of a reading
+    # the mean of 16 squares of a unit normal is between these in all but one of a thousand cases
+    low, high = chi2.ppf([0.0005, 0.9995], 16) / 16.0
+    assert low < np.mean(nees, axis=0)[1] < high
+    assert sum(is_mended[-8:]) >= 7  # those of 6 % and more
+
+
+@pytest.mark.slow
+def test_a_pole_on_the_robot_does_not_hold_the_odometry():
+    rng, errors, nees = np.random.default_rng(4), [], []
+    for k in range(8):
+        log = cs.simulate("office", sensor="sick-lms200", n_scans=100, seed=k, odometry_noise=None)
+        n = len(log[0])
+        at = slice(n // 5, n // 5 + max(2, int(rng.uniform(0.005, 0.1) * n)))
+        pole, blank = [], []
+        for scan in log:
+            ranges, none = scan.ranges.copy(), scan.ranges.copy()
+            ranges[at], none[at] = 0.4 + 0.01 * rng.standard_normal(at.stop - at.start), np.nan
+            pole.append(replace(scan, ranges=ranges))
+            blank.append(replace(scan, ranges=none))
+        found = [error_and_nees(s, log.truth.poses) for s in (blank, mend(as_log(pole), is_order_needed=False).log)]
+        errors.append([error for error, _ in found])
+        nees.append(found[1][1])
+    without, with_pole = np.mean(errors, axis=0)
+    assert with_pole <= 1.1 * without + 0.002
+    low, high = chi2.ppf([0.0005, 0.9995], 8) / 8.0
+    assert low < np.mean(nees) < high

@@ -1,19 +1,24 @@
-"""TopOfRange: codes for no reading that a log does not declare, and real surfaces far away that are none."""
+"""TopOfRange: codes for no reading that a log does not declare, at any range, and real surfaces that are none."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from curvescan.diagnostics.top_of_range import TopOfRange
+from curvescan import read_log, simulate
+from curvescan.diagnostics.top_of_range import Ring, TopOfRange
 from curvescan.scan import LaserScan
 
 
 def counted(rows):
     top = TopOfRange()
     for row in rows:
-        top.add(LaserScan(row, angle_min=-1.57, angle_increment=0.0174, range_max=80.0))
+        top.add(scan_of(row))
     return top
+
+
+def scan_of(row):
+    return LaserScan(row, angle_min=-1.57, angle_increment=0.0174, range_max=80.0)
 
 
 def moving_sensor(n_scans=200, n_beams=180, seed=4):
@@ -49,3 +54,68 @@ def test_fewer_than_two_in_a_thousand_are_left_alone():
     rows = moving_sensor()
     rows.ravel()[::600] = 51.1
     assert counted(rows).code_band() is None
+
+
+def ring_of(rows):
+    return counted(rows).ring()
+
+
+@pytest.mark.parametrize(("value", "jitter", "share"), [(2.0, 0.0, 0.05), (7.0, 0.5, 0.1), (12.0, 1.0, 0.3)])
+def test_codes_at_any_range_are_a_ring(value, jitter, share):
+    rng = np.random.default_rng(7)
+    rows = moving_sensor()
+    is_code = rng.random(rows.shape) < share
+    rows[is_code] = value + jitter * (rng.random(is_code.sum()) - 0.5)
+    ring = ring_of(rows)
+    assert ring.low <= value - 0.4 * jitter
+    assert value + 0.4 * jitter <= ring.high
+    assert ring.high - ring.low < jitter + 0.3
+    assert ring.share == pytest.approx(share, abs=0.05)
+    left_out = [np.isnan(ring.without(scan_of(row)).ranges) for row in rows]
+    assert np.mean(np.array(left_out)[is_code]) > 0.8
+    assert np.mean(np.array(left_out)[~is_code]) < 0.1
+
+
+def test_what_a_moving_sensor_sees_is_no_ring():
+    for world in ("room", "bare-corridor", "round-room", "curved-hall", "clutter", "office", "building"):
+        for sensor in ("sick-lms200", "spinning-360", "urg-04lx"):
+            log = simulate(world, sensor=sensor, n_scans=100, seed=3)
+            top = TopOfRange()
+            for scan in log:
+                top.add(scan)
+            assert top.ring() is None, (world, sensor)
+
+
+def test_a_turning_sensor_in_the_middle_of_a_round_room_sees_the_room():
+    rng = np.random.default_rng(8)
+    assert ring_of(3.0 + 0.01 * rng.standard_normal((200, 180))) is None
+    assert TopOfRange().ring() is None
+
+
+def test_a_scan_without_a_code_is_the_same_object():
+    ring = Ring(2.0, 2.5, 0.1, is_loose=True)
+    assert ring.without(wall := scan_of(np.full(180, 2.2))) is wall  # neighbours join: a surface
+    lone = np.full(180, 4.0)
+    lone[90] = 2.2
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(ring.without(scan_of(lone)).ranges)), [90])
+    assert ring.without(far := scan_of(np.full(180, 4.0))) is far
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "intel-lab/intel.clf.gz",
+        "aces/aces.clf.gz",
+        "ccny-handheld-hokuyo/demo.bag",
+        "ual-campus-sick/ual-campus.clf.gz",
+        "mumble-rplidar-a1/slow_half_hallway",
+        "mines-urg04/exp1.dat.gz",
+    ],
+)
+def test_real_logs_have_no_ring(real_data, name):
+    top = TopOfRange()
+    for k, scan in enumerate(read_log(real_data / name)):
+        top.add(scan)
+        if k in (99, 999):
+            assert top.ring() is None
+    assert top.ring() is None

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from curvescan import InvalidArgumentError, Odometry, Slam, SourceError, read_log, run, simulate
+from curvescan.diagnostics.preparation import prepare_log
+from curvescan.diagnostics.verdict import judge
+from curvescan.io.arrays.memory import as_log
 from curvescan.live import (
     BoundedQueue,
     LiveSink,
@@ -25,6 +28,7 @@ from curvescan.live import (
 from curvescan.live import live_map as live_map_module
 from curvescan.live.live_map import LiveMap
 from curvescan.live.sinks import WorkerSink
+from curvescan.live.sources import MendedSource
 from curvescan.odometry import run_odometry
 
 
@@ -172,7 +176,8 @@ def written(log, folder, mode, engine, *, is_replayed, is_finished=False):
         sink.finish_with(engine.finish().poses, 1.5)
     sink.close()
     folder.mkdir()
-    files = sink.write(folder, report, name=log.name, engine=engine, log=log if is_replayed else None)
+    prepared = prepare_log(log) if is_replayed else None
+    files = sink.write(folder, report, name=log.name, engine=engine, log=prepared)
     assert {file.name for file in folder.iterdir()} == set(files)
     return {name: (folder / name).read_bytes() for name in files}
 
@@ -209,6 +214,31 @@ def test_a_sensor_leaves_the_same_files_though_its_scans_have_gone(log, tmp_path
     one, other = (read_pgm(files["map.pgm"]) for files in (replayed, gone))
     assert other.shape[0] <= one.shape[0] + 2
     assert np.count_nonzero(other == 0) > 0.4 * np.count_nonzero(one == 0)
+
+
+@pytest.mark.slow
+def test_a_running_laser_is_mended_and_judged(log, tmp_path):
+    # from beams all around come codes of 15 to 16 m; after 100 scans they are no readings
+    rng, told = np.random.default_rng(1), []
+    scans = []
+    for k in range(240):
+        scan = log[min(k % 120, 119 - k % 120)]  # there and back
+        is_code = rng.random(len(scan)) < 0.3
+        ranges = np.where(is_code, rng.uniform(15.0, 16.0, len(scan)), scan.ranges)
+        scans.append(replace(scan, ranges=ranges, range_max=20.0, stamp=0.1 * k))
+    seen, sink, engine = [], ResultsSink(is_lossless=True), Odometry()
+    source = MendedSource(LogSource(as_log(scans), speed=0), told.append)
+    report = run_live(source, Tracker(engine), [sink], is_lossless=True, on_scan=seen.append)
+    sink.close()
+    assert len(told) == 1
+    assert told[0].startswith("from scan 100 on ignored: readings ")
+    n_codes = [np.count_nonzero(t.scan.ranges[t.scan.valid] > 14.0) for t in seen]
+    assert min(n_codes[:99]) > 50
+    assert max(n_codes[99:]) < 20  # those that lie by chance in fours like a surface
+    sink.write(tmp_path, report, name="laser", engine=engine)
+    verdict = judge(run_odometry([t.scan for t in seen]), engine)
+    told = json.loads((tmp_path / "run.json").read_text())["verdict"]
+    assert (told["is_trusted"], tuple(told["reasons"])) == (verdict.is_trusted, verdict.reasons)
 
 
 def read_pgm(data):

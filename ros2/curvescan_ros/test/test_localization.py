@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
 import yaml
-from curvescan_ros.messages import grid_of, initial_pose_of, map_message, pose_message
+from curvescan_ros.messages import grid_of, initial_pose_of, map_message, pose_message, transform_pose
 from curvescan_ros.node import LATCHED, PARAMETERS, CurvescanNode
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
@@ -65,15 +65,15 @@ def test_an_initial_pose_from_rviz_decides(bench, drive, tmp_path, name):
     slam_map, later, true = drive
     slam_map.save(tmp_path / "floor.csmap")
     write_map(tmp_path, slam_map.occupancy(), "floor")
-    file = save_scans(tmp_path / "drive.npz", later)
+    n = 10
     made = bench(mode="localization", map_file=str(tmp_path / name), base_frame_id="laser")
-    made.play(file, 0.0)
+    made.play(save_scans(tmp_path / "begin.npz", later[:n]), 0.0)
     assert made.poses == []  # the two ends look alike
-    say_initial_pose(made, true[0] + (0.8, 0.6, np.radians(20.0)), frame="odom")  # left out: not in the map
-    say_initial_pose(made, true[0] + (0.8, 0.6, np.radians(20.0)))
-    made.play(file, 0.0)
-    assert len(made.poses) == len(later)
-    for message, pose in zip(made.poses, true, strict=True):
+    say_initial_pose(made, true[n] + (0.8, 0.6, np.radians(20.0)), frame="odom")  # left out: not in the map
+    say_initial_pose(made, true[n] + (0.8, 0.6, np.radians(20.0)))
+    made.play(save_scans(tmp_path / "rest.npz", later[n:]), 0.0)
+    assert len(made.poses) == len(later) - n
+    for message, pose in zip(made.poses, true[n:], strict=True):
         assert message.header.frame_id == "map"
         here = initial_pose_of(message)
         assert np.hypot(*(here.pose - pose)[:2]) < 0.15
@@ -182,6 +182,26 @@ def test_somebody_elses_odom_is_listened_to(bench):
     assert [when for when, _ in node._wheels] == [1.0, 2.0]
     scan = curvescan.LaserScan(np.ones(4), angle_min=0.0, angle_increment=0.1, range_min=0.0, range_max=9.0, stamp=1.5)
     assert np.allclose(node._wheel_pose(scan), [0.6, 0.0, 0.2])
+
+
+@pytest.mark.parametrize("is_ours", [True, False])
+def test_map_odom_holds_for_a_while_and_fits_the_odom_that_there_is(bench, is_ours):
+    made = bench(provide_odom_frame=is_ours, base_frame_id="base_footprint", transform_tolerance=0.5)
+    node, sent = made.node, []
+    node._tf, node._tf_type = SimpleNamespace(publish=sent.append), lambda transforms: transforms
+    node._p["mode"], node._child_frame = "localization", "base_footprint"
+    in_map, wheels = np.array([3.0, 1.0, 0.5]), np.array([1.0, -2.0, 0.2])
+    map_odom = se2.compose(in_map, se2.inverse(wheels))
+    state = SimpleNamespace(map_odom=map_odom if is_ours else None, odom_base=UncertainPose(wheels, np.eye(3)))
+    node._publish_tf(stamp_of(10), state, UncertainPose(in_map, np.eye(3)), wheels)
+    frames = [(t.header.frame_id, t.child_frame_id) for t in sent[0]]
+    assert frames == [("odom", "base_footprint")] * is_ours + [("map", "odom")]
+    last = sent[0][-1]
+    assert last.header.stamp.sec + 1e-9 * last.header.stamp.nanosec == pytest.approx(10.5)
+    assert np.allclose(transform_pose(last.transform), map_odom)
+    # without wheels at a scan what was known of odom stays
+    node._publish_tf(stamp_of(11), state, None, None)
+    assert np.allclose(transform_pose(sent[1][-1].transform), map_odom)
 
 
 @pytest.mark.parametrize(("file", "node"), [("curvescan.yaml", "curvescan"), ("nav2.yaml", "curvescan")])

@@ -102,16 +102,12 @@ def progress_bars() -> Iterator[Callable[[str, int], Callable[..., None]]]:
 class _RunDisplay:
     """Shows a run: a progress bar for a stage of known length, a status line for others."""
 
-    def __init__(self, stages: ExitStack, on_start: Callable[[], None]) -> None:
-        self._stages, self._on_start = stages, on_start
-        self._is_started = False
+    def __init__(self, stages: ExitStack) -> None:
+        self._stages = stages
         self._advance: Callable[..., None] = lambda: None
 
     def begin(self, stage: str, n_steps: int) -> None:
         self._stages.close()
-        if not self._is_started:
-            self._is_started = True
-            self._on_start()
         if n_steps:
             self._advance = self._stages.enter_context(progress_bar(stage, n_steps))
         else:
@@ -122,22 +118,15 @@ class _RunDisplay:
 
 
 @contextmanager
-def run_display(on_start: Callable[[], None]) -> Iterator[_RunDisplay]:
-    """Yield what shows the stages of :func:`curvescan.run`; `on_start` is called before the first of them."""
+def run_display() -> Iterator[_RunDisplay]:
+    """Yield what shows the stages of :func:`curvescan.run`."""
     with ExitStack() as stages:
-        yield _RunDisplay(stages, on_start)
-
-
-def load_kernels(method: str, *, slam: bool = False) -> None:
-    """Load a matcher's kernels, and those of SLAM; the library says so where they have to be compiled first."""
-    with ERR.status("loading kernels"):
-        from curvescan import warm_up
-
-        warm_up(method, slam=slam)
+        yield _RunDisplay(stages)
 
 
 def load_usable_methods() -> tuple[str, ...]:
     """Load the kernels of every method and return the names of those whose packages are installed."""
+    from curvescan import warm_up
     from curvescan._compilation import watch
     from curvescan.matchers import MATCHERS
 
@@ -145,7 +134,8 @@ def load_usable_methods() -> tuple[str, ...]:
     with watch.held():
         for method in MATCHERS:
             try:
-                load_kernels(method)
+                with ERR.status("loading kernels"):
+                    warm_up(method, slam=False)
             except MissingPackageError as error:
                 ERR.print(f"{method} is left out: {error}", markup=False)
             else:

@@ -86,6 +86,13 @@ def _codes(r: LogReport) -> str:
     return f"{share:.1%} of all readings lie between {low:.2f} and {high:.2f} m, {place}"
 
 
+def _ring(r: LogReport) -> str:
+    assert r.ring is not None
+    low, high, share, is_loose = r.ring
+    kind = " that are of no surface" * is_loose
+    return f"{share:.1%} of all readings are some{kind} between {low:.2f} and {high:.2f} m, in beams all around"
+
+
 def _fixed_ends(r: LogReport) -> tuple[int, int]:
     """Return how many beams to ignore at either end: a fixed one nearer to the beginning is cut off there."""
     n = max(r.beam_counts, key=lambda n: r.beam_counts[n])
@@ -350,6 +357,15 @@ CHECKS: tuple[Check, ...] = (
         "they look like codes for no reading and would be drawn as arcs in the map",
         lambda r: ("range_max", _range_limit(r)),
         lambda r: f"ignored: readings beyond {_range_limit(r):g} m, codes for no return ({_codes(r)})",
+    ),
+    Check(
+        "readings",
+        "ring",
+        lambda r: r.ring is not None and r.code_band is None,
+        _ring,
+        "they turn with the sensor (a code for no return, a rim, the robot itself) and would hold its motion back",
+        None,
+        lambda r: f"ignored: readings at one range in all directions ({_ring(r)})",
     ),
     Check(
         "odometry",

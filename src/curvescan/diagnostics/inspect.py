@@ -77,6 +77,7 @@ def inspect_log(log: Log, sensor: SensorJudgement | None = None) -> LogReport:
         codes=_codes(statistics),
         suspect=_suspect(statistics),
         code_band=statistics.top_of_range.code_band(),
+        ring=statistics.top_of_range.ring(),
         odometry=None if odometry is None else _summarise_odometry(odometry, odometry_lag(log, odometry.poses[:, 2])),
         mount=_mount(log, odometry),
         is_upside_down=isinstance(log, MountedLog) and log.hangs_upside_down(),

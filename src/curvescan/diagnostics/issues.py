@@ -24,30 +24,14 @@ class Remedy(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Issue:
-    """One thing that is wrong or odd with a log.
+    """One thing that is wrong or odd with a log."""
 
-    Attributes
-    ----------
-    topic : Topic
-        What it is about.
-    kind : str
-        Its name, the same in every log: ``"stale_beams"``.
-    what : str
-        What was found, with its figures.
-    consequence : str
-        What follows from it; empty for a remark of the reader.
-    remedy : Remedy or None
-        The argument of :func:`curvescan.read_log` that handles it; None where there is none.
-    mending : str
-        What a run does about it by itself, where the evidence leaves no doubt; empty where it only proposes the remedy.
-    """
-
-    topic: Topic
-    kind: str
-    what: str
-    consequence: str = ""
-    remedy: Remedy | None = None
-    mending: str = ""
+    topic: Topic  # what it is about
+    kind: str  # its name, the same in every log: ``"stale_beams"``
+    what: str  # what was found, with its figures
+    consequence: str = ""  # what follows from it; empty for a remark of the reader
+    remedy: Remedy | None = None  # the argument of :func:`curvescan.read_log` that handles it; None where there is none
+    mending: str = ""  # what a run does about it by itself, beyond doubt; empty where it only proposes the remedy
 
     @property
     def argument(self) -> str:

@@ -17,6 +17,7 @@ from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.prior.gyroscope import straightened
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.diagnostics.top_of_range import Ring
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.held import HeldLog
 from curvescan.io.log import Log, LogView
@@ -24,7 +25,7 @@ from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_DROPS = ("stale_beams", "undeclared_codes")  # kinds of issues whose mending leaves readings out
+_DROPS = ("stale_beams", "undeclared_codes", "ring")  # kinds of issues whose mending leaves readings out
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 _ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
 
@@ -81,6 +82,8 @@ def _is_set(given: SensorSetup, fault: Issue) -> bool:
 def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
     """Return a log without its faults."""
     kinds = {fault.kind for fault in faults}
+    if "ring" in kinds and report.ring is not None:
+        log = _Ringless(log, report.ring)
     remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
     range_max = remedies.get("range_max", math.inf)
     gyroscope = report.gyroscope
@@ -102,7 +105,7 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
 
 
 class StreamMender:
-    """Mends the scans of a running laser by what the first of them show: codes for no return, stale beams.
+    """Mends the scans of a running laser by what the first of them show: codes for no return, a ring, stale beams.
 
     It judges after some seconds and once more after a minute or two; what it says then stands.
 
@@ -114,6 +117,7 @@ class StreamMender:
         self._first: list[LaserScan] = []
         self._done: dict[str, Issue] = {}
         self._before, self._range_max = np.empty(0), math.inf
+        self._ring: Ring | None = None
 
     def add(self, scan: LaserScan) -> LaserScan:
         """Return the next scan, mended."""
@@ -126,7 +130,7 @@ class StreamMender:
             scan = replace(scan, range_max=self._range_max)
         if "stale_beams" in self._done and len(before) == len(scan):
             scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
-        return scan
+        return scan if self._ring is None else self._ring.without(scan)
 
     def _judge(self) -> None:
         report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
@@ -137,7 +141,22 @@ class StreamMender:
         for kind in self._done.keys() - found.keys():
             self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
         limits = dict(i.remedy for i in found.values() if i.remedy)
+        self._ring = report.ring if "ring" in found else None
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
+
+
+class _Ringless(LogView):
+    """A Log without the readings that stay at one range in all directions."""
+
+    def __init__(self, log: Log, ring: Ring) -> None:
+        super().__init__(log)
+        self._ring = ring
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return map(self._ring.without, self._log)
+
+    def _scan_at(self, i: int) -> LaserScan:
+        return self._ring.without(self._log[i])
 
 
 class _Corrected(LogView):

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from curvescan import se2
 from curvescan.io.log import GyroLog, Log
@@ -27,6 +28,7 @@ _N_PAIRS = 300
 _MAX_TURN = math.radians(40.0)
 _MIN_OVERLAP = 0.2
 _TRUNCATED = 0.5  # differences of range count up to this many metres: what lies beyond is another surface
+_MAX_CELLS = 1 << 18  # that are compared at once
 _CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
 _DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
 
@@ -112,17 +114,22 @@ def turn_between(earlier: LaserScan, later: LaserScan) -> float:
     first = np.where(earlier.valid, earlier.ranges, np.nan)
     second = np.where(later.valid, later.ranges, np.nan)
     n_shifts = min(int(_MAX_TURN / abs(step)), n // 3)
-    costs = np.full(2 * n_shifts + 1, np.inf)
-    for row, shift in enumerate(range(-n_shifts, n_shifts + 1)):
-        if earlier.is_full_circle:
-            change = np.abs(np.roll(first, -shift) - second)
-        else:
-            low, high = max(shift, 0), n + min(shift, 0)
-            change = np.abs(first[low:high] - second[low - shift : high - shift])
-        change = change[np.isfinite(change)]
-        if change.size > _MIN_OVERLAP * n:
-            costs[row] = np.minimum(change, _TRUNCATED).mean()
+    around = first[-n_shifts:], first[:n_shifts]
+    beyond = around if earlier.is_full_circle and n_shifts else (np.full(n_shifts, np.nan),) * 2
+    # row k: the earlier profile, shifted by k - n_shifts beams
+    shifted = sliding_window_view(np.concatenate((beyond[0], first, beyond[1])), n)
+    costs = np.concatenate([_costs(some, second) for some in np.array_split(shifted, 1 + shifted.size // _MAX_CELLS)])
     best = int(np.argmin(costs))
     if not costs[best] < _CLEARER * costs[2 * n_shifts - best]:
         return 0.0
     return (best - n_shifts) * step
+
+
+def _costs(shifted: Floats, profile: Floats) -> Floats:
+    """Return the mean difference of each of some profiles from one, infinite where they overlap little."""
+    change = np.abs(shifted - profile)
+    seen = np.isfinite(change)
+    n_seen = np.count_nonzero(seen, axis=1)
+    total = np.minimum(change, _TRUNCATED).sum(axis=1, where=seen)
+    costs: Floats = np.where(n_seen > _MIN_OVERLAP * profile.size, total / np.maximum(n_seen, 1), np.inf)
+    return costs

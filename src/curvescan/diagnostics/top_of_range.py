@@ -1,16 +1,20 @@
-"""Codes for *no reading* that a log does not declare: a narrow band at the top of the range that is seen all around.
+"""Readings that are no geometry: codes for *no reading* that a log does not declare, a rim, the robot itself.
 
-Some drivers report a number just below the sensor's limit where nothing came back, and not always the same one
-(51.05 to 51.16 m in one log). As readings they become arcs in the map. A real surface is seen at many distances as the
-sensor moves; a code stays where it is and comes from beams all around.
+Some drivers report a number where nothing came back, and not always the same one (51.05 to 51.16 m in one log). As
+readings they become arcs in the map, and hold the odometry back, as they move and turn with the sensor. A real surface
+is seen at many distances as the sensor moves; a code stays where it is and comes from beams all around.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from curvescan.scan import LaserScan
-from curvescan.types import Floats
+from curvescan.types import Bools, Floats
 
 _BIN = 0.05  # width of the bins in which readings are counted, metres
 _N_BINS = 2048  # readings beyond the last bin, 102 m, are not counted: no common 2D laser reaches farther
@@ -21,38 +25,104 @@ _MIN_BEAMS = 0.5
 """Least share of the beams that have been in the band: the far end of a room is seen by fewer, from one place."""
 _STRAYS = 0.0005  # share of the largest readings that may lie above the band: single wrong ones
 
+_WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)  # of a ring, bins: of any readings, of those of no surface
+_TIMES = 4
+"""How much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense."""
+_ONE_IN, _MIN_SCANS = 50, 20  # a ring has one reading in so many at least, in so many scans: fewer moved no drive
+_N_SURFACE, _LOOSE_IN = 4, 3  # neighbouring readings of a surface; readings of a ring, of which one is of no surface
+
+
+class Ring(NamedTuple):
+    """Readings that stay at one range in all directions: from low to high, metres; share of all readings."""
+
+    low: float
+    high: float
+    share: float
+    is_loose: bool  # whether only readings of no surface belong to it
+
+    def without(self, scan: LaserScan) -> LaserScan:
+        """Return a scan in which they are no readings."""
+        inside = scan.valid & (scan.ranges >= self.low) & (scan.ranges <= self.high)
+        if self.is_loose and inside.any():
+            inside &= _is_loose(scan)
+        return replace(scan, ranges=np.where(inside, np.nan, scan.ranges)) if inside.any() else scan
+
 
 class TopOfRange:
-    """Counts readings by distance, and which beams they came from, in memory that does not grow with the log."""
+    """Counts readings by distance and beam, in memory that does not grow with the log."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(_N_BINS, dtype=np.int64)
-        self._has_beam = np.zeros((_N_BINS, 0), dtype=np.bool_)
+        self._counts, self._loose = np.zeros((2, _N_BINS, 0), dtype=np.int32)
+        self._n_scans = 0
 
     def add(self, scan: LaserScan) -> None:
         """Count the valid readings of one scan."""
-        if len(scan) > self._has_beam.shape[1]:
-            wider = np.zeros((_N_BINS, len(scan)), dtype=np.bool_)
-            wider[:, : self._has_beam.shape[1]] = self._has_beam
-            self._has_beam = wider
+        self._n_scans += 1
+        n_more = len(scan) - self._counts.shape[1]
+        if n_more > 0:
+            self._counts, self._loose = (np.pad(c, ((0, 0), (0, n_more))) for c in (self._counts, self._loose))
         beams = np.flatnonzero(scan.valid & (scan.ranges < _BIN * _N_BINS))
         bins = (scan.ranges[beams] / _BIN).astype(np.int64)
-        self._counts += np.bincount(bins, minlength=_N_BINS)
-        self._has_beam[bins, beams] = True
+        self._counts[bins, beams] += 1
+        self._loose[bins, beams] += _is_loose(scan)[beams]
 
     def code_band(self) -> tuple[float, float, float] | None:
-        """Return the band that looks like codes for no reading; None without."""
-        total = int(self._counts.sum())
+        """Return the band at the top of the range that looks like codes for no reading; None without."""
+        counts = self._counts.sum(axis=1, dtype=np.int64)
+        total = int(counts.sum())
         if not total:
             return None
-        above = np.cumsum(self._counts[::-1])[::-1]
+        above = np.cumsum(counts[::-1])[::-1]
         top = int(np.flatnonzero(above > _STRAYS * total)[-1])
         band = slice(max(int((1.0 - _BAND) * top) - 1, 0), top + 1)
         below = slice(int((1.0 - _BELOW) * top), band.start)
-        n_band, n_below = int(self._counts[band].sum()), int(self._counts[below].sum())
-        n_beams = self._has_beam.shape[1]
-        seen_by = int(np.count_nonzero(self._has_beam[band].any(axis=0)))
+        n_band, n_below = int(counts[band].sum()), int(counts[below].sum())
+        n_beams = self._counts.shape[1]
+        seen_by = int(np.count_nonzero(self._counts[band].any(axis=0)))
         if n_band < _MIN_SHARE * total or n_band <= n_below or seen_by < _MIN_BEAMS * n_beams:
             return None
-        filled: Floats = np.flatnonzero(self._counts[band]).astype(np.float64) + band.start
+        filled: Floats = np.flatnonzero(counts[band]).astype(np.float64) + band.start
         return float(filled[0]) * _BIN, float(filled[-1] + 1.0) * _BIN, n_band / total
+
+    def ring(self) -> Ring | None:
+        """Return the readings that stay at one range in all directions; None without."""
+        total = int(self._counts.sum())
+        for counts, widths in ((self._counts, _WIDTHS), (self._loose, _LOOSE_WIDTHS)):
+            low, n = _densest(counts, widths, total)
+            n_inside = int(counts[low : low + n].sum())
+            # a wall's readings may be loose by noise: of a code, so are most
+            if n and self._n_scans >= _MIN_SCANS and _LOOSE_IN * n_inside >= int(self._counts[low : low + n].sum()):
+                # what is rounded lies on the edge of a bin
+                return Ring((low - 0.5) * _BIN, (low + n + 0.5) * _BIN, n_inside / total, counts is self._loose)
+        return None
+
+
+def _densest(counts: NDArray[np.int32], widths: tuple[int, ...], total: int) -> tuple[int, int]:
+    """Return first bin and width of the band that stands out most from what lies beside it; a width of 0 without."""
+    cumulated = np.vstack([np.zeros_like(counts[:1]), np.cumsum(counts, axis=0, dtype=np.int64)])
+    sums, best, found = cumulated.sum(axis=1), float(_TIMES), (0, 0)
+    n_seeing = int(np.count_nonzero(cumulated[-1]))
+    for n in widths:
+        side = max(n // 2, 2)
+        low = np.arange(side, len(counts) - n - side)
+        inside = sums[low + n] - sums[low]
+        beside = np.maximum(sums[low] - sums[low - side], sums[low + n + side] - sums[low + n]) / side
+        times = inside / n / np.maximum(beside, 1.0 / side)
+        for k in np.flatnonzero((inside * _ONE_IN >= total) & (2 * inside <= total) & (times >= best)):
+            of_beams = cumulated[low[k] + n] - cumulated[low[k]]
+            # a beam that sees nothing else looks at what stands where the sensor stands
+            tells = (2 * n_seeing * of_beams >= inside[k]) & (10 * of_beams <= 9 * cumulated[-1])
+            if times[k] >= best and 2 * np.count_nonzero(tells) >= n_seeing:
+                best, found = float(times[k]), (int(low[k]), n)
+    return found
+
+
+def _is_loose(scan: LaserScan) -> Bools:
+    """Return (n,) whether a reading is of no surface: one of fewer than four side by side at no steep slope."""
+    ranges = np.where(scan.valid, scan.ranges, np.inf)
+    nearer = np.minimum(ranges[1:], ranges[:-1])
+    with np.errstate(invalid="ignore"):
+        joins = np.abs(np.diff(ranges)) <= _BIN + nearer * abs(scan.angle_increment)
+    pieces = np.concatenate([[0], np.cumsum(~joins)])
+    loose: Bools = np.bincount(pieces)[pieces] < _N_SURFACE
+    return loose

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import judge
 from curvescan.io.files.read_errors import ReadError
-from curvescan.io.log import Log, ScanAccess
+from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.live.pipeline import LiveReport
 from curvescan.live.sinks import MapSink
@@ -58,29 +59,29 @@ class ResultsSink(MapSink):
         *,
         name: str,
         engine: Engine,
-        log: Log | None = None,
+        log: PreparedLog | None = None,
         command: Sequence[str] = (),
     ) -> tuple[str, ...]:
-        """Write the results into an existing folder, after the sink was closed, and return the names of the files.
+        """Write the results into a folder, after the sink was closed; of a log they are those of the offline command.
 
-        Of a log that was replayed they are those of the offline command. A laser's scans have gone: its maps are drawn
-        from those that were kept, one for every 0.15 m and 20 degrees.
+        A laser's scans have gone: its maps are drawn from those kept, one for every 0.15 m and 20 degrees.
         """
-        is_partial = report.error is not None or len(log or ()) > report.n_scans
-        record = self._recorder.record(engine.method, is_partial=is_partial)
+        scans = _Passed(name, report.n_scans) if log is None else log.log
+        is_partial = report.error is not None or len(scans) > report.n_scans
+        has_prior = log is not None and log.odometry_poses is not None
+        record = self._recorder.record(engine.method, is_partial=is_partial, has_prior=has_prior)
         if isinstance(engine, Slam):
             revised = replace(self._finished(engine), stamps=record.online.stamps)
             record = replace(record, trajectory=revised, seconds_to_finish=self._seconds_to_finish)
-        scans = log or _Passed(name, report.n_scans)
-        maps = None
-        if log is None or isinstance(engine, Localizer):
-            maps = self._maps(engine, record.trajectory.poses)
+        is_drawn = log is None or isinstance(engine, Localizer)
+        maps = self._maps(engine, record.trajectory.poses) if is_drawn else None
         run = Run(
             log=scans,
             scans=scans,
             engine=engine,
             record=record,
-            verdict=judge(record, engine),
+            prepared=log,
+            verdict=judge(record, engine, log),
             occupancy=self._occupancy,
             maps=maps,
             command=tuple(command),

@@ -104,15 +104,7 @@ class Paced:
 
 
 class MendedSource:
-    """A source whose scans :class:`curvescan.diagnostics.mending.StreamMender` mends.
-
-    Parameters
-    ----------
-    source : ScanSource
-        A running laser.
-    tell : callable
-        Called with a sentence when something is mended, or no longer is.
-    """
+    """A running laser whose scans a StreamMender mends; tell: called with a sentence for what is, or no longer is."""
 
     def __init__(self, source: ScanSource, tell: Callable[[str], object]) -> None:
         self._source, self._mender = source, StreamMender(tell)

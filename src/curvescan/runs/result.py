@@ -50,7 +50,7 @@ class Run:
     scans : Log
         The log as it was run: mended, its scans held in memory where they are few.
     prepared : PreparedLog or None
-        What was mended in the log, and whether its wheels or gyroscope are used; None of a live run.
+        What was mended in the log, and whether its wheels or gyroscope are used; None of a running laser.
     maps : RunMaps or None
         The maps along the trajectory, where they are made already.
     occupancy : OccupancyConfig

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import pickle
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 from numpy.typing import ArrayLike
 
+from curvescan._compilation import watch
 from curvescan.configs import as_config, nearest
 from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
@@ -25,6 +29,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.odometry.run import in_turn
 from curvescan.runs.graph_files import edges_of
 from curvescan.runs.odometry_process import OdometryProcess, can_run_ahead
 from curvescan.runs.result import Run
@@ -33,7 +38,7 @@ from curvescan.scan import LaserScan
 from curvescan.slam import Localizer, Slam, SlamConfig, SlamMap, run_engine
 from curvescan.slam.localization.grid_map import opened
 from curvescan.slam.map import as_map
-from curvescan.slam.run import Engine
+from curvescan.slam.run import Engine, odometry_of
 from curvescan.types import Pose, UncertainPose
 
 EngineName: TypeAlias = Literal["odometry", "slam"]
@@ -41,6 +46,9 @@ PathLike: TypeAlias = str | os.PathLike[str]
 LogLike: TypeAlias = Log | Iterable[LaserScan] | PathLike
 
 _STAGES: dict[EngineName, str] = {"odometry": "odometry", "slam": "SLAM"}
+_N_FIRST = 4
+"""Scans that load the kernels: with the fourth one there is a motion to expect."""
+
 _HINT = "the configuration of the matcher is given as matcher="
 
 
@@ -281,6 +289,7 @@ class _Job:
             )
             scans, odometry_poses = prepared.log, prepared.odometry_poses
             engine = new(deskew and prepared.sensor.can_deskew)
+            load_kernels(engine, scans, odometry_poses)
             shown.begin(stage, len(scans))
             ahead = None
             if other is not None and isinstance(engine, Slam):
@@ -311,6 +320,16 @@ class _Job:
                 files = tuple(sorted(file.name for file in folder.iterdir()))
                 result = replace(result, maps=maps, files=files, left_out=left_out(maps))
         return result
+
+
+def load_kernels(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:
+    """Have a copy of the odometry place the first scans, so that none waits for the kernels when time is taken.
+
+    What these scans do not reach is compiled when it is reached, or never; odometry_poses (n, 3).
+    """
+    copied: Odometry = pickle.loads(pickle.dumps(odometry_of(engine)))
+    deque(in_turn(copied, islice(scans, _N_FIRST), odometry_poses), maxlen=0)
+    watch.report()
 
 
 def _export(result: Run, out: PathLike, exports: Sequence[ExportName]) -> Run:

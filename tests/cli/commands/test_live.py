@@ -54,6 +54,34 @@ def test_a_replay_leaves_the_results_of_the_odometry(log, tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_a_replay_is_mended_and_ends_with_the_verdict_of_the_offline_run(tmp_path, capsys):
+    # codes of 6 m in beams all around, and three scans in a row that saw nothing
+    rng, scans = np.random.default_rng(1), []
+    for k, scan in enumerate(simulate("office", sensor="spinning-360", n_scans=80, seed=1, odometry_noise=None)):
+        is_code = rng.random(len(scan)) < 0.3
+        ranges = np.where(is_code, 6.0, scan.ranges) if k not in (40, 41, 42) else np.zeros(len(scan))
+        scans.append(replace(scan, ranges=ranges, range_max=20.0))
+    path = tmp_path / "spoilt.npz"
+    write_log(path, scans)
+    last, records = {}, {}
+    for name, options in (("live", ["--speed", "0", "--no-page", "--odometry-only"]), ("odometry", [])):
+        assert run([name, str(path), *options, "--out", str(tmp_path / name)]) == 3
+        told = capsys.readouterr()
+        assert "ignored: readings at one range in all directions" in told.err
+        last[name] = told.out.splitlines()[-1]
+        records[name] = json.loads((tmp_path / name / "run.json").read_text())
+    assert last["live"] == last["odometry"]
+    assert last["live"].startswith("not to be trusted: 3 of 79 scans are not matched")
+    assert records["live"]["verdict"] == records["odometry"]["verdict"]
+    assert records["live"]["mended"] == records["odometry"]["mended"] != []
+    # without a folder too, and as it is
+    assert run(["live", str(path), *["--speed", "0", "--no-page", "--odometry-only", "--as-is"]]) == 3
+    told = capsys.readouterr()
+    assert "ignored" not in told.err
+    assert told.out.splitlines()[-1].startswith("not to be trusted")
+
+
+@pytest.mark.slow
 def test_beams_in_reverse_are_not_deskewed_as_offline(log, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(
         "curvescan.diagnostics.sensor.beam_order_of_log",

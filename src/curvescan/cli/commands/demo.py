@@ -65,7 +65,7 @@ def demo(
 
 def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamFlags) -> int:
     from curvescan import run
-    from curvescan.cli.console import OUT, load_kernels, run_display
+    from curvescan.cli.console import OUT, run_display
     from curvescan.cli.summary import errors_of, report
     from curvescan.io import output_folder
     from curvescan.plots.map import draw_side_by_side
@@ -75,7 +75,7 @@ def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamF
     with output_folder(out) as folder:  # first of all: a place that cannot be written costs no work
         simulation = simulated()
         truth = simulation.truth.poses
-        with run_display(lambda: load_kernels(matching.method, slam=True)) as display:
+        with run_display() as display:
             result = run(
                 simulation,
                 "slam",

@@ -228,14 +228,7 @@ def _follow(
     )
     OUT.print(summary(report, source.name, engine), markup=False)
     if outputs.folder is not None and results is not None and report.n_scans:
-        files = results.write(
-            outputs.folder,
-            report,
-            name=source.name,
-            engine=engine,
-            log=source.log if isinstance(source, LogSource) else None,
-            command=sys.argv,
-        )
+        files = results.write(outputs.folder, report, name=source.name, engine=engine, log=prepared, command=sys.argv)
         OUT.print(f"wrote {outputs.out}/{', '.join(files)}", markup=False)
     if verdict is not None:
         OUT.print(with_flags(verdict.sentence), markup=False, soft_wrap=True)

@@ -48,7 +48,7 @@ def localize(
     """
     import numpy as np
 
-    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.console import run_display
     from curvescan.cli.summary import report
     from curvescan.runs.run import localize as localize_log
     from curvescan.types import UncertainPose
@@ -62,6 +62,6 @@ def localize(
             here if not sigmas else UncertainPose(here, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
         )
     options = run_options(log, rules.matching, use)
-    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
+    with run_display() as display:
         result = localize_log(source, map, out=out, config=rules.slam, initial_pose=begin, display=display, **options)
     return report(result, out)

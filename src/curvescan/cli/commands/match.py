@@ -39,7 +39,7 @@ def match(
     import numpy as np
 
     from curvescan import match as match_scans
-    from curvescan.cli.console import OUT, load_kernels
+    from curvescan.cli.console import OUT
     from curvescan.io import output_folder, pick_scans
     from curvescan.matchers.cfsma.trace import CfSmaTrace
     from curvescan.plots.match import save_match
@@ -47,7 +47,6 @@ def match(
     source, out = reading.open(log), results_folder(out, log, "match")
     reference, current = pick_scans(source, (i, j))
     with output_folder(out) as folder:
-        load_kernels(matching.method)
         result = match_scans(reference, current, method=matching.method, config=matching.matcher)
         save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=matching.cfsma)
     OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)

@@ -47,12 +47,12 @@ def odometry(
         Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap,
         scans and poses for Foxglove and ROS 2).
     """
-    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.console import run_display
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
     source, out = use.reading.open(log), results_folder(out, log, "odometry")
-    with run_display(lambda: load_kernels(rules.matching.method)) as display:
+    with run_display() as display:
         result = run(
             source,
             out=out,

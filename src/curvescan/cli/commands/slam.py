@@ -70,7 +70,7 @@ def slam(
         Further files: kitti (trajectory.kitti, 3x4 rows), mcap (run.mcap, scans and poses for Foxglove and ROS 2);
         graph.g2o is written in any case.
     """
-    from curvescan.cli.console import load_kernels, run_display
+    from curvescan.cli.console import run_display
     from curvescan.cli.summary import report
     from curvescan.runs.run import run
 
@@ -79,7 +79,7 @@ def slam(
     if log is None:
         return 0
     source = use.reading.open(log)
-    with run_display(lambda: load_kernels(rules.matching.method, slam=True)) as display:
+    with run_display() as display:
         result = run(
             source,
             "slam",

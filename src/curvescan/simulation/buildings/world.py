@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.types import Bools, Floats, Points
+from curvescan.types import Bools, Floats, Ints, Points
 
 _CHUNK = 2048  # points measured at once: keeps the (points, primitives) tables in the cache
 
@@ -146,15 +146,15 @@ class World:
         distances = np.full(len(points), np.inf)
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK, np.newaxis]
-            for distance in (
-                _to_walls(chunk, self.walls),
-                _to_boxes(chunk, self.boxes),
-                np.maximum(_norm(chunk - self.circles[:, :2]) - self.circles[:, 2], 0.0),
-                _to_arcs(chunk, self.arcs),
+            part = distances[start : start + _CHUNK]
+            for primitives, to_nearest in (
+                (self.walls, _to_walls),
+                (self.boxes, _to_boxes),
+                (self.circles, _to_circles),
+                (self.arcs, _to_arcs),
             ):
-                if distance.shape[1]:
-                    part = distances[start : start + _CHUNK]
-                    np.minimum(part, distance.min(axis=1), out=part)
+                if len(primitives):
+                    np.minimum(part, to_nearest(chunk, primitives), out=part)
         return distances
 
     def is_free(self, points: ArrayLike, clearance: float = 0.0) -> Bools:
@@ -192,19 +192,37 @@ def _norm(vectors: Floats) -> Floats:
     return cast(Floats, np.hypot(vectors[..., 0], vectors[..., 1]))
 
 
+def _picked(x: Floats, y: Floats, nearest: Ints) -> Floats:
+    """Return the length of one vector of each row; those of the others, which take time, are not worked out."""
+    rows = np.arange(len(nearest))
+    return cast(Floats, np.hypot(x[rows, nearest], y[rows, nearest]))
+
+
+def _shortest(x: Floats, y: Floats) -> Floats:
+    return _picked(x, y, np.argmin(x * x + y * y, axis=1))
+
+
 def _to_walls(points: Floats, walls: Floats) -> Floats:
-    start, edge = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    squared = np.maximum(np.sum(edge**2, axis=1), np.finfo(np.float64).tiny)
-    along = np.clip(np.sum((points - start) * edge, axis=-1) / squared, 0.0, 1.0)
-    return _norm(points - start - along[..., np.newaxis] * edge)
+    x0, y0 = walls[:, 0], walls[:, 1]
+    dx, dy = walls[:, 2] - x0, walls[:, 3] - y0
+    squared = np.maximum(dx**2 + dy**2, np.finfo(np.float64).tiny)
+    x, y = points[..., 0] - x0, points[..., 1] - y0
+    along = np.clip((x * dx + y * dy) / squared, 0.0, 1.0)
+    return _shortest(x - along * dx, y - along * dy)
 
 
 def _to_boxes(points: Floats, boxes: Floats) -> Floats:
     cos, sin = np.cos(boxes[:, 4]), np.sin(boxes[:, 4])
-    offset = points - boxes[:, :2]
-    along = np.abs(cos * offset[..., 0] + sin * offset[..., 1]) - 0.5 * boxes[:, 2]
-    across = np.abs(cos * offset[..., 1] - sin * offset[..., 0]) - 0.5 * boxes[:, 3]
-    return cast(Floats, np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0)))
+    x, y = points[..., 0] - boxes[:, 0], points[..., 1] - boxes[:, 1]
+    along = np.abs(cos * x + sin * y) - 0.5 * boxes[:, 2]
+    across = np.abs(cos * y - sin * x) - 0.5 * boxes[:, 3]
+    return _shortest(np.maximum(along, 0.0), np.maximum(across, 0.0))
+
+
+def _to_circles(points: Floats, circles: Floats) -> Floats:
+    x, y = points[..., 0] - circles[:, 0], points[..., 1] - circles[:, 1]
+    nearest = np.argmin(np.sqrt(x * x + y * y) - circles[:, 2], axis=1)
+    return cast(Floats, np.maximum(_picked(x, y, nearest) - circles[nearest, 2], 0.0))
 
 
 def _to_arcs(points: Floats, arcs: Floats) -> Floats:
@@ -215,7 +233,7 @@ def _to_arcs(points: Floats, arcs: Floats) -> Floats:
     for angle in (arcs[:, 3], arcs[:, 3] + arcs[:, 4]):
         end = arcs[:, 2:3] * np.column_stack([np.cos(angle), np.sin(angle)])
         ends = np.minimum(ends, _norm(offset - end))
-    return np.where(turned <= arcs[:, 4], distance, ends)
+    return cast(Floats, np.where(turned <= arcs[:, 4], distance, ends).min(axis=1))
 
 
 def _read_only_rows(values: ArrayLike, name: str, width: int) -> Floats:

@@ -35,19 +35,11 @@ class Grid:
 
     def reachable(self, start: ArrayLike, clearance: float) -> Points:
         """Return the (n, 2) cell centres that can be reached from a place with some clearance, metres."""
+        from scipy.ndimage import label  # loaded when a robot wanders
+
         is_open = self.clearance >= clearance
-        reached = np.zeros_like(is_open)
-        reached[self._nearest_open(start, is_open)] = True
-        while True:
-            grown = reached.copy()
-            grown[1:] |= reached[:-1]
-            grown[:-1] |= reached[1:]
-            grown[:, 1:] |= reached[:, :-1]
-            grown[:, :-1] |= reached[:, 1:]
-            grown &= is_open
-            if np.array_equal(grown, reached):
-                return self._centres(np.argwhere(reached))
-            reached = grown
+        pieces, _ = label(is_open)  # cells that share a side belong together
+        return self._centres(np.argwhere(pieces == pieces[self._nearest_open(start, is_open)]))
 
     def plan(self, start: ArrayLike, goal: ArrayLike, clearance: float) -> Points | None:
         """Return a walk from start to goal (A*; cells near things count as longer).

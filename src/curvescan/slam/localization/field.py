@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from curvescan._jit import kernel
 from curvescan.errors import MapTooLargeError
@@ -92,6 +91,8 @@ class DistanceField:
 
 def field_of(slam_map: SlamMap) -> DistanceField:
     """Return the field of a map, from its keyframes."""
+    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
     resolution = RESOLUTION
     while True:
         try:

@@ -7,9 +7,9 @@ between the two would lower the sum, so that it is never too small.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Floats, Ints
@@ -38,6 +38,8 @@ class MapPrecision:
         if i < 0 or i == j:
             return np.zeros((3, 3))
         if i != self._from:
+            from scipy.sparse.csgraph import dijkstra  # loads for a good part of a second
+
             self._before = dijkstra(self._ways, directed=False, indices=i, limit=_FAR, return_predecessors=True)[1]
             self._from = i
         position, rotation, at = 0.0, 0.0, j
@@ -55,8 +57,10 @@ class MapPrecision:
 
 def _best_edges(
     n: int, ends: Ints, position: Floats, rotation: Floats
-) -> tuple[dict[tuple[int, int], tuple[float, float]], csr_array]:
+) -> tuple[dict[tuple[int, int], tuple[float, float]], Any]:
     """Return the variance of the best edge of each pair of keyframes, and the graph weighed by them."""
+    from scipy.sparse import csr_array
+
     weights = position + _LEVER_M**2 * rotation
     variances: dict[tuple[int, int], tuple[float, float]] = {}
     for k in np.argsort(-weights, kind="stable").tolist():  # the best one last

@@ -14,7 +14,6 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from curvescan import se2
 from curvescan.se2.uncertain import UncertainPose
@@ -101,6 +100,8 @@ class MapSearch:
     """
 
     def __init__(self, field: DistanceField, keyframes: Pose, n_tried: int) -> None:
+        from scipy.spatial import cKDTree  # loads for a good part of a second
+
         self.field = field
         self._n_tried = n_tried
         self._places = field.places(STEP_M, _CLEARANCE_M)
