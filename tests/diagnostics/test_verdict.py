@@ -115,6 +115,17 @@ def test_a_bare_corridor_is_trusted_with_wheels_alone():
     assert cs.run(log, odometry_prior=True).verdict.is_trusted
 
 
+@pytest.mark.parametrize(("share", "is_trusted"), [(0.3, True), (0.31, False)])
+def test_a_drive_that_is_open_for_a_third_is_not_trusted_without_wheels(share, is_trusted):
+    is_open = np.arange(100) < 100 * share
+    for engine in ("odometry", "slam"):
+        figures = {"n": 100, "is_open": is_open, "engine": engine}
+        assert verdict_of(evidence(**figures)).is_trusted == is_trusted
+        assert verdict_of(evidence(**figures, motion="used")).is_trusted
+    if not is_trusted:
+        assert "in 31% of the scans motion along one direction is unobservable" in reason(n=100, is_open=is_open)
+
+
 def test_faults_that_spoil_readings_are_reasons_and_others_are_not():
     assert STALE.what in reason(faults=(STALE.what,))
     log = cs.simulate("office", n_scans=5, seed=1)

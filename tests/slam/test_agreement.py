@@ -1,18 +1,19 @@
-"""Agreement: which sets of closures that wait are accepted."""
+"""Agreement: the odds of sets of matches that agree, and of those that contradict them."""
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.slam import SlamConfig
-from curvescan.slam.loops.agreement import Waiting
+from curvescan.slam.loops.agreement import best_group
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 from curvescan.slam.loops.cycles import Chain
 from curvescan.types import Pose
 
+CONFIG = SlamConfig()
 N = 40
 POSES: Pose = np.column_stack((0.5 * np.arange(N), np.zeros(N), np.zeros(N)))
 """A corridor; the last keyframes are to be tied to the first ones."""
@@ -23,58 +24,51 @@ ROOM = np.array([3.7, 0.0, 0.0])
 """To the next room, which looks the same."""
 
 
-def _closure(i: int, j: int, distance: float, off: Pose | float = 0.0) -> Closure:
-    true = se2.between(POSES[i], POSES[j])
+def _closure(i: int, j: int, off: Pose | float = 0.0, expectation: float = 3.0, confidence: float = 0.98) -> Closure:
+    """A match that agrees with the chain but for `off`; what the graph says of it is given."""
     return Closure(
-        scan=j,
-        i=i,
-        j=j,
-        pose=true + off,
+        scan=j, i=i, j=j, pose=se2.between(POSES[i], POSES[j]) + off,
         covariance=np.diag(np.square([0.01, 0.01, 0.005])),
-        score=0.9,
-        distance=distance,
-        outcome=ClosureOutcome.WAITING,
-        confidence=0.9,
-    )
+        score=0.9, distance=1.0, outcome=ClosureOutcome.WAITING, confidence=confidence, expectation=expectation,
+    )  # fmt: skip
 
 
-def _accepted(closures: list[Closure]) -> list[Closure]:
-    waiting = Waiting(SlamConfig())
-    return [c for one in closures for c in waiting.add(one, CHAIN)]
+def _lead(pool: list[Closure], chain: Chain = CHAIN, missed: float = 0.0) -> tuple[int, float, float]:
+    """Return how many agree with the last of a pool, their log odds, and those of what contradicts them."""
+    group, against = best_group(pool, chain, CONFIG, np.full(len(pool), missed), CONFIG.closures.certain_m)
+    return len(group.members), group.log_odds, against
 
 
-def test_three_that_agree_are_accepted() -> None:
-    given = [_closure(i, i + 30, 0.1) for i in range(3)]
-    assert len(_accepted(given[:2])) == 0
-    assert len(_accepted(given)) == 3
+def test_views_a_step_apart_say_little_more_than_one() -> None:
+    one = _lead([_closure(0, 30)])[1]
+    near = _lead([_closure(0, 30), _closure(1, 31)])[1]
+    far = _lead([_closure(0, 30), _closure(4, 34)])[1]
+    assert one < near < far
+    own = math.log(0.98 / 0.02)
+    np.testing.assert_allclose([one - 3.0, near - 3.0, far - 3.0], [own, 1.25 * own, 2.0 * own])
 
 
-def test_what_was_accepted_speaks_against_other_places_and_for_its_own() -> None:
-    """A second lap begins: true ones first, then more than twice as many matches with the next room."""
-    true = [_closure(i, i + 30, 0.1) for i in range(4)]
-    lookalikes = [_closure(4 + i, 31 + i // 2, 1.9, ROOM) for i in range(10)]
-    waiting = Waiting(SlamConfig())
-    assert len([c for one in true for c in waiting.add(one, CHAIN)]) == 4
-    # one more that agrees with those accepted needs no others
-    assert len(waiting.add(_closure(5, 35, 0.1), CHAIN)) == 1
-    # what contradicts them is not taken, however many
-    assert not [c for one in lookalikes for c in waiting.add(one, CHAIN)]
-    waiting.optimize()
-    waiting.adopt()
-    # after the optimization the graph itself expects them elsewhere
-    assert len([c for one in lookalikes for c in waiting.add(one, CHAIN)]) == 10
+def test_a_stretch_that_looks_alike_is_no_surer_the_longer_it_is() -> None:
+    n, odds, _ = _lead([_closure(k, 20 + k, ROOM) for k in range(0, 20, 2)])
+    assert n == 10
+    np.testing.assert_allclose(odds, CONFIG.closures.most_log_odds + 3.0)
 
 
-def test_what_an_optimization_did_not_know_speaks_on_after_it() -> None:
-    """Closures that were tried before it began and accepted after."""
-    true = [_closure(i, i + 30, 0.1) for i in range(3)]
-    lookalikes = [_closure(4 + i, 31 + i // 2, 1.9, ROOM) for i in range(6)]
-    waiting = Waiting(SlamConfig())
-    assert not [c for one in true[:2] for c in waiting.add(one, CHAIN)]
-    waiting.optimize()
-    assert len(waiting.add(dataclasses.replace(true[2], scan=0), CHAIN)) == 3
-    waiting.adopt()
-    assert not [c for one in lookalikes for c in waiting.add(one, CHAIN)]
+def test_what_contradicts_a_set_has_its_own_odds() -> None:
+    true = [_closure(i, i + 30, expectation=10.0) for i in (0, 4)]
+    lookalikes = [_closure(3 + i, 30 + i, ROOM, expectation=-4.0) for i in (0, 2, 4)]
+    n, odds, against = _lead([*true, *lookalikes])
+    assert n == 3
+    assert against > odds
+    n, odds, against = _lead([*lookalikes, *true])
+    assert n == 2
+    assert odds - against > CONFIG.closures.log_odds
+
+
+def test_a_slip_is_accepted_where_the_graph_as_it_is_does_not_explain_the_views() -> None:
+    slipped = [_closure(i, i + 30, ROOM, expectation=-6.0) for i in (0, 3, 6, 9)]
+    assert _lead(slipped)[1] < CONFIG.closures.log_odds
+    assert _lead(slipped, missed=1.0)[1] > CONFIG.closures.log_odds
 
 
 def _slipped(row: int, sigma_m: float) -> Chain:
@@ -85,58 +79,8 @@ def _slipped(row: int, sigma_m: float) -> Chain:
 
 
 def test_closures_agree_across_a_step_that_is_known_to_decimetres() -> None:
-    before = [_closure(0, 30, 0.1), _closure(1, 30, 0.1)]
-    after = _closure(3, 31, 0.1, np.array([0.2, 0.0, 0.0]))
-
-    def n_accepted(chain: Chain) -> int:
-        waiting = Waiting(SlamConfig())
-        return len([c for one in (*before, after) for c in waiting.add(one, chain)])
-
-    assert n_accepted(CHAIN) == 0
-    assert n_accepted(_slipped(31, 0.1)) == 3
+    pool = [_closure(0, 30), _closure(1, 30), _closure(3, 31, np.array([0.2, 0.0, 0.0]))]
+    assert _lead(pool)[0] == 1
+    assert _lead(pool, _slipped(31, 0.1))[0] == 3
     # one known to half a metre would lead to the next room as well
-    assert n_accepted(_slipped(31, 0.5)) == 0
-
-
-def test_what_was_accepted_contradicts_nothing_beyond_a_slip() -> None:
-    chain = _slipped(34, 2.0)
-    true = [_closure(i, i + 30, 0.1) for i in range(4)]
-    moved = [_closure(6 + i, 35 + i // 2, 0.1, ROOM) for i in range(8)]
-    waiting = Waiting(SlamConfig())
-    assert len([c for one in true for c in waiting.add(one, chain)]) == 4
-    assert len([c for one in moved for c in waiting.add(one, chain)]) == 8
-
-
-def test_the_next_room_waits_while_matches_where_the_graph_has_them_contradict_it() -> None:
-    """The keyframes match their own place and, by many more, a room that the graph can hardly have there."""
-    likely = [_closure(0, 30, 0.0), _closure(1, 31, 0.0)]
-    lookalikes = [dataclasses.replace(_closure(4 + i, 30 + i // 2, 2.0, ROOM), is_doubtful=True) for i in range(8)]
-
-    def n_accepted(first: list[Closure]) -> int:
-        waiting = Waiting(SlamConfig())
-        return len([c for one in (*first, *lookalikes) for c in waiting.add(one, CHAIN)])
-
-    assert n_accepted(likely) == 0
-    assert n_accepted([]) == 8
-    assert n_accepted(likely[:1]) == 8
-
-
-def test_a_log_that_ends_as_its_loop_closes_waits_for_no_further_view() -> None:
-    def concluded(closures: list[Closure]) -> int:
-        waiting = Waiting(SlamConfig())
-        assert not [c for one in closures for c in waiting.add(one, CHAIN)]
-        return len(waiting.conclude(CHAIN))
-
-    last = N - 1
-    of_last = [_closure(i, last, 0.1) for i in range(3)]
-    assert concluded(of_last) == 3
-    assert concluded(of_last[:2]) == 0
-    assert concluded([dataclasses.replace(c, is_doubtful=True) for c in of_last]) == 0
-    assert concluded([dataclasses.replace(c, j=last - 1) for c in of_last]) == 0
-
-
-def test_three_that_agree_wait_where_two_agree_on_another_place() -> None:
-    lookalikes = [_closure(i, i + 30, 1.9, ROOM) for i in range(3)]
-    assert len(_accepted(lookalikes)) == 3
-    others = [_closure(4 + i, 30 + i, 0.1) for i in range(2)]
-    assert len(_accepted([*others, *lookalikes])) == 0
+    assert _lead(pool, _slipped(31, 0.5))[0] == 1

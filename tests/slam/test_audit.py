@@ -6,7 +6,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.loops.audit import contradictions
+from curvescan.slam.loops.audit import Contradiction, contradictions, groups_against
 from curvescan.slam.loops.closures import Closure, ClosureOutcome
 
 CONFIG = SlamConfig()
@@ -21,22 +21,41 @@ def _refused(i: int, j: int, off: list[float], confidence: float = 0.99) -> Clos
     )  # fmt: skip
 
 
+def _said(tried: list[Closure]) -> list[Contradiction]:
+    return contradictions(groups_against(tried, POSES, CONFIG), POSES, 100 + np.arange(40))
+
+
 def test_matches_of_three_keyframes_that_agree_contradict_the_map() -> None:
     group = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0]) for k in range(3)]
-    (found,) = contradictions(group, POSES, 100 + np.arange(40), CONFIG)
+    (found,) = _said(group)
     assert found.pairs.tolist() == [[102, 130], [103, 131], [104, 132]]
     np.testing.assert_allclose(found.place, [15.5, 0.0])
     np.testing.assert_allclose(found.off, [1.0, 0.5, 0.0], atol=1e-12)
 
 
-def test_what_disagrees_is_unsure_or_fits_the_map_contradicts_nothing() -> None:
+def test_what_disagrees_is_unsure_fits_the_map_or_shows_another_place_contradicts_nothing() -> None:
     disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(3)]
     unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(3)]
     fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(3)]
-    for group in (disagreeing, unsure, fitting):
-        assert contradictions(group, POSES, np.arange(40), CONFIG) == []
+    elsewhere = [_refused(2 + k, 30 + k, [60.0, 0.5, 0.0]) for k in range(3)]
+    for group in (unsure, fitting, elsewhere):
+        assert groups_against(group, POSES, CONFIG) == []
+    assert [len(group) for group in groups_against(disagreeing, POSES, CONFIG)] == [1, 1, 1]
+    assert _said(disagreeing) == []
 
 
 def test_one_keyframe_alone_contradicts_nothing() -> None:
     group = [_refused(2 + k, 30, [1.0, 0.5, 0.0]) for k in range(6)]
-    assert contradictions(group, POSES, np.arange(40), CONFIG) == []
+    assert len(groups_against(group, POSES, CONFIG)) == 1
+    assert _said(group) == []
+
+
+def test_matches_of_far_stretches_are_no_set() -> None:
+    apart = [_refused(1, 12, [1.0, 0.5, 0.0]), _refused(2, 34, [1.0, 0.5, 0.0])]
+    assert [len(group) for group in groups_against(apart, POSES, CONFIG)] == [1, 1]
+
+
+def test_a_map_that_is_off_by_less_than_half_a_metre_is_not_bent() -> None:
+    near = [_refused(2 + k, 30 + k, [0.3, 0.2, 0.0]) for k in range(3)]
+    assert len(groups_against(near, POSES, CONFIG)) == 1
+    assert _said(near) == []

@@ -1,4 +1,4 @@
-"""Closures: what a match must be like to be believed."""
+"""Closures: what a match must be like to be accepted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import curvescan as cs
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, judged, vaguely
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of
 
 
 @pytest.fixture(scope="module")
@@ -23,96 +23,69 @@ def result() -> MatchResult:
     return dataclasses.replace(found, confidence=0.95)
 
 
-def _outcome(result: MatchResult, sigma_along: float = 0.02) -> ClosureOutcome:
-    config = SlamConfig()
-    cov = np.diag(np.square([sigma_along, 0.02, 0.01]))
-    expected = vaguely(UncertainPose(result.pose, cov), config)
-    return judged(result, expected, config, scan=9, i=0, j=20).outcome
+def _tested(
+    result: MatchResult, off_m: float = 0.0, sigma_m: float = 0.02, *, turn: float = 0.0, j: int = 20
+) -> Closure:
+    """Test a match that lies off along x where the graph knows it to `sigma_m`, and 0.02 rad."""
+    cov = np.diag(np.square([sigma_m, sigma_m, 0.02]))
+    expected = UncertainPose(result.pose - [off_m, 0.0, turn], cov)
+    return closure_of(result, expected, SlamConfig(), scan=9, i=0, j=j)
 
 
-def test_a_match_where_the_graph_expects_it_is_believed(result: MatchResult) -> None:
-    assert _outcome(result) is ClosureOutcome.ACCEPTED
+def test_a_match_where_the_graph_surely_expects_it_is_accepted_alone(result: MatchResult) -> None:
+    assert _tested(result).outcome is ClosureOutcome.ACCEPTED
 
 
-def test_where_the_graph_is_vague_it_waits(result: MatchResult) -> None:
-    assert _outcome(result, 1.0) is ClosureOutcome.WAITING
+@pytest.mark.parametrize(("off_m", "sigma_m"), [(0.0, 2.0), (0.5, 0.05), (3.7, 0.3)])
+def test_where_the_graph_is_vague_or_contradicts_it_a_match_waits(
+    result: MatchResult, off_m: float, sigma_m: float
+) -> None:
+    assert _tested(result, off_m, sigma_m).outcome is ClosureOutcome.WAITING
 
 
-def test_a_match_that_is_likely_wrong_is_not_believed(result: MatchResult) -> None:
+def test_the_farther_off_and_the_vaguer_the_less_the_graph_speaks_for_it(result: MatchResult) -> None:
+    by_sigma = [_tested(result, 0.0, sigma).expectation for sigma in (0.02, 0.2, 2.0, 20.0)]
+    by_offset = [_tested(result, off, 0.2).expectation for off in (0.0, 0.3, 0.6, 0.9)]
+    assert by_sigma == sorted(by_sigma, reverse=True)
+    assert by_offset == sorted(by_offset, reverse=True)
+
+
+def test_the_odometry_may_slip_along_its_way_and_not_turn(result: MatchResult) -> None:
+    # as far as a metre; another room is farther
+    assert _tested(result, 1.0, 0.02).expectation > -6.0
+    assert _tested(result, 3.7, 0.02).expectation < -16.0
+    # a corridor seen from its other end
+    assert _tested(result, 0.0, 0.02, turn=np.pi).expectation < -1000.0
+
+
+def test_a_match_that_is_likely_wrong_is_refused(result: MatchResult) -> None:
     doubtful = dataclasses.replace(result, confidence=0.3)
-    assert _outcome(doubtful) is ClosureOutcome.LOW_CONFIDENCE
+    assert _tested(doubtful).outcome is ClosureOutcome.LOW_CONFIDENCE
 
 
 def test_a_matcher_without_a_confidence_is_judged_by_its_score(result: MatchResult) -> None:
     silent = dataclasses.replace(result, confidence=float("nan"), score=0.9)
-    assert _outcome(silent) is ClosureOutcome.ACCEPTED
+    assert _tested(silent).outcome is ClosureOutcome.ACCEPTED
     poor = dataclasses.replace(silent, score=0.1)
-    assert _outcome(poor) is ClosureOutcome.LOW_CONFIDENCE
+    assert _tested(poor).outcome is ClosureOutcome.LOW_CONFIDENCE
 
 
-def test_a_degenerate_match_counts_across_where_the_graph_knows_the_rest(result: MatchResult) -> None:
+def test_what_a_match_leaves_open_says_nothing_and_stays_open(result: MatchResult) -> None:
     along_x = dataclasses.replace(result, degenerate_direction=np.array([1.0, 0.0, 0.0]))
-    assert _outcome(along_x) is ClosureOutcome.ACCEPTED
-    assert _outcome(along_x, 1.0) is ClosureOutcome.DEGENERATE
-
-
-def _judged_off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 20) -> Closure:
-    """Judge a match that lies off along x where the graph knows it to `sigma_m`."""
-    config = SlamConfig()
-    cov = np.diag(np.square([sigma_m, sigma_m, 0.02]))
-    expected = vaguely(UncertainPose(result.pose - [off_m, 0.0, 0.0], cov), config)
-    return judged(result, expected, config, scan=9, i=0, j=j)
-
-
-def _off(result: MatchResult, off_m: float, sigma_m: float = 0.3, *, j: int = 20) -> ClosureOutcome:
-    return _judged_off(result, off_m, sigma_m, j=j).outcome
-
-
-def test_the_farther_off_the_more_must_agree(result: MatchResult) -> None:
-    assert not _judged_off(result, 1.8, sigma_m=1.0).is_doubtful
-    assert _judged_off(result, 2.5, sigma_m=1.0).is_doubtful
-    assert _off(result, 2.5, sigma_m=1.0) is ClosureOutcome.WAITING
-    assert _off(result, 3.5, sigma_m=1.0) is ClosureOutcome.UNEXPECTED
-
-
-def test_a_match_that_contradicts_the_graph_waits_only_where_it_is_near(result: MatchResult) -> None:
-    assert _off(result, 0.8) is ClosureOutcome.WAITING
-    assert _off(result, 1.4) is ClosureOutcome.WAITING
-    # however sure the graph is: it may have a wrong turn
-    assert _off(result, 0.5, sigma_m=0.01) is ClosureOutcome.WAITING
-    assert _judged_off(result, 0.5, sigma_m=0.01).is_doubtful
-    # the next room may look the same
-    assert _off(result, 3.7) is ClosureOutcome.UNEXPECTED
-    assert _off(result, 1.6, sigma_m=0.01) is ClosureOutcome.UNEXPECTED
-
-
-@pytest.mark.parametrize(("turn", "outcome"), [(0.3, ClosureOutcome.WAITING), (2.4, ClosureOutcome.UNEXPECTED)])
-def test_a_match_that_turns_the_way_contradicts_the_graph_wherever_it_lies(
-    result: MatchResult, turn: float, outcome: ClosureOutcome
-) -> None:
-    """A corridor seen from its other end."""
-    config = SlamConfig()
-    cov = np.diag(np.square([0.3, 0.3, 0.02]))
-    expected = vaguely(UncertainPose(result.pose - [0.0, 0.0, turn], cov), config)
-    assert judged(result, expected, config, scan=9, i=0, j=20).outcome is outcome
-
-
-def test_what_the_graph_cannot_exclude_waits_however_far_it_is(result: MatchResult) -> None:
-    assert _off(result, 3.7, sigma_m=2.0) is ClosureOutcome.WAITING
+    near, far = _tested(along_x), _tested(along_x, 2.0, 1.0)
+    assert near.covariance[0, 0] > 1e3
+    assert near.expectation < _tested(result).expectation
+    # across nothing is known better, along it is not measured
+    np.testing.assert_allclose(far.expectation, _tested(along_x, 0.0, 1.0).expectation, atol=0.01)
 
 
 def test_neighbours_are_not_tied_where_nothing_tells_how_they_lie(result: MatchResult) -> None:
-    assert _off(result, 0.0, j=2) is ClosureOutcome.UNTESTABLE
-    assert _off(result, 0.0, sigma_m=0.02, j=2) is ClosureOutcome.ACCEPTED
-    # nor those a few rooms of a corridor apart: all its rooms may look alike
-    assert _off(result, 0.0, sigma_m=3.0, j=10) is ClosureOutcome.UNTESTABLE
-    assert _off(result, 0.0, sigma_m=3.0, j=11) is ClosureOutcome.WAITING
-    # where a sensor was lost between them only matches tell
-    assert _off(result, 0.0, sigma_m=500.0, j=9) is ClosureOutcome.WAITING
+    """A few rooms of a corridor apart all its rooms may look alike."""
+    assert _tested(result, j=10).outcome is ClosureOutcome.ACCEPTED
+    assert _tested(result, 0.0, 3.0, j=10).outcome is ClosureOutcome.UNEXPECTED
+    assert _tested(result, 0.0, 3.0, j=11).outcome is ClosureOutcome.WAITING
 
 
 def test_a_loop_closure_links_keyframes_far_apart_along_the_path(result: MatchResult) -> None:
-    config = SlamConfig()
-    expected = vaguely(UncertainPose(result.pose, np.diag([4e-4, 4e-4, 1e-4])), config)
     for j, is_loop in ((9, False), (10, False), (11, True), (500, True)):
-        assert judged(result, expected, config, scan=j, i=0, j=j).is_loop is is_loop
+        assert _tested(result, j=j).is_loop is is_loop

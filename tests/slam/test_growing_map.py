@@ -24,9 +24,27 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(scans: 
     growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     growing.start(scans[0], 0, np.zeros(3), 0)
     lost = UncertainPose(np.zeros(3), np.diag([1e6, 1e6, 10.0]))
-    growing.append(scans[2], 2, lost, is_measured=False)
-    is_motion = growing.graph.kinds == EdgeKind.MOTION
-    assert np.linalg.eigvalsh(growing.graph.covariances[is_motion][0]).max() < 1e3
+    growing.append(scans[2], 2, lost)
+    assert np.linalg.eigvalsh(growing.graph.covariances[0]).max() < 1e4
+
+
+def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() -> None:
+    """Along a bare corridor the odometry tells the way; the walls tell the heading and the distance from them."""
+    walls = cs.simulation.World(walls=np.array([[-50.0, 1.0, 50.0, 1.0], [-50.0, -1.2, 50.0, -1.2]]))
+    poses = np.array([[0.5 * k, 0.0, 0.0] for k in range(4)])
+    scans = list(cs.simulate(walls, sensor="spinning-360", poses=poses, odometry_noise=None, seed=1))
+    growing = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
+    growing.start(scans[0], 0, np.zeros(3), 0)
+    for k in (1, 2, 3):
+        growing.append(scans[k], k, UncertainPose(np.array([0.45, 0.05, 0.05]), np.diag([0.01, 0.01, 0.01])))
+    graph = growing.graph
+    assert (graph.kinds == EdgeKind.MOTION).all()
+    np.testing.assert_allclose(graph.measured, [[0.45, 0.0, 0.0]] * 3, atol=0.03)
+    sigma = np.sqrt(np.diagonal(graph.covariances, axis1=1, axis2=2))
+    assert sigma[:, 1].max() < 0.03
+    assert sigma[:, 2].max() < 0.01
+    # what the odometry may slip grows with the way
+    assert (np.diff(sigma[:, 0]) > 0.0).all()
 
 
 def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: list[cs.LaserScan]) -> None:
@@ -35,7 +53,7 @@ def test_cycles_are_closed_along_the_odometry_whatever_closures_moved(scans: lis
     growing.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1, 2):
         motion = UncertainPose(np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
-        growing.append(scans[k], k, motion, is_measured=True)
+        growing.append(scans[k], k, motion)
     before = growing.graph.poses.copy()
     chain = growing.chain().poses
     closure = Closure(
@@ -53,7 +71,7 @@ def test_the_chain_of_a_map_that_is_continued_is_that_of_its_edges(scans: list[c
     made.start(scans[0], 0, np.zeros(3), 0)
     for k in (1, 2, 1):
         motion = UncertainPose(np.array([0.5, 0.1, 0.2]), np.diag([0.01, 0.02, 0.001]))
-        made.append(scans[k], k, motion, is_measured=True)
+        made.append(scans[k], k, motion)
     continued = GrowingMap(Keyframes("curvescan", None, 10), SlamConfig())
     continued.load(made.snapshot())
     k = continued.start(scans[0], 9, np.zeros(3), 1)

@@ -34,6 +34,9 @@ MAX_SIGMA = 0.5
 MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.01
 """The same on a long path, as a share of it: what odometry may drift by, and what SLAM may leave open."""
 
+MAX_OPEN_SHARE = 0.3
+"""Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it."""
+
 MIN_FOUND = 0.9
 """Share of the scans that must be found in a saved map."""
 
@@ -101,6 +104,11 @@ class Evidence:
     def found(self) -> float:
         """Share of the scans whose pose is known."""
         return float(np.mean(self.is_known)) if self.is_known.size else 0.0
+
+    @property
+    def open_share(self) -> float:
+        """Share of the scans that leave a direction unobservable."""
+        return float(np.mean(self.is_open)) if self.is_open.size else 0.0
 
     @property
     def most_unmatched(self) -> float:
@@ -172,6 +180,11 @@ _REASONS = (
             * bool(e.is_open.any())
         ),
         lambda e: _by_motion(e, "a drive that comes back there" if e.is_slam else "SLAM, which closes loops"),
+    ),
+    _Reason(
+        lambda e: e.engine != "localization" and e.motion != "used" and e.open_share > MAX_OPEN_SHARE,
+        lambda e: f"in {e.open_share:.0%} of the scans motion along one direction is unobservable",
+        lambda e: _by_motion(e, "a laser that sees farther"),
     ),
     _Reason(
         lambda e: bool(e.contradictions),

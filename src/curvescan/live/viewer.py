@@ -224,7 +224,11 @@ class Viewer(MapSink):
             if self._final is not None and self._scan_event is not None:
                 # the map has moved to its final place, and the sensor with it
                 pose = self._final[min(self._scan_event["index"], len(self._final) - 1)]
-                self._scan_event = {**self._scan_event, "pose": [round(v, 5) for v in pose.tolist()]}
+                now: dict[str, Any] = {"pose": [round(v, 5) for v in pose.tolist()]}
+                if self._tracker is not None and isinstance(self._tracker.engine, Slam):
+                    # some were withdrawn on the way, others joined keyframes that have gone
+                    now["n_closures"] = self._tracker.engine.backend.count_matches()[0]
+                self._scan_event = self._scan_event | now
                 self._n_events += 1
                 self._changed.notify_all()
         self._draw()

@@ -68,6 +68,8 @@ class Step:
         Number of the scan that `match` was tried with; None at the first scan.
     is_prior_rejected : bool
         Whether `odometry_pose` was left out: a match contradicts it, and the last motion supports the match.
+    is_driven : bool
+        Whether wheels told the motion along what the match leaves open.
     closures : tuple of Closure
         SLAM: the loop closures that were accepted with this scan.
     is_revised : bool
@@ -93,6 +95,7 @@ class Step:
     match: MatchResult | None
     reference: int | None
     is_prior_rejected: bool = False
+    is_driven: bool = False
     closures: tuple[Closure, ...] = ()
     is_revised: bool = False
     keyframe: int = -1

@@ -20,8 +20,10 @@ from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.bending import is_bent
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
-from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Pose
+
+_N_PASSES = 3
+"""Looks at the whole map at the end, as long as one opens it again."""
 
 
 class Backend:
@@ -68,15 +70,11 @@ class Backend:
             self._search.enqueue(k)
         return k
 
-    def add_keyframe(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool) -> int:
+    def add_keyframe(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
         """Take the next keyframe and return its row."""
-        k = self._map.append(scan, index, motion, is_measured=is_measured)
+        k = self._map.append(scan, index, motion)
         self._search.enqueue(k)
         return k
-
-    def add_prior(self, k: int, motion: UncertainPose) -> None:
-        """Tie keyframe k to the one before it by a motion that wheels measured: an edge that may lose its weight."""
-        self.graph.add_edge(k - 1, k, motion.pose, motion.cov, EdgeKind.PRIOR)
 
     def work(self, index: int) -> tuple[tuple[Closure, ...], bool]:
         """Do a bounded share of what waits, and return the closures accepted and whether poses were revised."""
@@ -105,7 +103,7 @@ class Backend:
 
     def _new_job(self, *, is_last: bool = False) -> Job:
         problem = Problem.of(self.graph, self._map.current)
-        return Job(problem, self.config.optimizer.limit, self._pool, is_last=is_last)
+        return Job(problem, self.config.optimizer.limit, self.config.noise, self._pool, is_last=is_last)
 
     def _await(self) -> None:
         """Take the result of the optimization under way, if one is."""
@@ -116,7 +114,6 @@ class Backend:
     def _adopt(self, job: Job) -> None:
         """Take the poses of an optimization, and withdraw the closures that bend the odometry: the map is never worse than it."""
         self._map.adopt(job.result())
-        self._search.adopt()
         if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
             self._map.fall_back(self._search.withdraw())
             self._adopt(self._new_job())
@@ -140,8 +137,12 @@ class Backend:
         self._await()
         self._search.finish(self._n_scans)
         self._settle()
-        self._search.densify(self._n_scans)
-        self._settle()
+        for _ in range(_N_PASSES):
+            self._search.densify(self._n_scans)
+            self._settle()
+            if not self._search.reopen():
+                break
+            self._settle()
 
     def _settle(self) -> None:
         self._search.settle()

@@ -9,6 +9,7 @@ import numpy as np
 
 from curvescan.errors import require
 from curvescan.odometry.config import OdometryConfig
+from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov
 
 
@@ -70,23 +71,12 @@ class NoiseConfig:
     """Error of a match besides its covariance, metres and axis."""
     floor_rad: float = 0.002
     """The same of its rotation, radians."""
-    drift: float = 2.0
-    """Standard deviations of the graph are taken to be this many times too small when a loop closure is looked for and tested:
-    matches that follow each other err together."""
-    step_m: float = 0.3
-    """A motion that no match confirmed errs by this much, metres and axis."""
-    step_rad: float = 0.3
-    """The same of its rotation, radians."""
-    doubt_m: float = 0.1
-    """The way to a keyframe errs by this much where the keyframe does not match the one before it, or earlier ones that should
-    show the same place, metres and axis."""
-    doubt_rad: float = 0.05
-    """The same of its rotation, radians."""
+    slip: float = 0.05
+    """The odometry slips by this share of the way since a match of keyframes last measured all of the motion."""
 
     def __post_init__(self) -> None:
         require(0.0 < self.kept <= 1.0, "kept must lie in (0, 1]", self.kept)
-        require(self.drift >= 1.0, "drift must be at least 1", self.drift)
-        for name in ("floor_m", "floor_rad", "step_m", "step_rad", "doubt_m", "doubt_rad"):
+        for name in ("floor_m", "floor_rad", "slip"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
 
     @cached_property
@@ -94,15 +84,18 @@ class NoiseConfig:
         """(3, 3) covariance that each match has besides its own."""
         return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
 
-    @cached_property
-    def step(self) -> Cov:
-        """(3, 3) covariance of a motion that no match confirmed."""
-        return np.diag(np.square([self.step_m, self.step_m, self.step_rad]))
+    def slipped(self, motion: UncertainPose, way: float) -> UncertainPose:
+        """Return a motion of the odometry with what it may slip; `way` is what was driven since a match measured all of it, metres.
 
-    @cached_property
-    def doubt(self) -> Cov:
-        """(3, 3) covariance added to a way that later matches do not confirm."""
-        return np.diag(np.square([self.doubt_m, self.doubt_m, self.doubt_rad]))
+        Slips go on: their standard deviation grows with the way and not with its root.
+        """
+        step = float(np.hypot(motion.pose[0], motion.pose[1]))
+        variance = self.slip**2 * step * (2.0 * way + step)
+        return UncertainPose(motion.pose, motion.cov + self.floor + np.diag([variance, variance, 0.0]))
+
+    def doubled(self, pose: UncertainPose) -> UncertainPose:
+        """Return a pose of twice its standard deviations and those of the floor: motions that follow each other err together."""
+        return UncertainPose(pose.pose, 4.0 * (pose.cov + self.floor))
 
     def edge(self, covariance: Cov) -> Cov:
         """Return the covariance of an edge by that of its match."""
@@ -120,13 +113,9 @@ class ClosuresConfig:
     reach: float = 2.5
     """Keyframes farther from each other than this are not matched, metres."""
     sigmas: float = 3.0
-    """A keyframe may lie this many standard deviations from where the graph has it; where the graph does not know the relative pose well,
-    a match farther away than this contradicts it."""
-    likely_sigmas: float = 2.0
-    """Beyond this twice as many matches must agree."""
+    """A keyframe may lie this many standard deviations from where the graph has it."""
     certain_m: float = 0.25
-    """Where the graph knows the relative pose of two keyframes better than this, metres, one match is enough; else several must
-    agree."""
+    """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
     certain_rad: float = 0.1
     """The same for its rotation, radians."""
     n_certain: int = 5
@@ -138,8 +127,6 @@ class ClosuresConfig:
     min_similarity: float = 0.4
     """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. Of 2,758
     below it on Intel and ACES two in a hundred were of any use."""
-    n_missed: int = 3
-    """Keyframes that should show the place of a new one and do not match it, from which on the graph is in doubt."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0
@@ -148,25 +135,16 @@ class ClosuresConfig:
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
-    n_agreeing: int = 3
-    """Matches that must agree where the graph does not know the relative pose well."""
-    doubt_m: float = 1.5
-    """Matches that contradict the graph by no more than this, metres, wait for twice as many that agree: the graph may be wrong where
-    nothing shows it. Farther away the next room may look the same."""
-    doubt_rad: float = 0.5
-    """The same for the rotation, radians: what is turned by more is another place."""
-    distinctive: float = 0.9
-    """Where nothing is known of a relative pose the place must be distinctive: no keyframe elsewhere is more alike than this share of how alike those there are."""
-    n_stretch: int = 6
-    """Where it is not, matches must agree from this many keyframes, and these from twice as long a stretch of the way."""
-    margin: float = 2.0
-    """They must be this many times as many as those that agree on another pose."""
     max_bend: float = 0.2
     """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges. Beyond it the
     closures that did it are withdrawn, and from then on only those are accepted that lie where the graph surely expects them."""
     max_turn: float = 0.5
     """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a quarter or a half, which
     the mean does not show."""
+    log_odds: float = 8.0
+    """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less what contradicts it."""
+    most_log_odds: float = 14.0
+    """Most that the matches of a set say together, log odds: one building in a million looks the same over a stretch of the way."""
     n_waiting: int = 200
     """Matches that wait for others to agree with, at most."""
 
@@ -177,16 +155,13 @@ class ClosuresConfig:
             "certain_m",
             "certain_rad",
             "gate",
-            "margin",
-            "distinctive",
             "max_bend",
             "max_turn",
-            "doubt_m",
-            "doubt_rad",
-            "likely_sigmas",
+            "log_odds",
+            "most_log_odds",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_agreeing", "n_waiting", "n_stretch"):
+        for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
         for name in ("min_score", "min_confidence", "min_similarity"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in [0, 1]", getattr(self, name))

@@ -12,16 +12,15 @@ from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.jobs import Solution, covariances_seen_from
+from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
-from curvescan.slam.loops.closures import Closure, is_confident
+from curvescan.slam.loops.closures import Closure, is_confident, measured
 from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.likelihood import difference
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
-from curvescan.slam.pose_graph.optimization import Edges, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
 from curvescan.slam.pose_graph.removal import remove_poses
 from curvescan.slam.thinning import Heirs, thin
 from curvescan.types import Bools, Cov, Pose
@@ -32,13 +31,6 @@ _MOST_VARIANCE = 30.0**2
 
 _NOTHING_KNOWN: Cov = np.diag([_MOST_VARIANCE, _MOST_VARIANCE, 10.0])
 """(3, 3) covariance of such a motion."""
-
-
-def difference(one: Pose, other: Pose) -> Pose:
-    """Return the second pose minus the first, angles wrapped."""
-    off = other - one
-    off[2] = se2.wrap(off[2])
-    return off
 
 
 class GrowingMap:
@@ -69,6 +61,7 @@ class GrowingMap:
         self.since = identity()
         self.fragments: list[int] = []
         self.n_loaded = 0
+        self._open_way = 0.0  # since a match of keyframes measured all of the motion, metres
         self._belief: Belief | None = None
         self._motions: list[UncertainPose] = []  # each keyframe seen from the one before
 
@@ -98,8 +91,7 @@ class GrowingMap:
                 i, j, slam_map.measured[k], slam_map.edge_covariances[k],
                 EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k]),
             )  # fmt: skip
-            # the match of a step comes after its edge of the motion model
-            if j == i + 1 and slam_map.kinds[k] in (EdgeKind.MOTION, EdgeKind.MATCH):
+            if j == i + 1 and slam_map.kinds[k] != EdgeKind.CLOSURE:
                 step = self._motions[j].pose
                 self._motions[j] = UncertainPose(step, slam_map.edge_covariances[k])
         self.fragments = components(self.graph.ends, self.graph.n_poses).tolist()
@@ -114,58 +106,42 @@ class GrowingMap:
         self._motions.append(UncertainPose(np.zeros(3), _NOTHING_KNOWN))
         return k
 
-    def append(self, scan: LaserScan, index: int, motion: UncertainPose, *, is_measured: bool) -> int:
+    def append(self, scan: LaserScan, index: int, motion: UncertainPose) -> int:
         """Take the next keyframe and return its row; see :meth:`Backend.add_keyframe`."""
         before = self.current
         k = self.keyframes.add(scan, index, self.keyframes[before].session)
         self.fragments.append(self.fragments[before])
-        motion = self._link(before, k, motion, is_measured)
+        motion = self._link(before, k, motion)
         self._motions.append(motion)
         self.since = compose(self.since, motion)
         self.current = k
         return k
 
-    def _link(self, before: int, k: int, motion: UncertainPose, is_measured: bool) -> UncertainPose:
-        """Tie a keyframe to the one before it, and return how it lies to that."""
-        noise, rules = self.config.noise, self.config.closures
-        self.graph.add_pose(se2.compose(self.graph.poses[before], motion.pose))
-        share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
-        motion = UncertainPose(motion.pose, share * motion.cov)
-        x, y, theta = np.abs(motion.pose).tolist()
-        vague = UncertainPose(motion.pose, motion.cov + noise.step * (1.0 + x * x + y * y + theta * theta))
-        self.graph.add_edge(before, k, motion.pose, vague.cov, EdgeKind.MOTION)
-        result = self.keyframes.match(before, k, None)
-        is_clear = result.ok and result.degenerate_direction is None
-        if is_clear and is_confident(result, self.config):
-            found = UncertainPose(result.pose, noise.edge(result.covariance))
-            expected = UncertainPose(motion.pose, noise.drift**2 * motion.cov + 9.0 * noise.floor)
-            if fuse(expected, found)[1] < rules.gate:
-                self.graph.add_edge(before, k, found.pose, found.cov, EdgeKind.MATCH)
-                return found
-            off = difference(expected.pose, found.pose)
-            motion = UncertainPose(motion.pose, motion.cov + self._doubt_of(off))
-        if is_measured:
-            by_chain = UncertainPose(motion.pose, motion.cov + noise.doubt)
-            self.graph.add_edge(before, k, by_chain.pose, by_chain.cov, EdgeKind.MATCH)
-            return by_chain
-        return vague
+    def _link(self, before: int, k: int, motion: UncertainPose) -> UncertainPose:
+        """Tie a keyframe to the one before it, and return how it lies to that.
 
-    def doubt(self, k: int, expected: Pose, found: Pose) -> None:
-        """Take the way to a keyframe to be as uncertain as two measurements of it differ."""
-        self.widen(k, self._doubt_of(difference(expected, found)))
-
-    def _doubt_of(self, off: Pose) -> Cov:
-        """Return the covariance of two measurements that differ, no more than that of no measurement."""
+        The match counts in the directions that it measures, the odometry's motion in the others; where the two contradict each other
+        the motion counts, and is as uncertain as they differ.
+        """
         noise = self.config.noise
-        length, angle = float(np.hypot(off[0], off[1])), abs(float(off[2]))
-        share = min(1.0, noise.step_m / max(length, 1e-9), noise.step_rad / max(angle, 1e-9))
-        return share**2 * np.outer(off, off)
-
-    def widen(self, k: int, more: Cov) -> None:
-        """Add to the covariance of the way to a keyframe."""
-        self._motions[k] = UncertainPose(self._motions[k].pose, self._motions[k].cov + more)
-        if not self.belief.knows(k):
-            self.since = UncertainPose(self.since.pose, self.since.cov + more)
+        share = _MOST_VARIANCE / max(float(motion.cov[0, 0]), _MOST_VARIANCE)
+        step = noise.slipped(UncertainPose(motion.pose, share * motion.cov), self._open_way)
+        self._open_way += float(np.hypot(step.pose[0], step.pose[1]))
+        result, kind = self.keyframes.match(before, k, None), EdgeKind.MOTION
+        if result.ok and is_confident(result, self.config):
+            found = measured(result)
+            found = UncertainPose(found.pose, noise.edge(found.cov))
+            fused, distance = fuse(step, found)
+            if distance < self.config.closures.gate:
+                step = fused
+                if result.degenerate_direction is None:
+                    self._open_way, kind = 0.0, EdgeKind.MATCH
+            else:
+                off = difference(step.pose, found.pose)
+                step = UncertainPose(step.pose, step.cov + np.outer(off, off))
+        self.graph.add_pose(se2.compose(self.graph.poses[before], step.pose))
+        self.graph.add_edge(before, k, step.pose, step.cov, kind)
+        return step
 
     def along(self, i: int, j: int) -> UncertainPose:
         """Return keyframe j seen from an earlier one along the keyframes between them."""
@@ -229,7 +205,7 @@ class GrowingMap:
         graph = self.graph
         graph.keep_edges(is_kept)
         is_step = np.zeros(graph.n_poses, dtype=np.bool_)
-        is_step[graph.ends[graph.kinds == EdgeKind.MOTION, 1]] = True
+        is_step[graph.ends[graph.is_step, 1]] = True
         ways = se2.between(graph.poses[:-1], graph.poses[1:])
         for k in range(1, graph.n_poses):
             way = self._motions[k].pose if is_step[k] else ways[k - 1]
@@ -265,23 +241,10 @@ class GrowingMap:
         return UncertainPose(self.graph.poses[self.current], in_map.cov)
 
     def covariances(self) -> Cov:
-        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly; see :mod:`posterior`."""
-        graph, noise = self.graph, self.config.noise
-        if graph.n_poses == 0:
+        """Return (n, 3, 3) covariance of each keyframe in the map, the first one known exactly."""
+        if self.graph.n_poses == 0:
             return np.empty((0, 3, 3))
-        is_match = np.isin(graph.kinds, (EdgeKind.MATCH, EdgeKind.CLOSURE)) & (graph.weights > 0.5)
-        covariances = graph.covariances.copy()
-        covariances[is_match] = without_floor(covariances[is_match], noise.floor)
-        edges = Edges.of(graph.ends, graph.measured, covariances)
-        n_least = graph.n_poses - self.n_fragments
-        factor = variance_factor(squared_distances(graph.poses, edges)[is_match], n_least)
-        # steps that matches did not measure leave small residuals, and are not the surer for it
-        by = np.where(is_match, max(factor, 1.0), 1.0)
-        by *= design_effect(graph.ends, is_match, graph.n_poses, 1.0 - noise.kept)
-        scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
-        found = covariances_seen_from(graph.poses, scaled, graph.weights, 0)
-        common = noise.common(covariances)
-        return with_own_noise(found, graph.poses, own_noise(graph.poses, graph.ends, common, is_match), 0)
+        return covariances_seen_from(Problem.of(self.graph, 0), self.config.noise)
 
     @property
     def n_fragments(self) -> int:

@@ -7,21 +7,33 @@ and SuperLU, release Python's lock.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from curvescan.slam.config import NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
-from curvescan.slam.pose_graph.optimization import Edges, normal_equations
+from curvescan.slam.pose_graph.optimization import Edges, normal_equations, squared_distances
+from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
 from curvescan.slam.pose_graph.robust import optimize_robustly
 from curvescan.slam.pose_graph.sparse import block_pattern
-from curvescan.types import Bools, Cov, Floats, Ints, Pose
+from curvescan.types import Cov, Floats, Ints, Pose
 
 _FROM_AFAR, _NEARBY = 0.05, 6.0
 """Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job left."""
+
+
+_LIMIT = 16.0
+"""Squared Mahalanobis distance from which on a step is known no better than it is off."""
+
+_OPEN = 1.0
+"""Variance of a match from which on it leaves a direction open, square metres."""
+
+_LEAST_STEP = 1e-4
+"""Weight that a step keeps however far it is off: a slip bends the graph, and does not break it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,42 +100,72 @@ class Solution:
 class Job:
     """An optimization under way."""
 
-    def __init__(self, problem: Problem, limit: float, pool: ThreadPoolExecutor, *, is_last: bool = False) -> None:
-        self._future: Future[Solution] = pool.submit(solve, problem, limit, is_last)
+    def __init__(
+        self, problem: Problem, limit: float, noise: NoiseConfig, pool: ThreadPoolExecutor, *, is_last: bool = False
+    ) -> None:
+        self._future: Future[Solution] = pool.submit(solve, problem, limit, noise, is_last)
 
     def result(self) -> Solution:
         """Return the solution, when it is there."""
         return self._future.result()
 
 
-def solve(problem: Problem, limit: float, is_last: bool) -> Solution:
+def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> Solution:
     """Return the robust optimum of a pose graph and its covariances."""
     graph_edges = Edges.of(problem.ends, problem.measured, problem.covariances)
     anchors = anchors_of(components(problem.ends, len(problem.poses)))
     optimum = optimize_robustly(
         problem.poses,
         graph_edges,
-        trusted_edges(problem.kinds),
+        least_weights(problem.kinds),
         anchors,
         limit=limit,
-        from_chordal=False,
         weights=problem.weights,
         least_convexity=_FROM_AFAR if is_last else _NEARBY,
     )
+    solved = replace(problem, poses=optimum.poses, weights=optimum.weights)
     return Solution(
         poses=optimum.poses,
         weights=optimum.weights,
         distances=optimum.distances,
-        covariances=covariances_seen_from(optimum.poses, graph_edges, optimum.weights, problem.current),
+        covariances=covariances_seen_from(solved, noise),
         current=problem.current,
     )
 
 
-def covariances_seen_from(poses: Pose, edges: Edges, weights: Floats, k: int) -> Cov:
-    """Return (n, 3, 3) covariance of each pose with pose k known exactly; infinite in other components."""
+def least_weights(kinds: Ints) -> Floats:
+    """Return (m,) weight that each edge keeps: a closure none, a step a little."""
+    return np.where(kinds == EdgeKind.CLOSURE, 0.0, _LEAST_STEP)
+
+
+def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
+    """Return (n, 3, 3) covariance of each pose with the current one known exactly, infinite in other components; see :mod:`posterior`."""
+    poses, weights, k = solved.poses, solved.weights.copy(), solved.current
+    # a step that slipped is as wide as it is off
+    is_step = solved.kinds != EdgeKind.CLOSURE
+    off = squared_distances(poses, Edges.of(solved.ends, solved.measured, solved.covariances))
+    weights[is_step] = np.minimum(1.0, _LIMIT / np.maximum(off[is_step], _LIMIT))
+    is_match = (solved.kinds != EdgeKind.MOTION) & (weights > 0.5)
+    covariances = solved.covariances.copy()
+    covariances[is_match] = without_floor(covariances[is_match], noise.floor)
+    edges = Edges.of(solved.ends, solved.measured, covariances)
+    labels = components(solved.ends[weights > 0.0], len(poses))
+    factor = variance_factor(squared_distances(poses, edges)[is_match], len(poses) - int(labels.max()) - 1)
+    # steps that matches did not measure leave small residuals, and are not the surer for it
+    by = np.where(is_match, max(factor, 1.0), 1.0)
+    by *= design_effect(solved.ends, is_match, len(poses), 1.0 - noise.kept)
+    scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
+    found = _marginals(poses, scaled, weights, labels, k)
+    common = noise.common(covariances)
+    # of what a match leaves open it says nothing
+    is_full = is_match & (np.trace(covariances[:, :2, :2], axis1=1, axis2=2) < _OPEN)
+    return with_own_noise(found, poses, own_noise(poses, solved.ends, common, is_full), k)
+
+
+def _marginals(poses: Pose, edges: Edges, weights: Floats, labels: Ints, k: int) -> Cov:
+    """Return (n, 3, 3) marginal covariances with pose k known exactly."""
     used = np.flatnonzero(weights > 0.0)
     edges, weights = edges.chosen(used), weights[used]
-    labels = components(edges.ends, len(poses))
     anchors = anchors_of(labels)
     anchors[labels[k]] = k
     pattern = block_pattern(len(poses), edges.ends, 3)
@@ -131,8 +173,3 @@ def covariances_seen_from(poses: Pose, edges: Edges, weights: Floats, k: int) ->
     found = marginal_covariances(pattern, data, anchors)
     found[labels != labels[k]] = UNKNOWN
     return found
-
-
-def trusted_edges(kinds: Ints) -> Bools:
-    """Return which edges keep their weight: those of the motion model, which hold the graph together."""
-    return np.asarray(kinds == EdgeKind.MOTION)

@@ -32,7 +32,7 @@ from curvescan.slam.localization.matching import Hit, MapMatcher, fused
 from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from curvescan.slam.localization.step import NOWHERE, as_step
-from curvescan.slam.loops.closures import is_confident, vaguely
+from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.types import Ints, Points
@@ -145,7 +145,7 @@ class Localizer:
         if step.outcome is StepOutcome.LOST or self._n_lost >= self.config.keyframes.n_lost:
             self._here = None
         if self._prior is not None and not self._is_told:
-            moved = vaguely(UncertainPose(step.motion, step.motion_covariance), self.config)
+            moved = self.config.noise.doubled(UncertainPose(step.motion, step.motion_covariance))
             self._prior = self._prior.moved(moved, is_doubtful=is_doubtful)
         self._is_told = False
         if self._here is None or self._anchor is None:
@@ -219,7 +219,7 @@ class Localizer:
         points = _points(deskewed)
         # after a motion in doubt no other place may agree as well
         alone = self._search_alone(deskewed, self._prior) if self._is_torn else None
-        vague = vaguely(expected, self.config)
+        vague = self.config.noise.doubled(expected)
         found, is_due = self._matching.around(deskewed, vague, seen_from=self._keyframe)
         hits = self._matching.settled(points, found)
         if hits:

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.loops.agreement import Waiting
-from curvescan.slam.loops.audit import Contradiction, contradictions
+from curvescan.slam.loops.agreement import best_group, log_odds_of
+from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
-from curvescan.slam.loops.closures import UNKNOWN_M, Closure, ClosureOutcome, is_certain, judged, vaguely
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
+from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
 from curvescan.types import Bools
 
 
@@ -54,18 +54,12 @@ class LoopSearch:
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
-        self._waiting = Waiting(config)
-        self._missed: dict[int, int] = {}  # of the keyframe tried last
-        self._refused: list[Closure] = []  # in the last pass, by row
+        self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
+        self._missed: dict[int, bool] = {}  # whether a keyframe matches nothing where the graph has it
 
     def settle(self) -> None:
         """Forget that the graph is to be optimized: it is under way."""
         self.is_urgent = self.is_surprised = False
-        self._waiting.optimize()
-
-    def adopt(self) -> None:
-        """Let the graph speak for the closures that the optimization knew: it is done."""
-        self._waiting.adopt()
 
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
@@ -94,52 +88,119 @@ class LoopSearch:
         return accepted
 
     def finish(self, index: int) -> None:
-        """Match all that is queued, and accept what agrees: no further view will come."""
+        """Match all that is queued: no further view will come."""
         while self._queue:
             self._try(self._queue.popleft(), index)
-        if self.n_withdrawals == 0:
-            for one in self._waiting.conclude(self._map.chain()):
-                self._accept(one)
 
     def densify(self, index: int) -> None:
-        """Match each keyframe with the nearest others that it has not been matched with."""
+        """Match each keyframe with the nearest others that it is not tied to."""
         graph, fragments = self._map.graph, np.array(self._map.fragments)
+        self._forget_untied()
         poses = graph.poses
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             relative[fragments[:k] != fragments[k], 0] = np.inf
             cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
-                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, self._refused)
+                self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, is_known=True)
+
+    def _forget_untied(self) -> None:
+        """Forget that keyframes were matched that no edge ties: where the map is known now, the match is another one."""
+        numbers, graph = self._map.keyframes.numbers, self._map.graph
+        self._tried = {number: set() for number in numbers.tolist()}
+        for one, other in numbers[graph.ends].tolist():
+            self._tried[one].add(other)
+            self._tried[other].add(one)
+
+    def reopen(self) -> bool:
+        """Accept the sure matches that contradict the map and are likelier than what they contradict; return whether any is."""
+        n_before = len(self.closures)
+        for group, log_odds in self._against():
+            if log_odds > self.config.closures.log_odds:
+                for one in group:
+                    self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+        return len(self.closures) > n_before
 
     def contradictions(self) -> list[Contradiction]:
-        """Return which matches of the last pass contradict the map as it is now."""
+        """Return which sure matches contradict the map as it is now."""
         growing = self._map
-        return contradictions(self._refused, growing.graph.poses, growing.keyframes.numbers, self.config)
+        if not growing.is_begun:
+            return []
+        likely = [group for group, log_odds in self._against() if log_odds > 0.0]
+        return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
 
-    def _try(self, candidate: Candidate, index: int, refused: list[Closure] | None = None) -> list[Closure]:
-        """Match a candidate unless it was, and return the closures that are accepted for it; take down those refused."""
+    def _against(self) -> list[tuple[list[Closure], float]]:
+        """Return the groups of matches, by row, that contradict the map, and the log odds of each less those of the closures it contradicts."""
+        growing, chain = self._map, self._map.chain()
+        tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
+        tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop}  # the latest of each pair
+        known = [c for c in tried.values() if c.is_accepted]
+        refused = [
+            c
+            for pair, c in tried.items()
+            if pair not in tied and c.is_whole and c.outcome is not ClosureOutcome.WITHDRAWN
+        ]
+        found = []
+        for group in groups_against(refused, growing.graph.poses, self.config):
+            group = [replace(c, expectation=self._after_slips(c)) for c in group]
+            near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= N_NEAR]
+            found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
+        return found
+
+    def _by_row(self) -> list[Closure]:
+        """Return the records of keyframes that are still there, by row."""
+        row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
+        return [replace(c, i=row_of[c.i], j=row_of[c.j]) for c in self.closures if c.i in row_of and c.j in row_of]
+
+    def _after_slips(self, closure: Closure) -> float:
+        poses = self._map.graph.poses
+        off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
+        return expectation_of(off, closure.covariance + 4.0 * self.config.noise.floor, ANY_SLIP)
+
+    def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
+        """Match a candidate unless it was, and return the closures that are accepted for it; is_known: no others will come to agree."""
         i, j, _ = candidate
         if not self._is_new(i, j):
             return []
         poses = self._map.graph.poses
-        expected = UncertainPose(se2.between(poses[i], poses[j]), candidate.expected.cov)
-        expected = vaguely(expected, self.config)
+        cov = candidate.expected.cov + 4.0 * self.config.noise.floor
+        expected = UncertainPose(se2.between(poses[i], poses[j]), cov)
         prior = expected if is_certain(expected, self.config) else None
         result = self._map.keyframes.match(i, j, prior)
-        closure = judged(result, expected, self.config, scan=index, i=i, j=j)
-        if prior is not None and not self._is_linked(i, j):
-            self._count(j, is_found=closure.is_accepted)
-        if closure.outcome is ClosureOutcome.WAITING:
-            return self._wait(closure, expected)
+        closure = closure_of(result, expected, self.config, scan=index, i=i, j=j)
+        if prior is not None and is_loop(i, j):
+            self._missed[j] = self._missed.get(j, True) and not closure.is_accepted
         if closure.is_accepted:
-            return self._confirm(closure, result)
-        if closure.outcome is ClosureOutcome.UNEXPECTED and self._is_linked(i, j):
-            self._map.doubt(j, expected.pose, closure.pose)
-        if refused is not None and closure.outcome is ClosureOutcome.UNEXPECTED:
-            refused.append(closure)
+            # where the guess decided between several poses the match says no more than the graph did
+            if is_loop(i, j) and not result.is_guess_decisive and result.degenerate_direction is None:
+                self._remember(closure)
+            return [self._accept(closure)]
+        if closure.outcome is ClosureOutcome.WAITING:
+            if is_known or self.n_withdrawals > 0:
+                closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
+            else:
+                return self._wait(closure)
         self._log(closure)
         return []
+
+    def _remember(self, closure: Closure) -> None:
+        self._pool.append(closure)
+        del self._pool[: -self.config.closures.n_waiting]
+
+    def _wait(self, closure: Closure) -> list[Closure]:
+        """Hold a closure against others, and return those that are accepted now: their odds exceed those of what they contradict."""
+        self._remember(closure)
+        pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
+        missed = np.array([float(self._missed.get(c.j, False)) for c in pool])
+        rules = self.config.closures
+        group, against = best_group(pool, self._map.chain(), self.config, missed, rules.certain_m)
+        if group.log_odds - max(against, 0.0) <= rules.log_odds:
+            self._log(closure)
+            return []
+        agreed = [replace(pool[k], outcome=ClosureOutcome.AGREED) for k in group.members if not pool[k].is_accepted]
+        pairs = {(c.i, c.j) for c in agreed}
+        self._pool = [c for c in self._pool if (c.i, c.j) not in pairs] + agreed
+        return [self._accept(one) for one in agreed]
 
     def _is_new(self, i: int, j: int) -> bool:
         """Return whether two keyframes have not been matched, and remember that they are now."""
@@ -151,31 +212,6 @@ class LoopSearch:
         self._tried.setdefault(other, set()).add(one)
         return True
 
-    def _wait(self, closure: Closure, expected: UncertainPose) -> list[Closure]:
-        """Hold a closure against others that wait, and return those that are accepted now."""
-        # agreement means nothing where places look alike
-        is_refused = self.n_withdrawals > 0
-        is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
-        if is_refused or (is_unknown and not self._is_distinctive(closure.i, closure.j)):
-            closure = replace(closure, is_indistinct=True)
-            fragments = self._map.fragments
-            if is_refused or fragments[closure.i] != fragments[closure.j]:
-                self._log(replace(closure, outcome=ClosureOutcome.NOT_DISTINCTIVE))
-                return []
-        agreed = self._waiting.add(closure, self._map.chain())
-        if not agreed:
-            self._log(closure)
-            return []
-        return [self._accept(one) for one in agreed]
-
-    def _confirm(self, closure: Closure, result: MatchResult) -> list[Closure]:
-        """Accept a closure that lies where the graph expects it; others of its scans must agree with it."""
-        accepted = self._accept(closure)
-        # where the guess decided between several poses the match says no more than the graph did
-        if not self._is_linked(closure.i, closure.j) and not result.is_guess_decisive:
-            self._waiting.confirm(closure)
-        return [accepted]
-
     def _accept(self, closure: Closure) -> Closure:
         """Make a closure an edge of the map, and return its record."""
         self._map.close(closure)
@@ -184,29 +220,6 @@ class LoopSearch:
         elif closure.distance > self.config.optimizer.surprise:
             self.is_surprised = True
         return self._log(closure)
-
-    def _is_distinctive(self, i: int, j: int) -> bool:
-        """Return whether keyframe j looks like the place of i and like no other place of that fragment."""
-        poses, rules, keyframes = self._map.graph.poses, self.config.closures, self._map.keyframes
-        fragments = self._map.fragments
-        likeness = keyframes.index.similarity(keyframes.signature(keyframes.prepared(j)))
-        from_i = np.hypot(*(poses[:, :2] - poses[i, :2]).T)
-        is_there = from_i < rules.reach
-        elsewhere = (from_i > 1.2 * rules.reach) & (np.asarray(fragments) == fragments[i])
-        if fragments[i] == fragments[j]:
-            elsewhere &= np.hypot(*(poses[:, :2] - poses[j, :2]).T) > 1.2 * rules.reach
-        least = float(likeness[is_there].max())
-        return float(likeness[elsewhere].max(initial=0.0)) < rules.distinctive * least
-
-    def _is_linked(self, i: int, j: int) -> bool:
-        return j - i <= self.config.keyframes.n_linked
-
-    def _count(self, j: int, *, is_found: bool) -> None:
-        """Count how keyframe j fares with earlier ones that should show its place; if none does, the graph is in doubt."""
-        n_missed = self._missed.get(j, 0)
-        self._missed = {j: -1000 if is_found else n_missed + 1}
-        if self._missed[j] == self.config.closures.n_missed:
-            self._map.widen(j, self.config.noise.doubt)
 
     def _log(self, closure: Closure) -> Closure:
         """Keep a record of a candidate and return it: by the numbers of its keyframes, which stay when others go, in place of their rows."""
@@ -228,7 +241,7 @@ class LoopSearch:
         at = row_of.tolist()
         self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
         self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
-        self._waiting.renumber(row_of)
+        self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]
 
     def withdraw(self) -> Bools:
         """Take back the closures that bend the odometry, and return (m,) which edges of the graph stay."""
@@ -242,6 +255,6 @@ class LoopSearch:
         ends = self._map.keyframes.numbers[graph.ends]
         is_kept = ~graph.is_closure | (ends < self._map.n_loaded).all(axis=1)
         is_kept |= np.array([tuple(pair) in trusted for pair in ends.tolist()])
-        self._waiting = Waiting(self.config)
+        self._pool.clear()
         self._queue.clear()
         return is_kept

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Protocol, TypeAlias
 
 from curvescan.odometry import Odometry
-from curvescan.odometry.run import PlacedScan, RunRecord, in_turn, pose_at, record_steps
+from curvescan.odometry.run import PlacedScan, RunRecord, in_turn, record_steps
 from curvescan.odometry.step import Step
 from curvescan.scan import LaserScan
 from curvescan.slam.localizer import Localizer
@@ -60,7 +60,7 @@ def run_engine(
     """
     if isinstance(engine, Slam):
         placed = in_turn(engine.odometry, scans, odometry_poses) if ahead is None else ahead
-        source = _closing_loops(engine, placed, odometry_poses)
+        source = _closing_loops(engine, placed)
     else:
         source = in_turn(engine, scans, odometry_poses)
     record = record_steps(
@@ -78,8 +78,8 @@ def run_engine(
     return replace(record, trajectory=revised, seconds_to_finish=seconds)
 
 
-def _closing_loops(slam: Slam, placed: Iterable[PlacedScan], odometry_poses: Pose | None) -> Iterator[PlacedScan]:
-    for k, one in enumerate(placed):
+def _closing_loops(slam: Slam, placed: Iterable[PlacedScan]) -> Iterator[PlacedScan]:
+    for one in placed:
         started = time.perf_counter()
-        step = slam.add_placed(one.scan, one.step, pose_at(odometry_poses, k))
+        step = slam.add_placed(one.scan, one.step)
         yield PlacedScan(one.scan, step, one.seconds + time.perf_counter() - started)

@@ -30,9 +30,10 @@ from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.audit import Contradiction
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap, as_map
-from curvescan.slam.pose_graph.relative import between_steps, wheel_motion
+from curvescan.slam.open_drive import OpenDrive
+from curvescan.slam.pose_graph.relative import between_steps
 from curvescan.slam.records import Records
-from curvescan.types import Ints, Pose
+from curvescan.types import Ints
 
 _UNMEASURED = (StepOutcome.PREDICTED, StepOutcome.HELD, StepOutcome.LOST)
 
@@ -73,10 +74,10 @@ class Slam:
             self._session = begun.n_sessions
         self._records = Records()
         self._deskewer = Deskewer()
+        self._open_drive = OpenDrive()
         self._last: Step | None = None
         self._origin: Step | None = None  # the step of the current keyframe
         self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
-        self._odometry_pose: Pose | None = None  # at the current keyframe, by the wheels
         self._n_scans = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
@@ -100,10 +101,9 @@ class Slam:
         InvalidArgumentError
             As :meth:`Odometry.add` does.
         """
-        step = self.odometry.add(scan, odometry_pose)
-        return self.add_placed(scan, step, scan.odometry if odometry_pose is None else odometry_pose)
+        return self.add_placed(scan, self.odometry.add(scan, odometry_pose))
 
-    def add_placed(self, scan: LaserScan, step: Step, odometry_pose: ArrayLike | None = None) -> Step:
+    def add_placed(self, scan: LaserScan, step: Step) -> Step:
         """Return where the sensor was at a scan that an odometry has placed, as :meth:`add` does.
 
         Parameters
@@ -112,24 +112,22 @@ class Slam:
             The next scan.
         step : Step
             What the odometry says of it.
-        odometry_pose : (3,) array_like or None
-            As of :meth:`add`.
         """
         self._deskewer = self._deskewer.ticked(scan)
+        self._open_drive.add(step)
         if self._origin is None:
             k = self.backend.start(scan, step.index, np.zeros(3), self._session)
             self._records.begin(self.backend.keyframes[k].number, None)
             self._origin, seen = step, identity()
-            self._add_prior(k, odometry_pose)
         else:
             is_lost = step.outcome in _UNMEASURED
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
-            seen = between_steps(self._origin, step)
+            seen = self._open_drive.known(between_steps(self._origin, step))
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, seen)
             elif self._is_due(seen):
-                seen = self._make_keyframe(scan, step, seen, odometry_pose)
+                seen = self._make_keyframe(scan, step, seen)
         self._last = step
         self._n_scans += 1
         self._records.add(step.stamp, seen)
@@ -155,27 +153,16 @@ class Slam:
             return True
         return float(seen.cov[0, 0] + seen.cov[1, 1]) >= rules.vague**2
 
-    def _make_keyframe(
-        self, scan: LaserScan, step: Step, seen: UncertainPose, odometry_pose: ArrayLike | None
-    ) -> UncertainPose:
+    def _make_keyframe(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         assert self._last is not None
         deskewed = scan
         if self.config.odometry.deskew:
             deskewed = self._deskewer.deskewed(scan, se2.between(self._last.pose, step.pose))
-        k = self.backend.add_keyframe(deskewed, step.index, seen, is_measured=self._n_most_lost == 0)
+        k = self.backend.add_keyframe(deskewed, step.index, seen)
         self._records.begin(self.backend.keyframes[k].number, seen)
         self._origin, self._n_most_lost = step, 0
+        self._open_drive.begin()
         return identity()
-
-    def _add_prior(self, k: int, odometry_pose: ArrayLike | None) -> None:
-        """Tie a keyframe to the one before it by what the wheels measured in between."""
-        before = self._odometry_pose
-        self._odometry_pose = None if odometry_pose is None else np.asarray(odometry_pose, float)
-        if before is None or self._odometry_pose is None:
-            return
-        moved = se2.between(before, self._odometry_pose)
-        if np.isfinite(moved).all():
-            self.backend.add_prior(k, wheel_motion(moved, self.config.odometry.motion))
 
     def _begin_fragment(self, scan: LaserScan, step: Step, seen: UncertainPose) -> UncertainPose:
         """Begin anew where a lost sensor sees something again: nothing says how it moved meanwhile."""
@@ -183,7 +170,7 @@ class Slam:
         k = self.backend.start(scan, step.index, pose, self._session)
         self._records.begin(self.backend.keyframes[k].number, None)
         self._origin, self._n_most_lost = step, 0
-        self._odometry_pose = None
+        self._open_drive.begin()
         return identity()
 
     def trajectory(self) -> Trajectory:

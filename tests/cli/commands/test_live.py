@@ -151,6 +151,24 @@ def test_the_page_of_a_run_and_its_end(log):
         assert process.wait(20) == 0
 
 
+@pytest.mark.slow
+def test_sigterm_ends_a_run_with_a_line_and_its_results(log, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "curvescan", "live", str(log), "--http-port", "0", "--speed", "0.05"]
+    with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as process:
+        url = re.search(r"http://[\d.:]+/", process.stderr.readline()).group()
+        deadline, seen = time.monotonic() + 400.0, b""  # it may have to compile first
+        with urllib.request.urlopen(url + "events", timeout=400) as events:
+            while b"event: scan" not in seen and time.monotonic() < deadline:
+                seen += events.readline()
+        process.terminate()
+        said = process.communicate(timeout=60)[1]
+    assert "stopped; finishing Slam(" in said
+    assert process.returncode in (0, 3)
+    assert 1 <= len((out / "trajectory.tum").read_text().splitlines()) < 40
+    assert json.loads((out / "run.json").read_text())["is_partial"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -323,7 +323,8 @@ def _track(
     try:
         report = run_live(source, tracker, sinks, on_scan=lambda one: recorder.add(one.step, one.seconds))
         if report.is_interrupted:
-            ERR.print(f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once")
+            text = f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once"
+            ERR.print(text, markup=False, soft_wrap=True)
         has_prior = prepared is not None and prepared.odometry_poses is not None
         record = recorder.record(engine.method, is_partial=report.is_interrupted, has_prior=has_prior)
         if report.n_scans and isinstance(engine, curvescan.Slam):

@@ -8,8 +8,7 @@ from typing import Self
 import numpy as np
 
 from curvescan.slam.config import SlamConfig
-from curvescan.slam.growing_map import GrowingMap
-from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.jobs import Problem, covariances_seen_from, least_weights
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -89,10 +88,9 @@ def solved(slam_map: SlamMap, graph: MapGraph, config: SlamConfig) -> SlamMap:
         optimize_robustly(
             graph.poses,
             edges,
-            (graph.kinds == EdgeKind.MOTION) | graph.is_trusted,
+            np.where(graph.is_trusted, 1.0, least_weights(graph.kinds)),
             anchors_of(components(graph.ends, len(graph.poses))),
             limit=limit,
-            from_chordal=False,
             weights=weights,
             least_convexity=_FROM_AFAR,
         )
@@ -114,11 +112,8 @@ def solved(slam_map: SlamMap, graph: MapGraph, config: SlamConfig) -> SlamMap:
 
 def map_covariances(slam_map: SlamMap, config: SlamConfig) -> Cov:
     """Return (n, 3, 3) covariance of each keyframe of a map, the first one known exactly."""
-    growing = GrowingMap(Keyframes("curvescan", None, 1), config)
-    for pose in slam_map.poses:
-        growing.graph.add_pose(pose)
-    for k, (i, j) in enumerate(slam_map.ends.tolist()):
-        kind, weight = EdgeKind(int(slam_map.kinds[k])), float(slam_map.weights[k])
-        growing.graph.add_edge(i, j, slam_map.measured[k], slam_map.edge_covariances[k], kind, weight)
-    growing.fragments = components(slam_map.ends, len(slam_map)).tolist()
-    return growing.covariances()
+    problem = Problem(
+        poses=slam_map.poses, ends=slam_map.ends, measured=slam_map.measured, covariances=slam_map.edge_covariances,
+        kinds=slam_map.kinds, weights=slam_map.weights, current=0,
+    )  # fmt: skip
+    return covariances_seen_from(problem, config.noise)

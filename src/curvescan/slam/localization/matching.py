@@ -13,14 +13,13 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers import PreparedScan
 from curvescan.matchers.prior import prior_of
-from curvescan.odometry.measurement import as_measurement
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.map_precision import MapPrecision
-from curvescan.slam.loops.closures import is_confident
+from curvescan.slam.loops.closures import is_confident, measured
 from curvescan.slam.loops.overlap import foretold_overlap, range_profile
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Points, Pose
@@ -159,8 +158,8 @@ class MapMatcher:
             return None
         if guess is None and result.degenerate_direction is not None:
             return None
-        measured = as_measurement(result)
-        found = UncertainPose(measured.pose, measured.cov + self._config.noise.floor)
+        found = measured(result)
+        found = UncertainPose(found.pose, found.cov + self._config.noise.floor)
         exact = UncertainPose(self._map.poses[k], np.zeros((3, 3)))
         return Hit(keyframe=k, here=compose(exact, found), score=result.score, weight=_weight(result.confidence))
 

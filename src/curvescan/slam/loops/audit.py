@@ -1,18 +1,21 @@
 """Audit: sure matches that the finished map refuses, grouped by agreement.
 
-One of them may be wrong. Where matches from three keyframes and more agree with each other, the map is more likely wrong there.
+One of them may be wrong. Where many agree with each other, the map is more likely wrong there.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.loops.agreement import agreements
 from curvescan.slam.loops.closures import Closure
-from curvescan.slam.loops.cycles import Chain, cycle_distances
+from curvescan.slam.loops.cycles import Chain
+from curvescan.slam.loops.likelihood import ANY_SLIP, difference
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
@@ -21,6 +24,12 @@ SURE = 0.9
 
 _N_KEYFRAMES = 3
 """Keyframes whose matches must agree."""
+
+N_NEAR = 20
+"""Keyframes between closures that may speak for or against each other."""
+
+_BENT_M = 0.5
+"""A map that is off by less is not bent, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,41 +61,50 @@ class Contradiction:
         return len(set(self.pairs[:, 1].tolist()))
 
 
-def contradictions(refused: list[Closure], poses: Pose, numbers: Ints, config: SlamConfig) -> list[Contradiction]:
-    """Return the groups of matches that contradict a map, the largest first; `refused` are by row.
+def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> list[Contradiction]:
+    """Return what groups of matches, by row, say against a map, the largest first; poses (n, 3) of the map, numbers (n,).
 
-    poses (n, 3): of the finished map; numbers (n,).
+    One keyframe may be deceived: it takes three.
     """
-    group = [c for c in refused if c.confidence >= SURE and _is_against(c, poses, config)]
-    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[Contradiction] = []
-    while len({c.j for c in group}) >= _N_KEYFRAMES:
-        members = largest_clique(agreements(group, chain, config)).tolist()
-        chosen = [group[k] for k in members]
-        if len({c.j for c in chosen}) >= _N_KEYFRAMES:
-            ends = np.array([(c.i, c.j) for c in chosen])
-            off = [se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in chosen]
-            found.append(
-                Contradiction(
-                    place=poses[ends[:, 1], :2].mean(axis=0), pairs=numbers[ends], off=np.median(np.array(off), axis=0)
-                )
-            )
-        group = [c for k, c in enumerate(group) if k not in set(members)]
+    for group in groups:
+        if len({c.j for c in group}) < _N_KEYFRAMES:
+            continue
+        ends = np.array([(c.i, c.j) for c in group])
+        off = np.array([se2.between(se2.between(poses[c.i], poses[c.j]), c.pose) for c in group])
+        median = np.median(off, axis=0)
+        if math.hypot(median[0], median[1]) > _BENT_M:
+            place = poses[ends[:, 1], :2].mean(axis=0)
+            found.append(Contradiction(place=place, pairs=numbers[ends], off=median))
     return sorted(found, key=lambda one: -one.count)
 
 
-def agreements(group: list[Closure], chain: Chain, config: SlamConfig) -> np.ndarray:
-    """Return (n, n) whether the cycle through two closures closes, all edges between them taken to err as edges usually do."""
-    ends = np.array([(c.i, c.j) for c in group], dtype=np.int64)
-    measured, covariances = np.array([c.pose for c in group]), np.array([c.covariance for c in group])
-    floor = np.diagonal(config.noise.floor).copy()
-    distances = cycle_distances(ends, measured, covariances, *chain, floor, config.keyframes.distance, 0.0)
-    return np.asarray(distances < config.closures.gate)
+def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
+    """Return the sets of sure matches that agree with each other and not with a map.
+
+    Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of the way between.
+    """
+    rest = sorted(
+        (c for c in tried if c.confidence >= SURE and _is_against(c, poses, config)), key=lambda c: (c.j, c.i)
+    )
+    chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
+    found: list[list[Closure]] = []
+    while rest:
+        near = [c for c in rest if abs(c.j - rest[0].j) <= N_NEAR and abs(c.i - rest[0].i) <= N_NEAR]
+        members = set(largest_clique(agreements(near, chain, config, 0.0)).tolist())
+        group = [c for k, c in enumerate(near) if k in members]
+        if rest[0] not in group:
+            group = rest[:1]
+        found.append(group)
+        taken = {(c.i, c.j) for c in group}
+        rest = [c for c in rest if (c.i, c.j) not in taken]
+    return found
 
 
 def _is_against(closure: Closure, poses: Pose, config: SlamConfig) -> bool:
-    """Return whether a map still contradicts a match."""
-    off = closure.pose - se2.between(poses[closure.i], poses[closure.j])
-    off[2] = se2.wrap(off[2])
+    """Return whether a map contradicts a match, and yet by no more than a way may have slipped: else it shows another place."""
+    off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + 4.0 * config.noise.floor
-    return bool(off @ np.linalg.solve(cov, off) > config.closures.gate)
+    gate = config.closures.gate
+    is_off = off @ np.linalg.solve(cov, off) > gate
+    return bool(is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate)

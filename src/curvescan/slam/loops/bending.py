@@ -16,6 +16,9 @@ from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.optimization import Edges, squared_distances
 from curvescan.types import Floats, Ints, Pose
 
+_STEP_M, _STEP_RAD = 0.3, 0.3
+"""What a step may be bent by, metres and radians."""
+
 _N_LEAST = 100
 """Steps over which the mean is taken at the least."""
 
@@ -25,20 +28,22 @@ _SLIP_SHARE = 0.01
 
 def is_bent(graph: PoseGraph, rules: ClosuresConfig) -> bool:
     """Return whether the closures of a graph bend the odometry more than it can err."""
-    rows = np.flatnonzero((graph.kinds == EdgeKind.MOTION) | (graph.kinds == EdgeKind.MATCH))
-    edges = Edges.of(graph.ends[rows], graph.measured[rows], graph.covariances[rows])
+    rows = np.flatnonzero(graph.is_step)
+    room = 1.0 + np.square(graph.measured[rows]).sum(axis=1)
+    wide = graph.covariances[rows] + room[:, np.newaxis, np.newaxis] * np.diag(np.square([_STEP_M, _STEP_M, _STEP_RAD]))
+    edges = Edges.of(graph.ends[rows], graph.measured[rows], wide)
     kinds = graph.kinds[rows]
-    if bending(graph.poses, edges, kinds) > rules.max_bend:
+    if bending(graph.poses, edges) > rules.max_bend:
         return True
     return greatest_turn(graph.poses, edges, kinds) > rules.max_turn
 
 
-def bending(poses: Pose, edges: Edges, kinds: Ints) -> float:
+def bending(poses: Pose, edges: Edges) -> float:
     """Return how far the poses leave the steps of the motion model: mean squared Mahalanobis distance, worst slips left out.
 
-    poses (n, 3); kinds (m,).
+    poses (n, 3).
     """
-    distances: Floats = squared_distances(poses, edges.chosen(np.flatnonzero(kinds == EdgeKind.MOTION)))
+    distances: Floats = squared_distances(poses, edges)
     n = len(distances)
     n_slips = min(n, max(2, round(_SLIP_SHARE * n)))
     return float(np.sort(distances)[: n - n_slips].sum()) / max(n, _N_LEAST)
@@ -50,12 +55,9 @@ def greatest_turn(poses: Pose, edges: Edges, kinds: Ints) -> float:
     Closures put slips along a corridor right by metres, but hardly ever a turn: 0.06 rad at the most on Intel and
     ACES. A map that is folded turns one step by a quarter or a half.
 
-    poses (n, 3); kinds (m,).
+    poses (n, 3).
     """
-    n = len(poses)
-    keys = edges.ends[:, 0] * n + edges.ends[:, 1]
-    is_step = kinds == EdgeKind.MOTION
-    rows = np.flatnonzero(is_step & np.isin(keys, keys[kinds == EdgeKind.MATCH]))
+    rows = np.flatnonzero(kinds == EdgeKind.MATCH)
     i, j = edges.ends[rows].T
     turns = se2.wrap(poses[j, 2] - poses[i, 2] - edges.measured[rows, 2])
     return float(np.abs(turns).max(initial=0.0))

@@ -22,7 +22,7 @@ def choose_candidates(
     relative (n, 3); covariances (n, 3, 3); similarity (n,).
     """
     rules, noise = config.closures, config.noise
-    variance = noise.drift**2 * np.diagonal(covariances, axis1=1, axis2=2)
+    variance = np.diagonal(covariances, axis1=1, axis2=2)
     variance = variance + 4.0 * np.square([noise.floor_m, noise.floor_m, noise.floor_rad])
     sigma = np.sqrt(variance[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])

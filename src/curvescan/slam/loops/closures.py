@@ -1,30 +1,23 @@
-"""Loop closures: a match between keyframes that do not follow each other, and whether it is accepted.
+"""Loop closures: a match between keyframes that do not follow each other, and how likely it is.
 
-Where the graph knows the relative pose of two keyframes well, a match that lies there within its covariance is accepted. Where it
-does not, matches wait until enough of them agree: Mangelson, Dominic, Eustice and Vasudevan, "Pairwise consistent measurement set
-maximization for robust multi-robot map merging", ICRA 2018. Two closures agree when the cycle through both and the graph between
-their ends closes within its covariance.
+The log odds of a match are its own, by its confidence, and those of where the graph expects it. Where they suffice it is accepted alone; else
+it waits for others that agree with it (:mod:`agreement`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvescan import se2
 from curvescan.matchers import MatchResult
-from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
+from curvescan.slam.loops.likelihood import difference, expectation_of
 from curvescan.types import Bools, Cov, Pose
-
-UNKNOWN_M = 10.0
-"""Standard deviation of a relative pose of which the graph knows nothing, metres."""
-
 
 _N_NEIGHBOURS = 10
 """Keyframes that follow each other so closely, about 5 m or 5 rad of way, see the same place without a loop."""
@@ -35,19 +28,22 @@ def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
     return np.abs(np.subtract(j, i)) > _N_NEIGHBOURS
 
 
+_OPEN = 100.0
+"""Standard deviation of a way that is not measured, metres."""
+
+_MOST_ODDS = math.log(99.0)
+"""Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
+
+
 class ClosureOutcome(Enum):
     """What became of a loop-closure candidate; the value is a sentence for people."""
 
     ACCEPTED = "It lies where the graph expects it."
-    AGREED = "Enough others agree with it."
+    AGREED = "Others agree with it, and together they are likelier than anything that contradicts them."
     WAITING = "It waits for others that agree with it."
-    FORGOTTEN = "Too few others agreed with it."
     NO_MATCH = "The scans do not match."
     LOW_CONFIDENCE = "The match is too likely to be wrong."
-    DEGENERATE = "The match leaves a direction open where the graph does not know it either."
-    UNTESTABLE = "Its keyframes follow each other, and the odometry does not know the way between them."
-    NOT_DISTINCTIVE = "Other places look as much alike, and nothing is known of the relative pose."
-    UNEXPECTED = "The match lies where the graph cannot have it."
+    UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
     WITHDRAWN = "It was accepted, and bent the odometry more than it can err: places here look alike."
 
 
@@ -73,10 +69,8 @@ class Closure:
         Squared Mahalanobis distance from where the graph expected it; NaN where it failed.
     outcome : ClosureOutcome
         What became of it.
-    is_doubtful : bool
-        Whether twice as many must agree: the graph contradicts it, or knows nothing of the relative pose.
-    is_indistinct : bool
-        Whether nothing is known of the relative pose and other places look as much alike: only a stretch of the way tells.
+    expectation : float
+        What the graph says for a pose there: log odds against any pose nearby; NaN where it failed.
     """
 
     scan: int
@@ -87,9 +81,8 @@ class Closure:
     score: float
     distance: float
     outcome: ClosureOutcome
-    is_doubtful: bool = False
-    is_indistinct: bool = False
     confidence: float = math.nan
+    expectation: float = math.nan
 
     @property
     def is_accepted(self) -> bool:
@@ -101,55 +94,55 @@ class Closure:
         """Whether it is a loop closure, else a match of neighbours; of a record, where i and j are numbers."""
         return bool(is_loop(self.i, self.j))
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the match leaves nothing open."""
+        return bool(np.trace(self.covariance) < 1.0)
+
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
-    """Return whether the graph knows a relative pose so well that one match is enough."""
+    """Return whether the graph knows a relative pose so well that it may guide a match."""
     rules = config.closures
     x, y, theta = np.diagonal(expected.cov).tolist()
     return bool(max(x, y) < rules.certain_m**2 and theta < rules.certain_rad**2)
 
 
-def vaguely(expected: UncertainPose, config: SlamConfig) -> UncertainPose:
-    """Return a relative pose of the graph with all that its covariance may leave out."""
-    return UncertainPose(expected.pose, config.noise.drift**2 * expected.cov + 4.0 * config.noise.floor)
+def measured(result: MatchResult) -> UncertainPose:
+    """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
+
+    Along a corridor the heading stays measured: a way of 100 m with a hundredth of a degree per metre would open it as well.
+    """
+    cov = result.covariance
+    if result.degenerate_direction is not None:
+        x, y, turn = result.degenerate_direction.tolist()
+        way = math.hypot(x, y)
+        is_way = way > abs(turn)
+        direction = np.array([x / way, y / way, 0.0]) if is_way else np.array([0.0, 0.0, 1.0])
+        cov = cov + (_OPEN if is_way else math.pi) ** 2 * np.outer(direction, direction)
+    return UncertainPose(result.pose, cov)
 
 
-def judged(result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int) -> Closure:
-    """Return a match held against what the graph expects."""
-    if not result.ok:
-        return Closure(
-            scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance,
-            score=result.score, distance=float("nan"), outcome=ClosureOutcome.NO_MATCH,
-            confidence=result.confidence,
-        )  # fmt: skip
-    rules = config.closures
-    found = as_measurement(result)
-    certain = is_certain(expected, config)
-    is_unknown = bool(expected.cov[0, 0] > UNKNOWN_M**2)
-    distance = fuse(expected, found)[1]
-    sigmas = math.sqrt(max(distance, 0.0)) * config.noise.drift  # of the graph's own covariance
-    is_against = distance > rules.gate if certain else sigmas > rules.sigmas
-    is_doubtful = is_unknown or is_against or (not certain and sigmas > rules.likely_sigmas)
-    is_linked = j - i <= config.keyframes.n_linked
-    if not is_confident(result, config):
-        outcome = ClosureOutcome.LOW_CONFIDENCE
-    elif not certain and not _knows_along(result, expected, config):
-        outcome = ClosureOutcome.DEGENERATE
-    elif not certain and (is_linked or not (is_unknown or is_loop(i, j))):
-        outcome = ClosureOutcome.UNTESTABLE
-    elif is_against:
-        off = found.pose - expected.pose
-        is_turned = abs(float(se2.wrap(off[2]))) > rules.doubt_rad
-        is_far = is_turned or math.hypot(off[0], off[1]) > rules.doubt_m
-        is_open = result.degenerate_direction is not None
-        outcome = ClosureOutcome.UNEXPECTED if is_far or is_linked or is_open else ClosureOutcome.WAITING
-    else:
-        outcome = ClosureOutcome.ACCEPTED if certain else ClosureOutcome.WAITING
-    return Closure(
-        scan=scan, i=i, j=j, pose=result.pose, covariance=config.noise.edge(found.cov),
-        score=result.score, distance=distance, outcome=outcome,
-        is_doubtful=is_doubtful, confidence=result.confidence,
+def closure_of(
+    result: MatchResult, expected: UncertainPose, config: SlamConfig, *, scan: int, i: int, j: int
+) -> Closure:
+    """Return the record of a match, and whether it alone is likely enough by where the graph expects it."""
+    tried = Closure(
+        scan=scan, i=i, j=j, pose=result.pose, covariance=result.covariance, score=result.score,
+        distance=math.nan, outcome=ClosureOutcome.NO_MATCH, confidence=result.confidence,
     )  # fmt: skip
+    if not result.ok:
+        return tried
+    found = measured(result)
+    distance = fuse(expected, found)[1]
+    expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov)
+    tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
+    if not is_confident(result, config):
+        return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
+    if expectation + log_odds(tried) > config.closures.log_odds and distance < config.closures.gate:
+        return replace(tried, outcome=ClosureOutcome.ACCEPTED)
+    # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well
+    may_wait = is_loop(i, j) and result.degenerate_direction is None
+    return replace(tried, outcome=ClosureOutcome.WAITING if may_wait else ClosureOutcome.UNEXPECTED)
 
 
 def is_confident(result: MatchResult, config: SlamConfig) -> bool:
@@ -159,13 +152,7 @@ def is_confident(result: MatchResult, config: SlamConfig) -> bool:
     return result.confidence >= config.closures.min_confidence
 
 
-def _knows_along(result: MatchResult, expected: UncertainPose, config: SlamConfig) -> bool:
-    """Return whether the graph knows what a match leaves open; of a match that leaves nothing open it need not."""
-    along = result.degenerate_direction
-    if along is None:
-        return True
-    x, y, theta = along.tolist()
-    return bool(
-        along @ expected.cov @ along
-        < (config.closures.certain_m * math.hypot(x, y)) ** 2 + (config.closures.certain_rad * theta) ** 2
-    )
+def log_odds(closure: Closure) -> float:
+    """Return the log odds of a match by its confidence; those of its score where the matcher gives none."""
+    p = closure.score if math.isnan(closure.confidence) else closure.confidence
+    return min(math.log(max(p, 1e-6) / max(1.0 - p, 1e-6)), _MOST_ODDS)

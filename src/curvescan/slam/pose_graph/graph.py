@@ -19,11 +19,9 @@ class EdgeKind(IntEnum):
     """Where an edge comes from."""
 
     MATCH = 0
-    """A match of keyframes that follow each other."""
+    """A step: a match of keyframes that follow each other."""
     MOTION = 1
-    """The motion model: what is assumed where no match measured the motion."""
-    PRIOR = 2
-    """Wheels or a gyroscope."""
+    """A step by the odometry, alone or along what the match leaves open."""
     CLOSURE = 3
     """A loop closure: a match of keyframes that do not follow each other."""
 
@@ -76,6 +74,11 @@ class PoseGraph:
     def weights(self) -> Floats:
         """(n_edges,) float64 in [0, 1], a view: how far the optimizer follows each edge."""
         return self._weights[: self.n_edges]
+
+    @property
+    def is_step(self) -> Bools:
+        """(n_edges,) whether each edge leads to the next keyframe."""
+        return np.asarray(self.kinds != EdgeKind.CLOSURE)
 
     @property
     def is_closure(self) -> Bools:

@@ -13,10 +13,11 @@ from curvescan.se2.uncertain import UncertainPose, compose, inverse
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.types import Bools, Ints
 
-_CHAIN = (EdgeKind.MATCH, EdgeKind.MOTION, EdgeKind.PRIOR)
-
 _LEAST_WEIGHT = 0.5
 """Edges that the optimum follows less than this are not carried over."""
+
+_MOST_SPREAD = 1.0
+"""A pose hangs on an heir by an edge that leaves nothing open: greatest trace of its covariance, square metres and radians."""
 
 
 def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
@@ -25,11 +26,9 @@ def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
     wanted = set(among.tolist())
     for row in _edges_at(graph, v):
         u = _other_end(graph, row, v)
-        is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
-        if u in wanted and is_match and graph.weights[row] > _LEAST_WEIGHT:
-            spread = float(np.trace(graph.covariances[row]))
-            if spread < best:
-                best, found = spread, u
+        spread = float(np.trace(graph.covariances[row]))
+        if u in wanted and _is_match(graph, row) and spread < best:
+            best, found = spread, u
     return found
 
 
@@ -42,15 +41,15 @@ def carry_over(graph: PoseGraph, v: int, heir: int) -> UncertainPose:
         key=lambda row: float(np.trace(graph.covariances[row])),
     )
     from_heir = inverse(seen[to_heir])
-    for kind in _CHAIN:
-        ends = [row for row in rows if graph.kinds[row] == kind]
-        before = [row for row in ends if _other_end(graph, row, v) < v]
-        after = [row for row in ends if _other_end(graph, row, v) > v]
-        if before and after:
-            step = compose(inverse(seen[before[-1]]), seen[after[0]])
-            a, b = _other_end(graph, before[-1], v), _other_end(graph, after[0], v)
-            weight = float(min(graph.weights[before[-1]], graph.weights[after[0]]))
-            graph.add_edge(a, b, step.pose, step.cov, kind, weight)
+    steps = [row for row in rows if graph.kinds[row] != EdgeKind.CLOSURE]
+    before = [row for row in steps if _other_end(graph, row, v) < v]
+    after = [row for row in steps if _other_end(graph, row, v) > v]
+    if before and after:
+        a, b = before[-1], after[0]
+        step = compose(inverse(seen[a]), seen[b])
+        kind = EdgeKind(max(graph.kinds[a], graph.kinds[b]))
+        weight = float(min(graph.weights[a], graph.weights[b]))
+        graph.add_edge(_other_end(graph, a, v), _other_end(graph, b, v), step.pose, step.cov, kind, weight)
     tied = {_other_end(graph, row, heir) for row in _edges_at(graph, heir)}
     for row in rows:
         u = _other_end(graph, row, v)
@@ -86,7 +85,8 @@ def _other_end(graph: PoseGraph, row: int, v: int) -> int:
 
 def _is_match(graph: PoseGraph, row: int) -> bool:
     is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
-    return bool(is_match and graph.weights[row] > _LEAST_WEIGHT)
+    is_whole = np.trace(graph.covariances[row]) < _MOST_SPREAD
+    return bool(is_match and is_whole and graph.weights[row] > _LEAST_WEIGHT)
 
 
 def _seen_from(graph: PoseGraph, row: int, v: int) -> UncertainPose:

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan.slam.pose_graph.components import anchors_of, components
-from curvescan.slam.pose_graph.initialization import chordal_poses
 from curvescan.slam.pose_graph.optimization import Edges, optimize, squared_distances
-from curvescan.types import Bools, Floats, Ints, Pose
+from curvescan.types import Floats, Ints, Pose
 
 _STEP = 2.0
 """Factor of the convexity from a step to the next; 1.4 in the paper."""
@@ -49,32 +48,27 @@ class RobustOptimum:
 def optimize_robustly(
     poses: Pose,
     edges: Edges,
-    is_trusted: Bools,
+    least: Floats,
     anchors: Ints,
     *,
     limit: float,
-    from_chordal: bool = True,
     weights: Floats | None = None,
     least_convexity: float = 0.0,
 ) -> RobustOptimum:
     """Return the poses that most of the edges agree on, and which edges do.
 
-    poses (n, 3); is_trusted (m,); anchors (k,); weights (m,): Weights to begin with; None for 1.
+    poses (n, 3); least (m,): weight that each edge keeps; anchors (k,); weights (m,): to begin with; None for 1.
     """
     m = len(edges.ends)
-    weights = np.ones(m) if weights is None else weights.copy()
-    weights[is_trusted] = 1.0
-    if from_chordal:
-        poses = chordal_poses(poses, edges, weights, anchors)
+    weights = np.ones(m) if weights is None else np.maximum(weights, least)
     poses = _optimum(poses, edges, weights, anchors)
     distances = squared_distances(poses, edges)
-    worst = distances[~is_trusted].max(initial=0.0)
+    worst = distances.max(initial=0.0)
     convexity = max(limit / max(2.0 * worst - limit, 1e-12), least_convexity)
     n_steps = 1
     while worst > limit and n_steps < _MAX_STEPS and convexity < _STEEPEST:
-        new = tls_weights(distances, limit, convexity)
-        new[is_trusted] = 1.0
-        settled = bool(np.all((new == 0.0) | (new == 1.0)) and np.array_equal(new, weights))
+        new = np.maximum(tls_weights(distances, limit, convexity), least)
+        settled = bool(np.all((new == least) | (new == 1.0)) and np.array_equal(new, weights))
         weights = new
         if settled:
             break
