@@ -27,7 +27,8 @@ ROOM = np.array([3.7, 0.0, 0.0])
 def _closure(i: int, j: int, off: Pose | float = 0.0, expectation: float = 3.0, confidence: float = 0.98) -> Closure:
     """A match that agrees with the chain but for `off`; what the graph says of it is given."""
     return Closure(
-        scan=j, i=i, j=j, pose=se2.between(POSES[i], POSES[j]) + off, covariance=np.diag(np.square([0.01, 0.01, 0.005])),
+        scan=j, i=i, j=j, pose=se2.between(POSES[i], POSES[j]) + off,
+        covariance=np.diag(np.square([0.01, 0.01, 0.005])),
         score=0.9, distance=1.0, outcome=ClosureOutcome.WAITING, confidence=confidence, expectation=expectation,
     )  # fmt: skip
 

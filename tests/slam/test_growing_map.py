@@ -29,7 +29,7 @@ def test_a_motion_of_which_nothing_is_known_leaves_the_matrix_its_digits(scans: 
 
 
 def test_a_match_decides_where_it_measures_and_the_odometry_where_it_does_not() -> None:
-    """Along a bare corridor, seen without its ends, the odometry tells the way; the walls tell the heading and the distance from them."""
+    """Along a bare corridor the odometry tells the way; the walls tell the heading and the distance from them."""
     walls = cs.simulation.World(walls=np.array([[-50.0, 1.0, 50.0, 1.0], [-50.0, -1.2, 50.0, -1.2]]))
     poses = np.array([[0.5 * k, 0.0, 0.0] for k in range(4)])
     scans = list(cs.simulate(walls, sensor="spinning-360", poses=poses, odometry_noise=None, seed=1))
