@@ -191,7 +191,7 @@ MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
 MOST_LONG, MOST_ARGUMENTS = 4, 12
 """Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
 
-MOST_WIDE = {"src": 112, "tests": 0, "docs": 0}
+MOST_WIDE = {"src": 106, "tests": 0, "docs": 0}
 """Wide lines: 0 is the aim."""
 
 PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
