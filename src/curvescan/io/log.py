@@ -188,15 +188,7 @@ class LogView(ScanAccess):
 
 
 class LogSlice(LogView):
-    """Some scans of a log, as a log: a view that holds none of them.
-
-    Parameters
-    ----------
-    log : Log
-        The whole.
-    numbers : range
-        Which of its scans.
-    """
+    """Some scans of a log, by their numbers, as a log: a view that holds none of them."""
 
     def __init__(self, log: Log, numbers: range) -> None:
         super().__init__(log)

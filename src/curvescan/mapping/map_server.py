@@ -109,7 +109,7 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
-    """Return the grey values of a picture: a PGM, or what Pillow reads; colours are averaged as map_server does."""
+    """Return the grey values of a picture, a PGM or what Pillow reads; colours are averaged, as map_server does."""
     data = path.read_bytes()
     header = re.match(rb"P5\s+(?:#[^\n]*\s+)*(\d+)\s+(\d+)\s+(\d+)\s", data)
     if header is None or int(header[3]) != 255:

@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import json
 import math
+import re
 import shutil
 import sqlite3
 import tempfile
@@ -31,6 +32,7 @@ from curvescan.io import Log, read_log
 from curvescan.io.files import lines as unpacking
 from curvescan.io.ros.laser_scan import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
+from curvescan.runs.run import run as run_log
 from tests.bags import (
     KINDS,
     RANGES,
@@ -47,6 +49,7 @@ from tests.bags import (
     transform,
     write_bag,
 )
+from tests.scenes import room_scan
 
 STAMP = 1_463_093_841_123_456_789
 # a quiet NaN with a payload, the infinities, both zeros, a subnormal, a driver's code, and float32's 0.1
@@ -505,6 +508,12 @@ def test_a_bag_cut_short_is_read_up_to_the_break(tmp_path: Path, kind_name: str,
         assert one.stamp == scans[k].stamp
     assert [(e.rule, e.count) for e in log.read_errors] == [(CUT_BAG, 1)]
     np.testing.assert_array_equal(log[len(left) - 1].ranges, left[-1].ranges)
+    # metadata.yaml knows to the scan; without it a bag of ROS 1 and a database say how long they were
+    if kind_name != "ros1":
+        assert log.n_recorded() == len(scans)
+    whole = storage(whole).rename(tmp_path / "alone")
+    expected = len(left) if kind_name == "mcap" else pytest.approx(len(scans), rel=0.2)
+    assert read_log(whole).n_recorded() == expected
 
 
 @pytest.mark.parametrize("n_bytes", range(150_000, 158_192, 630))
@@ -897,3 +906,16 @@ def test_real_odometry(real_data: Path, name: str, mount: str, path_length: floa
     assert len(poses) >= 0.99 * len(log)
     driven = np.sum(np.hypot(*np.diff(poses[:, :2], axis=0).T))
     assert driven == pytest.approx(path_length, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_bag_cut_short_is_not_trusted_as_a_whole_and_says_how_much_is_missing(tmp_path: Path) -> None:
+    messages = [scan(i, ranges=room_scan((0.001 * i, 0.0, 0.0), sigma=0.003, seed=i).ranges) for i in range(1, 100)]
+    whole = write_bag(tmp_path / "whole", "ros1", messages)
+    content = whole.read_bytes()
+    whole.write_bytes(content[: int(0.5 * len(content))])
+    verdict = run_log(whole).verdict
+    assert not verdict.is_trusted
+    n_left, n_all = re.search(r"cut short: (\d+) of about (\d+) scans are there", verdict.reasons[0]).groups()
+    assert int(n_left) == len(read_log(whole))
+    assert int(n_all) == pytest.approx(99, rel=0.2)

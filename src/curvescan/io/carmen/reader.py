@@ -53,9 +53,6 @@ class CarmenLog(ScanAccess):
     The file is read through once on opening, to count sweeps and read errors, and anew by each iteration, one sweep in
     memory at a time. A line that breaks the format is skipped and counted in ``read_errors``; readings of any value
     (NaN, 0, 81.91) stay in the scan. Rear and further lasers (RLASER, ROBOTLASER2, ...) are counted and not read.
-
-    range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic: Only
-    None: a CARMEN log has no topics.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
@@ -82,12 +79,10 @@ class CarmenLog(ScanAccess):
 
     @cached_property
     def odometry(self) -> Trajectory | None:
-        """Wheel odometry: one row a scan, in the raw frame of the odometry.
+        """Wheel odometry at each scan, in its raw frame; NaN before the first pose, None without any but zeros.
 
         FLASER and ROBOTLASER1 lines give the pose of the laser. For RAWLASER1 it is the pose of the last ODOM line
-        before the sweep, that is of the robot: the log does not say where the laser is mounted. A row of NaN stands
-        where there is none yet. None when no sweep has a pose, or when all of several poses are exactly 0 0 0: so
-        a logger fills the fields when it has no odometry.
+        before the sweep, that is of the robot: the log does not say where the laser is mounted.
         """
         return _trajectory(self._series.stamps, self._series.poses)
 

@@ -61,13 +61,7 @@ def read_head(path: Path, n_bytes: int) -> bytes:
 
 
 class LineMark:
-    """Where the line stands that :func:`read_lines` yielded last.
-
-    Attributes
-    ----------
-    offset : int
-        Of its first byte in the file after unpacking; for :func:`read_line_at`.
-    """
+    """Where the line stands that :func:`read_lines` yielded last: offset of its first byte after unpacking."""
 
     __slots__ = ("offset",)
 

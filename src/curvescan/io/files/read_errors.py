@@ -7,21 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class ReadError:
-    """One kind of error met while reading a log: counted, reported, not fatal.
+    """One kind of error met while reading a log: counted, reported, not fatal."""
 
-    Attributes
-    ----------
-    rule : str
-        What was broken, as a phrase: ``"FLASER line cut short"``.
-    count : int
-        How often.
-    first : str
-        Where it was met first: ``"line 17"``.
-    """
-
-    rule: str
-    count: int
-    first: str
+    rule: str  # what was broken, as a phrase: ``"FLASER line cut short"``
+    count: int  # how often
+    first: str  # where it was met first: ``"line 17"``
 
     @property
     def is_end(self) -> bool:

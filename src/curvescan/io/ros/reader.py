@@ -55,12 +55,7 @@ class _Survey:
 class RosbagLog(ScanAccess):
     """The scans of one laser of a ROS bag, in the order they were received; a Log.
 
-    Opening reads the bag's table of contents and its first scans. The number of scans and the read errors are known
-    after one reading of all scans: that of the first complete iteration, or one of its own where they are needed
-    earlier.
-
-    range_max: Upper limit of a valid reading, metres, in place of that of the messages; None to use theirs; topic:
-    Topic of sensor_msgs/LaserScan messages; None for the only one.
+    Opening reads the bag's table of contents and its first scans; the rest is known after one reading of all scans.
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
@@ -134,8 +129,8 @@ class RosbagLog(ScanAccess):
         return self._tilt > 0.5 * math.pi
 
     def n_recorded(self) -> int:
-        """Return the scans on the topic by the bag's own count."""
-        return self._bag.topics[self._topic].count
+        """Return about how many scans on the topic were recorded, by the bag's own count or its length."""
+        return self._bag.n_recorded(self._topic)
 
     def why_estimated(self) -> str:
         """Return what says that the poses are the output of SLAM, localization or laser odometry; empty for none."""

@@ -27,9 +27,9 @@ from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.files.gzip_files import is_packed, unpack
 from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
 from curvescan.io.files.printable import printable
-from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, storage_files
+from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
-from curvescan.io.ros.bags.hardening.salvage import salvage, with_its_journal
+from curvescan.io.ros.bags.hardening.salvage import recorded_bytes, salvage, with_its_journal
 from curvescan.io.ros.bags.hardening.sqlite import sqlite_reader, unfinished
 from curvescan.io.ros.messages import Decoder
 
@@ -71,7 +71,7 @@ class Bag:
         self._journal_notes: list[str] = []
         if kind is BagKind.SQLITE:
             self._files = [self._with_its_journal(file) if unfinished(file) else file for file in self._files]
-        self.is_cut = False
+        self.is_cut, self._share = False, 1.0
         connections: list[Connection] = []
         for k, file in enumerate(self._files):
             connections += self._connections_of(k, file)
@@ -116,6 +116,11 @@ class Bag:
                         data if isinstance(data, bytes) else b"",
                     )
 
+    def n_recorded(self, topic: str) -> int:
+        """Return about how many messages a topic had when the bag was recorded, those included that are cut off."""
+        counts = recorded_counts(self.path) if self.path.is_dir() else {}
+        return max(counts.get(topic, 0), round(self.topics[topic].count / self._share))
+
     def decode(self, message: Message) -> Any:
         """Return a message with its fields as attributes. Raises BrokenMessageError."""
         return self._decoder.decode(message.data, message.msgtype)
@@ -143,6 +148,8 @@ class Bag:
                 raise error from None
             if not any(c.msgcount for c in connections):
                 raise
+            n_bytes, n_recorded = file.stat().st_size, recorded_bytes(file, self.kind)
+            self._share = min(self._share, n_bytes / max(n_recorded, n_bytes))
             self._files[k] = rest
             self.is_cut = True
             return connections

@@ -59,6 +59,21 @@ def storage_files(folder: Path) -> tuple[Path, ...]:
     return tuple(sorted(kinds, key=lambda file: _split_name(file)[1]))
 
 
+def recorded_counts(folder: Path) -> dict[str, int]:
+    """Return how many messages a ROS 2 bag has by topic, by the metadata.yaml in its folder; empty without one."""
+    text = ""
+    with suppress(OSError, UnicodeDecodeError):
+        text = (folder / "metadata.yaml").read_text("utf-8")
+    topics = re.search(r"^ *topics_with_message_count:\n( *)- ", text, re.M)
+    counts: dict[str, int] = {}
+    for entry in re.split(rf"^{topics[1]}- ", text[topics.start() :], flags=re.M) if topics else ():
+        name = re.search(r"^ *name: (\S+)$", entry, re.M)
+        count = re.search(r"^ *message_count: (\d{1,12})$", entry, re.M)
+        if name and count:
+            counts[name[1]] = int(count[1])
+    return counts
+
+
 def _split_name(file: Path) -> tuple[str, int]:
     """Return the name without number and endings, and the number: ("run", 2) for run_2.db3.gz."""
     stem = re.sub(r"(\.(db3|mcap|gz))+$", "", file.name)

@@ -157,10 +157,8 @@ class CheckedMcapReader(McapReader):
 def as_ros2(kind: int, record: bytes) -> bytes:
     """Return a record of an MCAP file as rosbags takes it, of the same length.
 
-    A file says by its profile for whom it was written, and by each channel how its messages are encoded. rosbags reads
-    the profile "ros2" alone, though the mcap package, Foxglove and exporters write others, or none, around the same
-    messages; and it stumbles over schemas that are not ROS 2's, of channels that nobody reads. The channels decide
-    instead.
+    rosbags reads the profile "ros2" alone, though exporters write others, or none, around the same messages; and it
+    stumbles over schemas that are not ROS 2's, of channels that nobody reads. The channels decide instead.
     """
     if kind == _HEADER:
         return b"\x04\x00\x00\x00ros2".ljust(len(record), b"\x00")

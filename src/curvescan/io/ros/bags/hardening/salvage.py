@@ -41,6 +41,19 @@ def salvage(file: Path, kind: BagKind, target: Path) -> None:
     _WRITERS[kind](file, target)
 
 
+def recorded_bytes(file: Path, kind: BagKind) -> int:
+    """Return how long a bag was when it was recorded, by what stands at its beginning; 0 where that is not known."""
+    with suppress(OSError, ReaderError), file.open("rb") as source:
+        if kind is BagKind.ROS1:
+            source.readline()
+            return Header.read(source).get_uint64("index_pos")
+        if kind is BagKind.SQLITE:
+            head = source.read(32)
+            size = int.from_bytes(head[16:18], "big")
+            return (_LARGEST_PAGE if size == 1 else size) * int.from_bytes(head[28:32], "big")
+    return 0
+
+
 def with_its_journal(file: Path, folder: Path) -> Path:
     """Return a copy of a SQLite database into which what stands in its -wal or -journal file has been taken.
 
