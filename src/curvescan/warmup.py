@@ -163,6 +163,7 @@ def _mapped(method: str, laps: Pose) -> Slam:
     # SciPy's sparse matrices take their time to load
     from curvescan.slam import Slam
     from curvescan.slam.config import ClosuresConfig, KeyframesConfig, PlacesConfig, SlamConfig
+    from curvescan.slam.thinning import crowded_places
 
     # keyframes that stand near, go soon, and close loops only where several agree
     often = SlamConfig(
@@ -174,6 +175,8 @@ def _mapped(method: str, laps: Pose) -> Slam:
     for k, pose in enumerate(laps):
         slam.add(_scan(pose, _ROOM, k))
     slam.finish()
+    # of long drives alone
+    crowded_places(laps, np.zeros(len(laps), dtype=np.int64), len(laps), _RADIUS_M, _RADIUS_M, 1)
     return slam
 
 
