@@ -217,7 +217,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (2097, 5, 0),
     "se2": (451, 0, 0),
     "simulation": (2302, 214, 0),
-    "slam": (6265, 148, 44),
+    "slam": (6264, 148, 44),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from verdicts import SPOILERS, count, drives, is_wrong, judged, worst_error
+from verdicts import SPOILERS, count, drives, is_unclear, is_wrong, judged, worst_error
 
 
 def test_the_error_is_that_of_paths_laid_over_each_other():
@@ -21,6 +21,9 @@ def test_the_error_is_that_of_paths_laid_over_each_other():
     assert is_wrong(np.inf, 0.0)
     assert not is_wrong(1.4, 100.0)
     assert is_wrong(4.0, 100.0)
+    assert is_unclear(1.4, 100.0)
+    assert not is_unclear(0.9, 100.0)
+    assert not is_unclear(4.0, 100.0)
 
 
 def test_false_alarms_and_false_trust_are_counted():
@@ -41,4 +44,4 @@ def test_every_third_drive_is_spoilt_in_one_of_the_ways():
 def test_a_sound_drive_is_right():
     ((_, error, wrong, _, _),) = judged(1, n_scans=40)
     assert error < 0.1
-    assert not wrong
+    assert wrong is False

@@ -9,8 +9,7 @@ import numpy as np
 
 from curvescan.errors import require
 from curvescan.odometry.config import OdometryConfig
-from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov
+from curvescan.types import Cov, UncertainPose
 
 
 @dataclass(frozen=True, kw_only=True)
