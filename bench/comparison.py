@@ -25,7 +25,7 @@ from kept_rows import markdown, read_rows, write_rows
 
 HERE = Path(__file__).parent
 ROWS, TABLES = HERE / "comparison.jsonl", HERE / "comparison.md"
-LOGS = {"intel": "intel-lab/intel", "aces": "aces/aces"}
+LOGS = {"intel": "intel-lab/intel", "aces": "aces/aces", "mit-killian-court": "mit-killian/mit-killian"}
 SENSORS = {False: "laser", True: "laser, wheels"}
 RUN_BY_US = {"Karto in slam_toolbox, defaults": {"intel": "0.057 (1.9)", "aces": "0.090 (1.0)"}}
 """What was built and run beside curvescan, once, with wheels: metres (degrees)."""
@@ -115,7 +115,7 @@ def tables(rows: dict[tuple[str, str, str, bool], Row]) -> str:
     logs = [log for log in LOGS if any(row.log == log for row in rows.values())]
     head = ["", "sensors", *(BENCHMARKS[log].name for log in logs)]
     slam = [head, *published(("RBPF", "graph mapping", "Cartographer"), logs)]
-    slam += [[name, SENSORS[True], *map(by.get, logs)] for name, by in RUN_BY_US.items()]
+    slam += [[name, SENSORS[True], *(by.get(log, "") for log in logs)] for name, by in RUN_BY_US.items()]
     slam += [[f"**{one[0]}**", *one[1:]] for one in measured(rows, "slam", logs, "")]
     chains = [head, *published(("scan matching",), logs), *measured(rows, "odometry", logs, "")]
     near = [head, *measured(rows, "odometry", logs, "near_")]
@@ -139,7 +139,14 @@ def when(rows: list[Row]) -> str:
     most, *others = sorted(by, key=lambda one: -len(by[one]))
     sentence = f"The rows of this project were measured {most}"
     for other in others:
-        names = [f"{row.log} {row.task} `{row.method}` ({SENSORS[row.wheels]})" for row in by[other]]
+        methods = {row.method for row in by[other]}
+        whole = {m for m in methods if all(row in by[other] for row in rows if row.method == m)}
+        names = [f"those of `{method}`" for method in sorted(whole)]
+        names += [
+            f"{row.log} {row.task} `{row.method}` ({SENSORS[row.wheels]})"
+            for row in by[other]
+            if row.method not in whole
+        ]
         sentence += f"; {', '.join(names)} {other}"
     return f"{sentence}.\n"
 

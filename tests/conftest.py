@@ -23,6 +23,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+# what runs the tests side by side says 80, which is nobody's terminal
+os.environ.pop("COLUMNS", None)
+
 
 @functools.cache
 def _kernels() -> set[object]:

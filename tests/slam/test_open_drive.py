@@ -72,6 +72,15 @@ def test_without_a_match_nothing_is_seen_of_the_way(drive):
     assert sigma[2] < 0.5
 
 
+def test_a_lost_sensor_may_be_anywhere(drive):
+    drive.add(_step(0.0, None, outcome=StepOutcome.LOST))
+    drive.add(_step(0.1, CLOSED))
+    assert drive.known(WIDE) is WIDE
+    drive.begin()
+    drive.add(_step(0.0, OPEN))
+    assert drive.known(WIDE).cov[0, 0] < 1.0
+
+
 def test_before_anything_is_usual_the_odometry_says_how_little_is_known():
     drive = OpenDrive()
     drive.add(_step(0.0, OPEN))

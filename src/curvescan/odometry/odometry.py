@@ -162,5 +162,6 @@ def _as_step(observation: Observation, placement: Placement) -> Step:
         match=placement.match,
         reference=placement.reference,
         is_prior_rejected=placement.is_prior_rejected,
+        is_unsettled=placement.gap is not None,
         is_driven=observation.prediction.is_measured and not placement.is_prior_rejected,
     )

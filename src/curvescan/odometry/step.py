@@ -70,6 +70,9 @@ class Step:
         Whether `odometry_pose` was left out: a match contradicts it, and the last motion supports the match.
     is_driven : bool
         Whether wheels told the motion along what the match leaves open.
+    is_unsettled : bool
+        Whether a scan without a match lies behind, and how far the sensor moved there is not confirmed yet: a later
+        scan does, or the sensor is LOST.
     closures : tuple of Closure
         SLAM: the loop closures that were accepted with this scan.
     is_revised : bool
@@ -97,6 +100,7 @@ class Step:
     reference: int | None
     is_prior_rejected: bool = False
     is_driven: bool = False
+    is_unsettled: bool = False
     closures: tuple[Closure, ...] = ()
     is_revised: bool = False
     keyframe: int = -1

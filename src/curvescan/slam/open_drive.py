@@ -43,18 +43,20 @@ class OpenDrive:
         self._since: Floats = np.zeros(2)  # the same since the keyframe
         self._n_measured = 0  # scans that measured all of the motion: before the first nothing is usual
         self._turned = 0.0  # since the keyframe, radians
+        self._is_lost = False  # since then: it may have been carried anywhere
         self._n_open = self._n_blind = 0  # scans since then that left a direction open, or everything
 
     def begin(self) -> None:
         """Begin at a keyframe."""
         self._before = _turned(self._before + self._since, -self._turned)
         self.hidden = self._since = np.zeros(2)
-        self._turned = 0.0
+        self._turned, self._is_lost = 0.0, False
         self._n_open = self._n_blind = 0
 
     def add(self, step: Step) -> None:
         """Take up a step of the odometry."""
         motion = step.motion
+        self._is_lost |= step.outcome is StepOutcome.LOST
         direction = _open_direction(step)
         if direction is None:
             self._n_measured += step.is_matched
@@ -70,7 +72,7 @@ class OpenDrive:
 
     def known(self, motion: UncertainPose) -> UncertainPose:
         """Return the motion since the keyframe as well as it is known: along what is open by what may be hidden."""
-        if not (self._n_open and self._n_measured):
+        if self._is_lost or not (self._n_open and self._n_measured):
             return motion
         across = min(float(np.linalg.eigvalsh(motion.cov[:2, :2])[0]), self._most_across())
         cov = np.zeros((3, 3))

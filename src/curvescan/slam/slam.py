@@ -127,7 +127,7 @@ class Slam:
             seen = self._open_drive.known(between_steps(self._origin, step))
             if self._n_most_lost >= self.config.keyframes.n_lost and not is_lost:
                 seen = self._begin_fragment(scan, step, seen)
-            elif self._is_due(seen):
+            elif self._is_due(seen) and (step.is_driven or not step.is_unsettled):
                 seen = self._make_keyframe(scan, step, seen)
         self._last = step
         self._n_scans += 1
