@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
+from curvescan.slam import Slam
 from curvescan.slam.map import SlamMap, load_map
 
 
@@ -44,6 +46,20 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     assert before.grid is not None
     assert np.array_equal(after.grid.log_odds, before.grid.log_odds)
     assert after.grid.config == before.grid.config
+
+
+def test_edges_of_wheels_that_maps_had_once_are_left_out(tmp_path: Path) -> None:
+    known = _map()
+    with_wheels = replace(
+        known, ends=np.tile(known.ends, (2, 1)), measured=np.tile(known.measured, (2, 1)),
+        edge_covariances=np.tile(known.edge_covariances, (2, 1, 1)), kinds=np.array([2, 0]),
+        weights=np.array([0.5, 1.0]),
+    )  # fmt: skip
+    with_wheels.save(tmp_path / "a.csmap")
+    after = load_map(tmp_path / "a.csmap")
+    assert after.kinds.tolist() == [0]
+    assert after.weights.tolist() == [1.0]
+    assert Slam(map=after).n_fragments == 1
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from curvescan.io.files.paths import as_path
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan
+from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Cov, Floats, Ints, Pose
 
 VERSION = 1
@@ -129,17 +130,20 @@ def _map_of(arrays: dict[str, Floats]) -> MapContent:
     ends = arrays["edge_ends"].astype(np.int64)
     if m and not (ends.min() >= 0 and ends.max() < n and (ends[:, 0] != ends[:, 1]).all()):
         raise ValueError("an edge joins keyframes that are not there")
+    kinds = arrays["edge_kinds"].astype(np.int64)
+    # maps were saved with edges of the wheels alone, beside those of the same steps
+    used = np.isin(kinds, [*EdgeKind])
     return MapContent(
         scans=_scans_of(arrays),
         poses=arrays["poses"],
         covariances=_full(arrays["covariances"]),
         indices=arrays["indices"].astype(np.int64),
         sessions=arrays["sessions"].astype(np.int64),
-        ends=ends,
-        measured=arrays["edge_poses"],
-        edge_covariances=_full(arrays["edge_covariances"]),
-        kinds=arrays["edge_kinds"].astype(np.int64),
-        weights=arrays["edge_weights"],
+        ends=ends[used],
+        measured=arrays["edge_poses"][used],
+        edge_covariances=_full(arrays["edge_covariances"][used]),
+        kinds=kinds[used],
+        weights=arrays["edge_weights"][used],
         grid=_grid_of(arrays),
     )
 
