@@ -127,23 +127,24 @@ class Backend:
         if is_kept is not None:
             self._search.renumber(is_kept, numbers[~is_kept].tolist())
 
-    def contradictions(self) -> list[Contradiction]:
-        """Return the sure matches of the last pass that contradict the finished map."""
-        return self._search.contradictions()
+    def finish(self) -> list[Contradiction]:
+        """Match what waits, look once more for keyframes that see the same place, and optimize to the end.
 
-    def finish(self) -> None:
-        """Match what waits, look once more for keyframes that see the same place, and optimize to the end."""
+        Return the sure matches that contradict the finished map.
+        """
         if not self._map.is_begun:
-            return
+            return []
         self._await()
         self._search.finish(self._n_scans)
         self._settle()
         for _ in range(_N_PASSES):
             self._search.densify(self._n_scans)
             self._settle()
-            if not self._search.reopen():
-                break
+            audited = self._search.audit()
+            if not self._search.reopen(audited):
+                return self._search.contradictions(audited)
             self._settle()
+        return self._search.contradictions(self._search.audit())
 
     def _settle(self) -> None:
         self._search.settle()

@@ -21,7 +21,6 @@ from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, gr
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
-from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
 from curvescan.types import Bools
 
 
@@ -112,24 +111,7 @@ class LoopSearch:
             self._tried[one].add(other)
             self._tried[other].add(one)
 
-    def reopen(self) -> bool:
-        """Accept what contradicts the map and is likelier than what it contradicts; return whether anything is."""
-        n_before = len(self.closures)
-        for group, log_odds in self._against():
-            if log_odds > self.config.closures.log_odds:
-                for one in group:
-                    self._accept(replace(one, outcome=ClosureOutcome.AGREED))
-        return len(self.closures) > n_before
-
-    def contradictions(self) -> list[Contradiction]:
-        """Return which sure matches contradict the map as it is now."""
-        growing = self._map
-        if not growing.is_begun:
-            return []
-        likely = [group for group, log_odds in self._against() if log_odds > 0.0]
-        return contradictions(likely, growing.graph.poses, growing.keyframes.numbers)
-
-    def _against(self) -> list[tuple[list[Closure], float]]:
+    def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
         growing, chain = self._map, self._map.chain()
         tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
@@ -142,20 +124,27 @@ class LoopSearch:
         ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
-            group = [replace(c, expectation=self._after_slips(c)) for c in group]
             near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= N_NEAR]
             found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
         return found
+
+    def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
+        """Accept what contradicts the map and is likelier than what it contradicts; return whether anything is."""
+        likelier = [group for group, log_odds in audited if log_odds > self.config.closures.log_odds]
+        for group in likelier:
+            for one in group:
+                self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+        return len(likelier) > 0
+
+    def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
+        """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
+        likely = [group for group, log_odds in audited if log_odds > 0.0]
+        return contradictions(likely, self._map.graph.poses, self._map.keyframes.numbers)
 
     def _by_row(self) -> list[Closure]:
         """Return the records of keyframes that are still there, by row."""
         row_of = {number: row for row, number in enumerate(self._map.keyframes.numbers.tolist())}
         return [replace(c, i=row_of[c.i], j=row_of[c.j]) for c in self.closures if c.i in row_of and c.j in row_of]
-
-    def _after_slips(self, closure: Closure) -> float:
-        poses = self._map.graph.poses
-        off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
-        return expectation_of(off, closure.covariance + 4.0 * self.config.noise.floor, ANY_SLIP)
 
     def _try(self, candidate: Candidate, index: int, *, is_known: bool = False) -> list[Closure]:
         """Match a candidate unless it was, and return the closures accepted; is_known: no others will come to agree."""

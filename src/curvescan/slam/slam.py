@@ -209,8 +209,7 @@ class Slam:
 
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
-        self.backend.finish()
-        self._contradictions = tuple(self.backend.contradictions())
+        self._contradictions = tuple(self.backend.finish())
         return self.trajectory()
 
     def __repr__(self) -> str:

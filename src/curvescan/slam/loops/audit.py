@@ -6,7 +6,7 @@ One of them may be wrong. Where many agree with each other, the map is more like
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.agreement import agreements
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.likelihood import ANY_SLIP, difference
+from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
@@ -83,12 +83,11 @@ def contradictions(groups: list[list[Closure]], poses: Pose, numbers: Ints) -> l
 def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> list[list[Closure]]:
     """Return the sets of sure matches that agree with each other and not with a map.
 
-    Those of a set are near each other along the path: matches of far stretches agree by chance, as nothing is known of
-    the way between.
+    Each has the expectation of a map whose ways may have slipped. Those of a set are near each other along the path:
+    matches of far stretches agree by chance, as nothing is known of the way between.
     """
-    rest = sorted(
-        (c for c in tried if c.confidence >= SURE and _is_against(c, poses, config)), key=lambda c: (c.j, c.i)
-    )
+    sure = (_held_against(c, poses, config) for c in tried if c.confidence >= SURE)
+    rest = sorted((c for c in sure if c is not None), key=lambda c: (c.j, c.i))
     chain = Chain.of(poses, np.zeros((len(poses), 3, 3)))
     found: list[list[Closure]] = []
     while rest:
@@ -103,10 +102,12 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
     return found
 
 
-def _is_against(closure: Closure, poses: Pose, config: SlamConfig) -> bool:
-    """Return whether a map contradicts a match by no more than a way may have slipped: else it shows another place."""
+def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure | None:
+    """Return a match that a map contradicts by no more than a way may have slipped: else it shows another place."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + 4.0 * config.noise.floor
     gate = config.closures.gate
     is_off = off @ np.linalg.solve(cov, off) > gate
-    return bool(is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate)
+    if not (is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate):
+        return None
+    return replace(closure, expectation=expectation_of(off, cov, ANY_SLIP))

@@ -17,6 +17,7 @@ from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose, fuse
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.likelihood import difference, expectation_of
+from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
 
 _N_NEIGHBOURS = 10
@@ -98,7 +99,7 @@ class Closure:
     @property
     def is_whole(self) -> bool:
         """Whether the match leaves nothing open."""
-        return bool(np.trace(self.covariance) < 1.0)
+        return is_whole(self.covariance)
 
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:

@@ -26,6 +26,15 @@ class EdgeKind(IntEnum):
     """A loop closure: a match of keyframes that do not follow each other."""
 
 
+_MOST_SPREAD = 1.0
+"""Greatest trace of the covariance of an edge that leaves nothing open, square metres and radians."""
+
+
+def is_whole(covariance: Cov) -> bool:
+    """Return whether the (3, 3) covariance of an edge leaves no direction open."""
+    return bool(np.trace(covariance) < _MOST_SPREAD)
+
+
 class PoseGraph:
     """Poses (nodes) and measured relative poses (edges), growing.
 

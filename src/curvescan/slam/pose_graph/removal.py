@@ -10,15 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan.se2.uncertain import UncertainPose, compose, inverse
-from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
+from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph, is_whole
 from curvescan.types import Bools, Ints
 
 _LEAST_WEIGHT = 0.5
 """Edges that the optimum follows less than this are not carried over."""
-
-_MOST_SPREAD = 1.0
-"""A pose hangs on an heir by an edge that leaves nothing open: greatest trace of its covariance, square metres and
-radians."""
 
 
 def heir_of(graph: PoseGraph, v: int, among: Ints) -> int | None:
@@ -86,8 +82,8 @@ def _other_end(graph: PoseGraph, row: int, v: int) -> int:
 
 def _is_match(graph: PoseGraph, row: int) -> bool:
     is_match = graph.kinds[row] in (EdgeKind.CLOSURE, EdgeKind.MATCH)
-    is_whole = np.trace(graph.covariances[row]) < _MOST_SPREAD
-    return bool(is_match and is_whole and graph.weights[row] > _LEAST_WEIGHT)
+    # by an edge that leaves a direction open no pose can hang on an heir
+    return bool(is_match and is_whole(graph.covariances[row]) and graph.weights[row] > _LEAST_WEIGHT)
 
 
 def _seen_from(graph: PoseGraph, row: int, v: int) -> UncertainPose:
