@@ -440,9 +440,10 @@ def test_code_of_a_real_log_is_found_when_the_limit_is_lifted(real_data: Path, n
     lifted = inspect_log(read_log(real_data / name, range_max=100.0))
     assert lifted.suspect is not None
     assert lifted.suspect.value == code
-    (sentence,) = sentences(lifted, "readings")
-    proposed = float(sentence.rsplit("=", 1)[1])
-    repaired = inspect_log(read_log(real_data / name, range_max=proposed))
+    (issue,) = (issue for issue in find_issues(lifted) if issue.topic == "readings")
+    assert issue.remedy is not None
+    assert issue.remedy.argument == "range_max"
+    repaired = inspect_log(read_log(real_data / name, range_max=float(issue.remedy.value)))
     assert repaired.suspect is None
     assert repaired.valid_share == inspect_log(read_log(real_data / name)).valid_share
 
