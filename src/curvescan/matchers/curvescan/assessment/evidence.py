@@ -25,7 +25,6 @@ from curvescan.matchers.curvescan.association import (
     turned_back,
 )
 from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
@@ -46,26 +45,20 @@ _PARALLEL = 0.9  # cosine
 
 
 @kernel
-def may_move(surfels: Floats, bounds: Ints) -> Bools:
-    """Return which readings are of surfaces no larger than a person that stand before what is beside them."""
-    is_small = np.zeros(surfels.shape[0], dtype=np.bool_)
-    for k in range(bounds.size - 1):
-        extent2, before, behind = extent_and_steps(surfels, bounds, k)
-        if extent2 <= PERSON_EXTENT * PERSON_EXTENT and max(before, behind) >= _IN_FRONT:
-            for i in range(bounds[k], bounds[k + 1]):
-                is_small[i] = True
-    return is_small
-
-
-@kernel
 def gather_evidence(
-    ref: RangeImage, bounds_ref: Ints, cur: RangeImage, bounds_cur: Ints, poses: Floats, margin: float
+    ref: RangeImage,
+    bounds_ref: Ints,
+    small_ref: Bools,
+    cur: RangeImage,
+    bounds_cur: Ints,
+    small_cur: Bools,
+    poses: Floats,
+    margin: float,
 ) -> Floats:
     """Return (k, N_EVIDENCE) the evidence of (k, 3) poses of the current scan in the reference.
 
-    `margin` as in ScoringConfig.
+    bounds and `is_small` of the Objects of both scans; `margin` as in ScoringConfig.
     """
-    small_ref, small_cur = may_move(ref.surfels, bounds_ref), may_move(cur.surfels, bounds_cur)
     found = np.zeros((poses.shape[0], N_EVIDENCE))
     for k in range(poses.shape[0]):
         n_misfits = 0.0
