@@ -203,7 +203,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "cli": (2760, 15, 0),
     "diagnostics": (2417, 55, 0),
     "evaluation": (956, 69, 0),
-    "io": (6885, 38, 0),
+    "io": (6753, 38, 0),
     "live": (3208, 68, 0),
     "mapping": (738, 13, 8),
     "matchers": (688, 5, 0),
