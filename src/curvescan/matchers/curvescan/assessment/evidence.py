@@ -24,6 +24,7 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
+from curvescan.matchers.curvescan.features.objects import IN_FRONT
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
@@ -37,7 +38,6 @@ the two that face them, which are all of a bare room."""
 
 N_EVIDENCE = BEYOND + 1
 
-_IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
@@ -182,10 +182,10 @@ def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int,
     beside = edge + step
     if beside < 0 or beside >= surfels.shape[0]:
         return True
-    if surfels[beside, RANGE] - surfels[edge, RANGE] > _IN_FRONT:
+    if surfels[beside, RANGE] - surfels[edge, RANGE] > IN_FRONT:
         return True
     if beside < bounds[k] or beside >= bounds[k + 1]:
         return False
     wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
     dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
-    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > _IN_FRONT)
+    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > IN_FRONT)

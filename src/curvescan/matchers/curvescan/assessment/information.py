@@ -27,8 +27,7 @@ residuals, how many there are, the squared distances of the readings from the cu
 
 _N_COLUMNS = LEVER2 + 1
 
-_HOLDS = 0.3
-"""Least share of the information in the least informed direction of an object that may hold it alone."""
+_HOLDS = 0.5  # least share of the information in the least informed direction of an object that may hold it alone
 
 _MAX_THINGS = 6
 """Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance."""

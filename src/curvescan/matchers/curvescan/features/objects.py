@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, X, Y
+from curvescan.matchers.curvescan.features.surfels import RANGE, X, Y
 from curvescan.types import Bools, Floats, Ints
 
 PERSON_EXTENT = 0.6  # metres: no person shows more
 _OBJECT_EXTENT = 1.0  # metres: what is longer is a wall, and stays
-_CORNER = 0.7  # cosine of the turn, 46 degrees, at which one face ends and the next begins
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides of a free-standing thing farther away
-_IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
+IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
 _OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 
 
@@ -52,21 +51,10 @@ def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
             # another person may hide one side
             stands_free = max(before, behind) >= _STANDS_FREE and min(abs(before), abs(behind)) >= _STANDS_FREE
             is_free[n] = extent <= PERSON_EXTENT and stands_free
-            stands_before = extent <= PERSON_EXTENT and max(before, behind) >= _IN_FRONT
+            stands_before = extent <= PERSON_EXTENT and max(before, behind) >= IN_FRONT
             for i in range(first, last + 1):
                 label[i], is_small[i] = n, stands_before
             n += 1
-            continue
-        start = first
-        for i in range(first + 1, last + 2):
-            is_same = i <= last and surfels[i, NX] * surfels[start, NX] + surfels[i, NY] * surfels[start, NY] > _CORNER
-            if is_same:
-                continue
-            if extent_of(surfels, start, i - 1) <= _OBJECT_EXTENT:
-                for j in range(start, i):
-                    label[j] = n
-                n += 1
-            start = i
     return label, is_free[:n].copy(), is_small
 
 
