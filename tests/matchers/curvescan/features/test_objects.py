@@ -36,33 +36,32 @@ def test_a_person_in_a_corridor_stands_free_and_a_wall_is_no_object():
     assert not objects.is_small[walls].any()
 
 
-def test_the_jamb_of_a_door_is_an_object_of_its_own():
+def test_the_jamb_of_a_door_is_of_the_wall():
     scan = corridor_with(recesses=[(2.5, 1.0, 0.25)])
     surfels, label = scan.image.surfels, scan.objects.label
     jamb = (np.abs(surfels[:, 0] - 3.0) < 0.05) & (surfels[:, 1] > 1.25) & (surfels[:, 1] < 1.4)
     assert jamb.sum() > 3
-    assert len(set(label[jamb])) == 1
-    assert label[jamb][0] >= 0
+    assert (label[jamb] == -1).all()
 
 
 @pytest.mark.parametrize(
-    ("people", "recesses"),
+    "people",
     [
-        (((2.5, 0.3), (4.0, -0.6), (3.2, 0.7)), ()),  # who may walk together
-        (((0.7, 0.3),), ()),  # near, and so much of what is seen
-        ((), [(2.5, 1.0, 0.25)]),  # one jamb, or a box that somebody pushes along
+        ((2.5, 0.3), (4.0, -0.6), (3.2, 0.7)),  # who may walk together
+        ((0.7, 0.3),),  # near, and so much of what is seen
     ],
 )
-def test_what_one_object_or_a_few_people_alone_fix_is_open(people, recesses):
-    ref, cur = corridor_with(*people, recesses=recesses), corridor_with(*people, recesses=recesses)
+def test_what_one_object_or_a_few_people_alone_fix_is_open(people):
+    ref, cur = corridor_with(*people), corridor_with(*people)
     assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
     assert is_uninformed(assessment, CONFIG.information).tolist() == [True, False, False]
     assert abs(assessment.weakest[0]) > 0.99
 
 
-def test_doors_and_rooms_are_measured():
-    doors = [(x, 1.0, 0.25) for x in (-4.0, 2.5, 5.0)]
-    ref, cur = corridor_with(recesses=doors), corridor_with(recesses=doors)
+@pytest.mark.parametrize("doors", [(2.5,), (-4.0, 2.5, 5.0)])
+def test_doors_and_rooms_are_measured(doors):
+    recesses = [(x, 1.0, 0.25) for x in doors]
+    ref, cur = corridor_with(recesses=recesses), corridor_with(recesses=recesses)
     assert not is_uninformed(assess_pose(ref, cur, np.zeros(3), CONFIG), CONFIG.information).any()
     assert not is_uninformed(assess_pose(*pair(), MOTION, CONFIG), CONFIG.information).any()
 

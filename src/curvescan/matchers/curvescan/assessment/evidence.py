@@ -24,7 +24,7 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
-from curvescan.matchers.curvescan.features.objects import IN_FRONT
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
@@ -182,10 +182,10 @@ def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int,
     beside = edge + step
     if beside < 0 or beside >= surfels.shape[0]:
         return True
-    if surfels[beside, RANGE] - surfels[edge, RANGE] > IN_FRONT:
+    if surfels[beside, RANGE] - surfels[edge, RANGE] > STANDS_BEFORE:
         return True
     if beside < bounds[k] or beside >= bounds[k + 1]:
         return False
     wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
     dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
-    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > IN_FRONT)
+    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > STANDS_BEFORE)

@@ -25,7 +25,7 @@ class CurvescanFeatures(NamedTuple):
     n_beams: int  # beams of the scan
     beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings counter-clockwise from a breakpoint on
     bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
-    objects: Objects  # pieces of the contour that may move as one
+    objects: Objects  # surfaces that may move as one
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
     wide_image: RangeImage  # the same with more samples, to compare poses that are nearly as good as each other
     full_image: RangeImage  # the same with all readings as samples

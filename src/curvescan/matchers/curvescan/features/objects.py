@@ -1,4 +1,4 @@
-"""Objects: the contour of a scan in pieces that may move as one, a leg, a chair, the jamb of a door."""
+"""Objects: the surfaces of a scan that may move as one, a leg, a chair, the leaf of a door."""
 
 from __future__ import annotations
 
@@ -13,31 +13,22 @@ from curvescan.types import Bools, Floats, Ints
 PERSON_EXTENT = 0.6  # metres: no person shows more
 _OBJECT_EXTENT = 1.0  # metres: what is longer is a wall, and stays
 _STANDS_FREE = 0.3  # metres: by so much at least are the surfaces on both sides of a free-standing thing farther away
-IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
+STANDS_BEFORE = 0.1  # metres: by so much at least a small thing stands before what is beside it
 _OPEN = 1.0  # metres: nothing is seen beside the first and the last surface
 
 
 class Objects(NamedTuple):
-    """Which readings belong together, as far as one scan shows it.
+    """Which readings belong together, as far as one scan shows it."""
 
-    Attributes
-    ----------
-    label : (m,) int64
-        Number of the object that each reading is of, -1 where that is no small one.
-    is_free : (n,) bool
-        Which objects are no larger than a person and stand free on both sides.
-    is_small : (m,) bool
-        Which readings are of things no larger than a person that stand before what is on one side of them.
-    """
-
-    label: Ints
-    is_free: Bools
+    label: Ints  # (m,): number of the object that each reading is of, -1 where that is no small one
+    is_free: Bools  # (n,): which objects are no larger than a person and stand free on both sides
+    # (m,): which readings are of things no larger than a person that stand before what is on one side of them
     is_small: Bools
 
 
 @kernel
 def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
-    """Return the fields of the Objects of a scan: whole surfaces of up to 1 m, and of larger ones the faces of up to 1 m."""
+    """Return the fields of the Objects of a scan: its surfaces of up to 1 m."""
     m = surfels.shape[0]
     label, is_small = np.full(m, -1), np.zeros(m, dtype=np.bool_)
     is_free = np.zeros(m, dtype=np.bool_)
@@ -51,7 +42,7 @@ def find_objects(surfels: Floats, bounds: Ints) -> tuple[Ints, Bools, Bools]:
             # another person may hide one side
             stands_free = max(before, behind) >= _STANDS_FREE and min(abs(before), abs(behind)) >= _STANDS_FREE
             is_free[n] = extent <= PERSON_EXTENT and stands_free
-            stands_before = extent <= PERSON_EXTENT and max(before, behind) >= IN_FRONT
+            stands_before = extent <= PERSON_EXTENT and max(before, behind) >= STANDS_BEFORE
             for i in range(first, last + 1):
                 label[i], is_small[i] = n, stands_before
             n += 1
