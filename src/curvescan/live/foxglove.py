@@ -65,10 +65,13 @@ class FoxgloveSink(MapSink):
         }
         self._sent_map, self._next_map, self._stamp = 0, 0.0, 0.0
         self._is_map_wanted, self._is_finished = threading.Event(), False
-        listener: Any = _Listener(self._want_map)
         try:
             self._server: Any = foxglove.start_server(
-                name=f"curvescan: {name}", host=host, port=port, server_listener=listener, context=context
+                name=f"curvescan: {name}",
+                host=host,
+                port=port,
+                server_listener=_listener(self._want_map),
+                context=context,
             )
         except (RuntimeError, OSError, OverflowError) as error:
             raise OutputError(
@@ -126,25 +129,13 @@ class FoxgloveSink(MapSink):
             channel.log(data, log_time=max(self._builder.nanoseconds(self._stamp), 0))
 
 
-class _Listener:
-    """Notices clients that want the map."""
+def _listener(want_map: Callable[[], None]) -> Any:
+    """Return what notices clients that want the map; what they send is not read."""
+    from foxglove.websocket import ServerListener
 
-    def __init__(self, want_map: Callable[[], None]) -> None:
-        self._want_map = want_map
+    class Listener(ServerListener):
+        def on_subscribe(self, client: Any, channel: Any) -> None:
+            if channel.topic == MAP_TOPIC:
+                want_map()
 
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Note that the map is wanted."""
-        if channel.topic == MAP_TOPIC:
-            self._want_map()
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Do nothing."""
-
-    def on_client_advertise(self, client: Any, channel: Any) -> None:
-        """Do nothing."""
-
-    def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
-        """Do nothing."""
-
-    def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
-        """Do nothing: what visitors send is not read."""
+    return Listener()
