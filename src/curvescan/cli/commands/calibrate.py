@@ -109,7 +109,7 @@ def _find_parameters(
                 f"planes at {group.name} show peaks at every U_k and were left out of the choice: "
                 "their readings lie closer together than the noise"
             )
-    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md", markup=False)
+    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md")
     return 0
 
 
