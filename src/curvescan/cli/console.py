@@ -35,11 +35,15 @@ def _without_controls(text: str) -> str:
 
 
 OUT = _PrintableConsole(
-    highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+    highlight=False,
+    markup=False,
+    emoji=False,
+    soft_wrap=True,
+    width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120,
 )
 """Results."""
 
-ERR = _PrintableConsole(stderr=True, highlight=False, markup=False)
+ERR = _PrintableConsole(stderr=True, highlight=False, markup=False, emoji=False)
 """Progress and notices, so that results can be piped."""
 
 

@@ -132,8 +132,8 @@ class PageFlags:
             server = PageServer(viewer, host=self.host, port=free_port(self.host, self.http_port))
             ERR.print(f"the page is at {pages.enter_context(server).url}")
             open_browser(server.url)
-            if maps["saved_map"] is None:
-                _preview(source, viewer)
+            if maps["saved_map"] is None and isinstance(source, Paced) and (first := source.first()) is not None:
+                viewer.preview(first)  # before kernels are compiled
         if self.foxglove:
             served = live_package.FoxgloveSink(source.name, host=self.host, port=self.foxglove_port, **maps)
             pages.callback(served.stop)
@@ -284,14 +284,6 @@ def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     return open_driver(
         driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
     )
-
-
-def _preview(source: ScanSource, viewer: Viewer) -> None:
-    """Show the first scan of a source that can wait, before kernels are compiled."""
-    from curvescan.live import LogSource, SimulatedSource
-
-    if isinstance(source, LogSource | SimulatedSource) and (first := source.first()) is not None:
-        viewer.preview(first)
 
 
 def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) -> Engine:
