@@ -10,6 +10,7 @@ from typing import Any
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
 from curvescan.io.ros.writing.message_building import MessageBuilder
 from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
+from curvescan.live.server import local_url
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
@@ -82,8 +83,7 @@ class FoxgloveSink(MapSink):
     @property
     def url(self) -> str:
         """Where a Foxglove on this machine finds it."""
-        shown = "127.0.0.1" if self._host == "0.0.0.0" else self._host
-        return f"ws://{f'[{shown}]' if ':' in shown else shown}:{self._server.port}"
+        return local_url("ws", self._host, self._server.port)
 
     def stop(self) -> None:
         """Close the connections of all clients."""
