@@ -36,12 +36,8 @@ class SpinningSource:
 
     def __init__(self, name: str, port: str, baud: int, *, is_clockwise: bool, ignore_beams: tuple[int, int]) -> None:
         self.name, self.port = f"{name} at {port}", port
-        self._baud, self._is_clockwise, self._limits, self._ignore_beams = (
-            baud,
-            is_clockwise,
-            limits_of(name),
-            ignore_beams,
-        )
+        self._baud, self._is_clockwise = baud, is_clockwise
+        self._limits, self._ignore_beams = limits_of(name), ignore_beams
         self._transport: Transport | None = None
 
     def start(self, transport: Transport) -> None:
