@@ -1,8 +1,7 @@
 """curvescan.datasets: public logs, downloaded once, checked and kept.
 
-Nothing is shipped: each file comes from the public repository that holds it. Its SHA-256 stands in ``datasets.toml``,
-so that the same name is the same bytes for everybody. Where a repository publishes a file compressed, the digest is
-that of the content.
+Nothing is shipped: each file comes from the public repository that holds it. By the SHA-256 in ``datasets.toml`` the
+same name is the same bytes for everybody. Of a file that is published compressed it is that of the content.
 """
 
 from __future__ import annotations
