@@ -152,7 +152,7 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def principal(system: Floats, part: Floats, units: Floats, scale: float) -> tuple[Floats, Floats, Floats]:
-    """Return the information of a system without a part of it in its principal directions, its spurious part, and the directions."""
+    """Return the information of a system without a part of it, in principal directions, its spurious part, and these."""
     net, false = np.empty((3, 3)), np.empty((3, 3))
     k = 0
     for i in range(3):
@@ -197,8 +197,8 @@ def pose_information(
     """Return the information of the inliers on the pose, in its principal directions.
 
     A direction is measured only if it stays so without any one object, and without the few that stand free: what one
-    object alone fixes, a person or a door, moves with it. Where leaving one out opens a direction, with less than `least`
-    information or no more than twice the spurious part, it is left out.
+    object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
+    more than twice the spurious part, it is left out.
 
     Returns
     -------
