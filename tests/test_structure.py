@@ -209,7 +209,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers": (688, 5, 0),
     "matchers/baselines": (1807, 47, 40),
     "matchers/cfsma": (1139, 15, 17),
-    "matchers/curvescan": (4226, 193, 61),
+    "matchers/curvescan": (4230, 193, 61),
     "odometry": (2216, 40, 25),
     "paper": (2048, 114, 0),
     "plots": (808, 37, 0),

@@ -91,7 +91,8 @@ def test_the_spurious_part_is_what_a_tilt_of_the_line_gives(way):
     sums, sums_across = np.zeros((2, LEVER2 + 1))
     for other, total in ((line, sums), (across, sums_across)):
         parts = np.zeros((1, CHI2))
-        add_information(one, no_objects(one), other, no_objects(other), np.array([0]), pose, way, total, parts)
+        objects = no_objects(one), no_objects(other)
+        add_information(one, other, objects, np.array([0]), pose, way, total, parts)
         assert not parts.any()
     n = SPURIOUS - INFORMATION
     expected = 1e-6 * sums_across[INFORMATION : INFORMATION + n]
@@ -130,8 +131,8 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
         (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(ref, cur, MOTION)
         system = np.zeros(LEVER2 + 1)
         walls, parts = [no_objects(one) for one in (ref_surfels, cur_surfels)], np.zeros((1, CHI2))
-        add_information(cur_surfels, walls[1], ref_surfels, walls[0], partner_cur, pose, FORWARD, system, parts)
-        add_information(ref_surfels, walls[0], cur_surfels, walls[1], partner_ref, pose, BACKWARD, system, parts)
+        add_information(cur_surfels, ref_surfels, (walls[1], walls[0]), partner_cur, pose, FORWARD, system, parts)
+        add_information(ref_surfels, cur_surfels, (walls[0], walls[1]), partner_ref, pose, BACKWARD, system, parts)
         means.append(system[CHI2] / system[COUNT])
     # of 300 readings each, with neighbours that share their lines
     assert np.mean(means) == pytest.approx(1.0, abs=0.12)

@@ -70,7 +70,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
     limits = rules.margin, rules.dynamic_sigmas, rules.dynamic_min_m, config.information.max_sigma**-2
-    return Assessment(*assess(ref.image, ref.bounds, ref.objects, cur.image, cur.bounds, cur.objects, pose, *limits))
+    return Assessment(*assess(ref.image, ref.bounds, ref.objects, cur.image, cur.bounds, cur.objects, pose, limits))
 
 
 @kernel
@@ -95,12 +95,13 @@ def assess(
     bounds_cur: Ints,
     objects_cur: Objects,
     pose: Floats,
-    margin: float,
-    limit: float,
-    least: float,
-    least_information: float,
+    limits: tuple[float, float, float, float],
 ) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
-    """Return the fields of an Assessment, in their order; margin, limit and least as in ScoringConfig."""
+    """Return the fields of an Assessment, in their order.
+
+    limits: margin, dynamic_sigmas and dynamic_min_m as in ScoringConfig, and the least information that is any.
+    """
+    margin, limit, least, least_information = limits
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
     codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)

@@ -10,6 +10,7 @@ is taken off, so that a corridor stays unobservable along itself.
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
 from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, XX, YY, add_square
 from curvescan.types import Bools, Floats, Ints
+
+Row: TypeAlias = tuple[float, float, float]
 
 INFORMATION, SPURIOUS = 0, N_TRIANGLE
 CHI2, COUNT, LEVER2 = range(2 * N_TRIANGLE, 2 * N_TRIANGLE + 3)
@@ -44,9 +47,8 @@ _ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is noth
 @kernel
 def add_information(
     surfels: Floats,
-    objects: Objects,
     surfels_other: Floats,
-    objects_other: Objects,
+    objects: tuple[Objects, Objects],
     partner: Ints,
     pose: Floats,
     way: float,
@@ -59,8 +61,8 @@ def add_information(
 
     Parameters
     ----------
-    surfels, surfels_other : (m, 10), (k, 10) float64
-        Readings of both scans.
+    surfels, surfels_other, objects : (m, 10), (k, 10) float64, tuple of Objects
+        Readings of both scans, and their objects.
     partner : (m,) int64
         Reading of the other scan, -1 for none.
     pose : (3,) float64
@@ -73,9 +75,8 @@ def add_information(
         The same triangles of each object of the current scan, then of the reference; last of all that stand free.
     """
     motion = motion_of(pose, way)
-    n_objects = objects.is_free.size if way > 0.0 else objects_other.is_free.size
+    n_objects = objects[0].is_free.size if way > 0.0 else objects[1].is_free.size
     own, others = (0, n_objects) if way > 0.0 else (n_objects, 0)
-    everything_free = parts.shape[0] - 1
     for i in range(surfels.shape[0]):
         j = partner[i]
         if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
@@ -86,26 +87,28 @@ def add_information(
         nx, ny = surfels_other[j, NX], surfels_other[j, NY]
         if way < 0.0:
             nx, ny = turned(nx, ny, motion)
-        va = surfels[i, VARIANCE]
-        variance = va + surfels_other[j, VARIANCE]
-        weight = 1.0 / variance
+        va, vb = surfels[i, VARIANCE], surfels_other[j, VARIANCE]
+        normal, along = (nx, ny, ny * dx - nx * dy), (-ny, nx, nx * dx + ny * dy)
+        weight = 1.0 / (va + vb)
         false = weight * surfels_other[j, TILT]
-        turning, sliding = ny * dx - nx * dy, nx * dx + ny * dy
-        add_square(system, INFORMATION, weight, nx, ny, turning)
-        add_square(system, SPURIOUS, false, -ny, nx, sliding)
-        first, second = objects.label[i], objects_other.label[j]
+        add_reading(system, weight, false, normal, along)
+        first, second = objects[0].label[i], objects[1].label[j]
         if first >= 0:
-            add_square(parts[own + first], INFORMATION, weight, nx, ny, turning)
-            add_square(parts[own + first], SPURIOUS, false, -ny, nx, sliding)
+            add_reading(parts[own + first], weight, false, normal, along)
         if second >= 0:
-            add_square(parts[others + second], INFORMATION, weight, nx, ny, turning)
-            add_square(parts[others + second], SPURIOUS, false, -ny, nx, sliding)
-        if (first >= 0 and objects.is_free[first]) or (second >= 0 and objects_other.is_free[second]):
-            add_square(parts[everything_free], INFORMATION, weight, nx, ny, turning)
-            add_square(parts[everything_free], SPURIOUS, false, -ny, nx, sliding)
-        system[CHI2] += e * e / (va + _LINE_NOISE * surfels_other[j, VARIANCE])
+            add_reading(parts[others + second], weight, false, normal, along)
+        if (first >= 0 and objects[0].is_free[first]) or (second >= 0 and objects[1].is_free[second]):
+            add_reading(parts[-1], weight, false, normal, along)
+        system[CHI2] += e * e / (va + _LINE_NOISE * vb)
         system[COUNT] += 1.0
         system[LEVER2] += dx * dx + dy * dy
+
+
+@kernel
+def add_reading(sums: Floats, weight: float, false: float, normal: Row, along: Row) -> None:
+    """Add the information of one reading, and what is spurious of it; rows: of x, y, theta."""
+    add_square(sums, INFORMATION, weight, normal[0], normal[1], normal[2])
+    add_square(sums, SPURIOUS, false, along[0], along[1], along[2])
 
 
 @kernel
@@ -152,7 +155,7 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
 
 @kernel
 def principal(system: Floats, part: Floats, units: Floats, scale: float) -> tuple[Floats, Floats, Floats]:
-    """Return the information of a system without a part of it, in principal directions, its spurious part, and these."""
+    """Return the information of a system without a part, in its principal directions, the spurious one, and these."""
     net, false = np.empty((3, 3)), np.empty((3, 3))
     k = 0
     for i in range(3):
@@ -214,8 +217,8 @@ def pose_information(
     """
     system = np.zeros(_N_COLUMNS)
     parts = np.zeros((objects_cur.is_free.size + objects_ref.is_free.size + 1, CHI2))
-    add_information(surfels_cur, objects_cur, surfels_ref, objects_ref, partner_cur, pose, FORWARD, system, parts)
-    add_information(surfels_ref, objects_ref, surfels_cur, objects_cur, partner_ref, pose, BACKWARD, system, parts)
+    add_information(surfels_cur, surfels_ref, (objects_cur, objects_ref), partner_cur, pose, FORWARD, system, parts)
+    add_information(surfels_ref, surfels_cur, (objects_ref, objects_cur), partner_ref, pose, BACKWARD, system, parts)
     n = max(system[COUNT], 1.0)
     arm = math.sqrt(system[LEVER2] / n) + _LEAST_LEVER
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
