@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
-from typing import Protocol, cast, overload, runtime_checkable
+from typing import Protocol, TypeAlias, cast, overload, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.read_errors import ReadError
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
+
+PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians; NaN where unknown
+
+NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
 
 @runtime_checkable
@@ -108,9 +113,7 @@ class ScanAccess:
         try:
             number = range(len(log))[i]
         except IndexError:
-            raise IndexError(
-                f"there is no scan {i}: {log.name} has {len(log):,} scans, numbered 0 to {len(log) - 1}"
-            ) from None
+            raise IndexError(_no_scan(log, i)) from None
         return self._scan_at(number)
 
     def __repr__(self) -> str:
@@ -242,14 +245,22 @@ class LogSlice(LogView):
 _SCANS_A_LOOKUP = 10  # to look a scan up takes about as long as to read so many in their order
 
 
+def refuse_topic(path: object, kind: str, topic: str | None) -> None:
+    """Raise InvalidArgumentError when a topic is given for a format that has none."""
+    if topic is not None:
+        raise InvalidArgumentError(f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out")
+
+
 def pick_scans(log: Log, numbers: Sequence[int]) -> list[LaserScan]:
     """Return the scans of these numbers, in the order given. Raises InvalidArgumentError."""
     for number in numbers:
         if not 0 <= number < len(log):
-            raise InvalidArgumentError(
-                f"there is no scan {number}: {log.name} has {len(log):,} scans, numbered 0 to {len(log) - 1}"
-            )
+            raise InvalidArgumentError(_no_scan(log, number))
     return [log[number] for number in numbers]
+
+
+def _no_scan(log: Log, i: int) -> str:
+    return f"there is no scan {i}: {log.name} has {len(log):,} scans, numbered 0 to {len(log) - 1}"
 
 
 def scans_with_poses(log: Log) -> Iterator[tuple[LaserScan, Pose | None]]:

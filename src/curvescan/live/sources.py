@@ -82,9 +82,7 @@ class Paced:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._closed.set()
 
     def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:

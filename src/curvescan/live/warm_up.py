@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import curvescan
 from curvescan._compilation import watch
@@ -11,23 +12,12 @@ from curvescan.live.live_map import LiveMap, picture_of
 from curvescan.live.tracker import Tracker
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.simulation.recording import simulate
-from curvescan.simulation.sensing.sensors import Sensor
+from curvescan.simulation.sensing.sensors import SENSORS
 from curvescan.slam.run import Engine
 
 _N_SCANS = 20
 
-_SENSOR = Sensor(
-    name="warm-up",
-    n_beams=180,
-    angle_min=-3.14,
-    angle_increment=0.035,
-    range_min=0.1,
-    range_max=8.0,
-    sigma_range=0.01,
-    dropout=0.0,
-    period=0.2,
-    time_increment=0.001,
-)
+_SENSOR = replace(SENSORS["spinning-360"], time_increment=1e-4)  # whose sweeps take time
 
 
 def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> float:

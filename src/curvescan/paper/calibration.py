@@ -26,17 +26,17 @@ from curvescan.scan import LaserScan, valid_readings
 from curvescan.simulation import Sensor
 from curvescan.types import Bools, Floats, Ints, Points
 
-TOLERANCES: Floats = np.array([0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.2])
+TOLERANCES: Floats = np.array([5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 120, 150, 200]) / 1000
 """U_k tried, metres."""
 
-SIGMAS: Floats = np.array([0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2])  # sigma_rho tried, metres
+SIGMAS: Floats = np.array([5, 10, 20, 30, 50, 80, 120, 200]) / 1000  # sigma_rho tried, metres
 
 WALL, REACH = 0.9, 8.0
 """A wall this far beside the sensor, as of a corridor 1.8 m wide, shall stay whole out to this range, metres."""
 
 _WHOLE = 0.9  # share of the scans in which such a wall shall be whole
 CURVATURES: Floats = np.arange(0.05, 1.01, 0.05)  # U_p tried, radians
-CORNER_ANGLES: Floats = np.radians([30.0, 45.0, 60.0, 75.0, 90.0])  # angles by which the corners turn, radians
+CORNER_ANGLES: Floats = np.radians([30, 45, 60, 75, 90])  # angles by which the corners turn, radians
 _FREE = 0.1  # mean number of peaks a plane may show where none is said to show
 _QUIET = 0.01  # share of the planes that may show a peak at the chosen U_p: the least such U_p finds most corners
 _LEAST_PLANE = 20  # readings that a surface must have to be judged a plane
@@ -245,7 +245,7 @@ class _Corner:
 
 def _corners(sensor: Sensor, sigma: float, n_scans: int, seed: int) -> list[_Corner]:
     """Return corners of all angles, 2 to 4 m away."""
-    settings = [(distance, turn) for distance in (2.0, 3.0, 4.0) for turn in CORNER_ANGLES]
+    settings = [(distance, turn) for distance in (2, 3, 4) for turn in CORNER_ANGLES]
     return [
         _Corner(points=scan.points[scan.valid], at=np.array([distance, 0.0]), turn=float(turn))
         for k, (distance, turn) in enumerate(settings)

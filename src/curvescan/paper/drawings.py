@@ -27,14 +27,14 @@ def draw_geometry(path: Path) -> None:
             left.plot([0.0, point[0]], [0.0, point[1]], color=GREY, lw=1.0)
             left.annotate(name, point, textcoords="offset points", xytext=(6, -10))
         left.plot(*np.array([first, second]).T, "o-", color=DARK, lw=1.6)
-        left.plot(0.0, 0.0, "s", color=PATH, ms=7.0)
+        left.plot(0.0, 0.0, "s", color=PATH, ms=7)
         left.annotate("dphi", (1.0, 0.33), color=PATH)
         left.annotate("lambda", first + np.array([0.35, 0.16]), color=PATH)
         left.annotate("rho", 0.55 * first - np.array([0.0, 0.18]), color=PATH)
         left.set_title("eq. 2: a longer gap, by 3 sigma_rho, is a breakpoint")
         walk = np.array([[0.1 * k, 0.0] for k in range(9)] + [[0.8, 0.1 * k] for k in range(1, 8)])
-        right.plot(*walk.T, "o-", color=DARK, ms=4.0, lw=1.2, label="readings")
-        right.plot(*walk[3:13].T, "o-", color=LIGHT, ms=5.0, lw=2.4, label="arc, from l to l + k")
+        right.plot(*walk.T, "o-", color=DARK, ms=4, lw=1.0, label="readings")
+        right.plot(*walk[3:13].T, "o-", color=LIGHT, ms=5, lw=2.4, label="arc, from l to l + k")
         right.plot(*walk[[3, 12]].T, "--", color=PATH, lw=1.6, label="chord, its direction is theta_l")
         right.set_title("eq. 3: k grows while arc - chord < U_k")
         right.legend()
@@ -50,17 +50,17 @@ def draw_curvature(path: Path, *, sigma: float = 0.003, seed: int = 0) -> None:
     starts, stops = np.array([0]), np.array([len(points)])
     eta, _ = curvature_functions(points, starts, stops, config.curvature)
     peaks = characteristic_points(eta, starts, stops, config.landmarks).extents[:, 0]
-    with drawing(path, 11.0, 4.0) as figure:
+    with drawing(path, 11, 4) as figure:
         left, right = figure.subplots(1, 2)
-        left.plot(*points.T, ".", color=DARK, ms=4.0)
-        left.plot(*points[peaks].T, "o", color="none", mec=PATH, mew=1.6, ms=9.0)
+        left.plot(*points.T, ".", color=DARK, ms=4)
+        left.plot(*points[peaks].T, "o", color="none", mec=PATH, mew=1.6, ms=9)
         left.set_aspect("equal", adjustable="datalim")
         left.set(xlabel="x [m]", ylabel="y [m]", title="a segment and its characteristic points")
-        right.plot(eta, color=DARK, lw=1.2)
-        right.plot(peaks, eta[peaks], "o", color="none", mec=PATH, mew=1.6, ms=9.0)
+        right.plot(eta, color=DARK, lw=1.0)
+        right.plot(peaks, eta[peaks], "o", color="none", mec=PATH, mew=1.6, ms=9)
         for sign in (-1.0, 1.0):
             level = sign * config.landmarks.min_curvature
-            right.axhline(level, color=TRUTH, ls="--", lw=0.9)
+            right.axhline(level, color=TRUTH, ls="--", lw=1.0)
         right.annotate("U_p", (2, config.landmarks.min_curvature + 0.01), color=TRUTH)
         right.set(xlabel="reading l", ylabel="eta [rad]", title="its curvature function (eq. 5)")
 

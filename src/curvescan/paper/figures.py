@@ -10,7 +10,7 @@ from curvescan import se2
 from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, TransformResult
-from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, segment_colour
+from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, draw_truth, drawing, segment_colour
 from curvescan.plots.map import draw_side_by_side, from_first
 
 
@@ -33,7 +33,7 @@ def draw_errors(path: Path, all_runs: dict[RandomTransformCondition, TransformRe
             (left, SUCCESS[0], "translation error [m]"),
             (right, np.degrees(SUCCESS[1]), "rotation error [deg]"),
         ):
-            axes.axvline(limit, color=PATH, ls="--", lw=0.9)
+            axes.axvline(limit, color=PATH, ls="--", lw=1.0)
             axes.set(xscale="log", xlabel=name, ylabel="runs [%]")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
@@ -50,11 +50,11 @@ def draw_maps(path: Path, drive: ScenarioComparison) -> None:
         for axes, (method, result) in zip(places, drive.first.items(), strict=False):
             axes.axis("on")
             poses = result.run.trajectory.poses
-            axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0.0)
-            axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
-            axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label="matching")
+            axes.plot(*occupied_cells(drive.log, poses).T, "s", color=DARK, ms=1.2, mew=0)
+            draw_truth(axes, truth)
+            axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="matching")
             failed = result.run.is_failed
-            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.0, label="match failed")
+            axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3, label="match failed")
             end = result.errors.end_translation
             as_place(axes, f"{method}: end off by {end:.2f} m, {result.n_failed} failed")
             axes.set_aspect("equal", adjustable="datalim")
@@ -64,12 +64,12 @@ def draw_maps(path: Path, drive: ScenarioComparison) -> None:
 def draw_trajectories(path: Path, drive: ScenarioComparison) -> None:
     """Save the trajectories of all methods in one figure with the true one (figure 9b)."""
     truth = from_first(drive.log.truth.poses)
-    with drawing(path, 9.0, 7.0) as figure:
+    with drawing(path, 9, 7) as figure:
         axes = figure.subplots()
         for k, (method, result) in enumerate(drive.first.items()):
             x, y = result.run.trajectory.poses[:, :2].T
-            axes.plot(x, y, color=segment_colour(k), lw=1.1, label=method)
-        axes.plot(*truth[:, :2].T, "--", color="black", lw=1.4, label="truth")
+            axes.plot(x, y, color=segment_colour(k), lw=1.0, label=method)
+        draw_truth(axes, truth)
         margin = 0.35 * float(np.ptp(truth[:, :2], axis=0).max()) + 0.5
         low, high = truth[:, :2].min(axis=0) - margin, truth[:, :2].max(axis=0) + margin
         as_place(axes, "a method that leaves the frame has lost its way")
@@ -90,14 +90,14 @@ def draw_end(path: Path, drive: ScenarioComparison, method: str) -> None:
     truth = from_first(drive.log.truth.poses)
     run = drive.first[method].run
     poses, failed = run.trajectory.poses, run.is_failed
-    with drawing(path, 7.0, 7.0) as figure:
+    with drawing(path, 7, 7) as figure:
         axes = figure.subplots()
-        axes.plot(*truth[:, :2].T, "--", color=TRUTH, lw=1.0, label="truth")
-        axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label=method)
-        axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=4.0, label="match failed")
-        axes.plot(0.0, 0.0, "o", color="white", mec=DARK, ms=8.0, label="start")
-        axes.plot(*truth[-1, :2], "s", color="white", mec=TRUTH, ms=8.0, label="true end")
-        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, ms=8.0, label=f"end by {method}")
+        draw_truth(axes, truth)
+        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
+        axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=4, label="match failed")
+        axes.plot(0.0, 0.0, "o", color="white", mec=DARK, ms=8, label="start")
+        axes.plot(*truth[-1, :2], "s", color="white", mec=TRUTH, ms=8, label="true end")
+        axes.plot(*poses[-1, :2], "s", color="white", mec=PATH, ms=8, label=f"end by {method}")
         as_place(axes, f"experiment {drive.experiment.number}, {method}")
         axes.set_aspect("equal", adjustable="datalim")
         figure.legend(loc="outside lower center", ncols=3)
@@ -116,17 +116,17 @@ def draw_discarded(path: Path, drive: ScenarioComparison, method: str) -> None:
             (people, left & drive.log.is_person[k]),
         ):
             cells.add(se2.transform(pose, scan.points[readings]))
-    with drawing(path, 9.0, 8.0) as figure:
+    with drawing(path, 9, 8) as figure:
         axes = figure.subplots()
         for cells, colour, label in (
             (unmatched, GREY, f"left unmatched by {method}"),
             (people, LIGHT, f"left unmatched by {method}: people"),
             (matched, DARK, f"matched by {method}"),
         ):
-            axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0.0)
-            axes.plot([], [], "s", color=colour, ms=4.0, label=label)
-        axes.plot(*from_first(drive.log.truth.poses)[:, :2].T, "--", color=TRUTH, lw=0.9, label="truth")
-        axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, label=method)
+            axes.plot(*cells.centres().T, "s", color=colour, ms=1.4, mew=0)
+            axes.plot([], [], "s", color=colour, ms=4, label=label)
+        draw_truth(axes, from_first(drive.log.truth.poses))
+        axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label=method)
         as_place(axes, f"experiment {drive.experiment.number}, {method}")
         axes.set_aspect("equal", adjustable="datalim")
         figure.legend(loc="outside lower center", ncols=3)

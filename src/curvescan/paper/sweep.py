@@ -17,8 +17,8 @@ from curvescan.paper.random_transform import RandomTransformCondition, RandomTra
 from curvescan.runs.table import ResultTable
 
 SEED = 1000  # first seed of the sweep; the experiments start at 0
-SIGMAS = (0.01, 0.03, 0.05, 0.08, 0.12)  # sigma_rho tried, metres
-TOLERANCES = (0.02, 0.03, 0.04, 0.06, 0.08)  # U_k tried, metres
+SIGMAS = tuple(mm / 1000 for mm in (10, 30, 50, 80, 120))  # sigma_rho tried, metres
+TOLERANCES = tuple(mm / 1000 for mm in (20, 30, 40, 60, 80))  # U_k tried, metres
 AMBIGUITIES = (0.98, 0.995, 0.999)  # limits of distinctiveness tried
 
 CONDITIONS = (

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -17,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from curvescan.io.files.printable import printable
-from curvescan.types import Points
+from curvescan.types import Points, Pose
 
 DARK = "#1b2a41"
 LIGHT = "#e3a76f"
@@ -31,18 +30,7 @@ FIRST, SECOND = "#0072b2", "#d55e00"
 """Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
 SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
 
-_STYLE: dict[str, Any] = {
-    "font.size": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.edgecolor": "#666666",
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-}
+_STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160
 
@@ -50,7 +38,7 @@ _MAX_TITLE = 160
 @contextmanager
 def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
     """Yield an empty figure of that many inches and save it as `path` when the block ends."""
-    with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
+    with mpl.rc_context(fname=_STYLE):
         figure = Figure(figsize=(width, height))
         yield figure
         with warnings.catch_warnings():
@@ -87,6 +75,17 @@ def as_place(axes: Axes, title: str = "") -> None:
     axes.set_ylabel("y [m]")
     if title:  # often the name of a file, in which a $ begins no formula
         axes.set_title(printable(title, _MAX_TITLE), parse_math=False)
+
+
+def draw_truth(axes: Axes, poses: Pose) -> None:
+    """Draw the true path, (n, 3) poses."""
+    axes.plot(*poses[:, :2].T, color=TRUTH, lw=1.0, ls="--", label="truth")
+
+
+def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
+    """Mark where a path of (n, 3) poses starts and ends; nothing where it has none."""
+    for mark, end, label in (("o", poses[:1], "start"), ("s", poses[-1:], "end")):
+        axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
 
 
 def segment_colour(k: int) -> tuple[float, float, float]:

@@ -20,7 +20,7 @@ _N_WORST = 10
 
 def draw_relation_errors(path: Path, errors: RelationErrors) -> None:
     """Save the errors of near relations along the path, and of far ones against the path between their scans."""
-    with drawing(path, 12.0, 7.0) as figure:
+    with drawing(path, 12, 7) as figure:
         for row, (name, chosen, x, label) in enumerate(
             (
                 ("near", errors.is_near, errors.place, "path travelled [m]"),
@@ -62,7 +62,7 @@ def draw_reference_errors(path: Path, errors: ReferenceErrors) -> None:
     }
     position = {"best alignment": errors.ate_best, "first poses made equal": errors.ate_first}
     colours = (DARK, LIGHT)
-    with drawing(path, 12.0, 7.0) as figure:
+    with drawing(path, 12, 7) as figure:
         panels = np.ravel(figure.subplots(2, 2))
         for axes, what, lines in (
             (panels[0], "position error [m]", position),
@@ -91,7 +91,7 @@ def draw_overlay(path: Path, errors: ReferenceErrors) -> None:
         gaps[:, 0], gaps[:, 1] = own, goal
         axes.plot(*gaps.reshape(-1, 2).T, color=GREY, lw=0.6, label="error")
         axes.plot(*goal.T, color=TRUTH, lw=1.4, label="reference")
-        axes.plot(*own.T, color=PATH, lw=0.9, label="trajectory, best alignment")
+        axes.plot(*own.T, color=PATH, lw=1.0, label="trajectory, best alignment")
         as_place(axes)
         figure.legend(loc="outside lower center", ncols=3)
 
@@ -100,11 +100,11 @@ def _scatter(axes: Axes, x: Floats, values: Floats, title: str) -> None:
     """Plot errors on a logarithmic scale with their median; what is exactly right stands at the bottom."""
     positive = values[values > 0.0]
     if positive.size == 0:  # no error has a logarithm
-        axes.plot(x, values, ".", color=DARK, ms=4.0)
+        axes.plot(x, values, ".", color=DARK, ms=4)
         axes.set_title(title)
         return
     floor = 0.5 * float(positive.min())
-    axes.plot(x, np.maximum(values, floor), ".", color=DARK, ms=4.0, alpha=0.5, mew=0.0)
+    axes.plot(x, np.maximum(values, floor), ".", color=DARK, ms=4, alpha=0.5, mew=0)
     median = float(np.median(values))
     axes.axhline(max(median, floor), color=PATH, lw=1.0, ls="--")
     axes.set_title(f"{title}, median {median:.3g}")

@@ -14,7 +14,19 @@ from curvescan.io.log import Log
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord
-from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PAIRED, PATH, TRUTH, WHEELS, as_place, drawing_places
+from curvescan.plots.canvas import (
+    DARK,
+    FAILED,
+    GREY,
+    LIGHT,
+    PAIRED,
+    PATH,
+    WHEELS,
+    as_place,
+    draw_truth,
+    drawing_places,
+    mark_ends,
+)
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -34,13 +46,12 @@ def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: P
             draw_cells(axes, moved_cells, GREY, "moved while the sensor passed")
         draw_cells(axes, cells, DARK, "map from scan matching")
         if true_poses is not None:
-            axes.plot(*true_poses[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
+            draw_truth(axes, true_poses)
         axes.plot(*poses[:, :2].T, color=PATH, lw=1.0, label="scan matching")
         if failed.any():
             label = f"match failed ({np.count_nonzero(failed):,} of {max(len(poses) - 1, 1):,})"
             axes.plot(*poses[failed, :2].T, "x", color=FAILED, ms=3.5, mew=0.8, label=label)
-        for mark, end, label in (("o", known[:1], "start"), ("s", known[-1:], "end")):
-            axes.plot(*end[:, :2].T, mark, color="white", mec=PATH, mew=1.4, ms=6.0, label=label)
+        mark_ends(axes, known)
         figure.legend(loc="outside lower center", ncols=3)
 
 
@@ -51,7 +62,7 @@ def draw_wheels(path: Path, log: Log, poses: Pose, *, title: str) -> None:
     with drawing_places(path, np.concatenate([cells, poses[:, :2]])) as (figure, [axes]):
         as_place(axes, title)
         draw_cells(axes, cells, DARK, "map from wheel odometry")
-        axes.plot(*poses[:, :2].T, color=WHEELS, lw=0.9, label="wheel odometry")
+        axes.plot(*poses[:, :2].T, color=WHEELS, lw=1.0, label="wheel odometry")
         figure.legend(loc="outside lower center", ncols=2)
 
 
@@ -67,8 +78,8 @@ def draw_cells(axes: Axes, cells: Points, colour: str, label: str) -> None:
     """Draw (k, 2) cells of 0.05 m on the axes of a map."""
     # as large as a cell of 0.05 m on paper, but never too small to see
     size = np.clip(72.0 * 9.0 * 0.05 / np.ptp(axes.get_xlim()), 0.7, 3.0)
-    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0.0)
-    axes.plot([], [], "s", color=colour, ms=4.0, mew=0.0, label=label)
+    axes.plot(*cells.T, "s", color=colour, ms=size, mew=0)
+    axes.plot([], [], "s", color=colour, ms=4, mew=0, label=label)
 
 
 def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: Pose | None = None) -> None:
@@ -81,11 +92,9 @@ def draw_side_by_side(path: Path, log: Log, tracks: Mapping[str, Pose], truth: P
             as_place(axes, title)
             draw_cells(axes, cells[title], DARK, "where readings ended")
             if truth is not None:
-                true = from_first(truth[: len(track)])
-                axes.plot(*true[:, :2].T, color=TRUTH, lw=1.2, ls="--", label="truth")
+                draw_truth(axes, from_first(truth[: len(track)]))
             axes.plot(*track[:, :2].T, color=PATH, lw=1.0, label="trajectory")
-            axes.plot(*track[0, :2], "o", color="white", mec=PATH, mew=1.4, ms=6.0, label="start")
-            axes.plot(*track[-1, :2], "s", color="white", mec=PATH, mew=1.4, ms=6.0, label="end")
+            mark_ends(axes, track)
         handles = places[0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside lower center", ncols=5)
 
@@ -95,7 +104,7 @@ def draw_graph(path: Path, slam_map: SlamMap, cells: Points, *, title: str) -> N
     places = np.concatenate((cells, slam_map.poses[:, :2]))
     with drawing_places(path, places) as (figure, [axes]):
         as_place(axes, title)
-        axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0.0)
+        axes.plot(*cells.T, "s", color=GREY, ms=0.7, mew=0)
         plot_graph(slam_map, axes)
         if axes.get_legend_handles_labels()[0]:  # none where the graph has one keyframe
             figure.legend(loc="outside lower center", ncols=4)
@@ -116,7 +125,7 @@ def plot_graph(slam_map: SlamMap, axes: Axes) -> None:
         (follows, PATH, "keyframes that follow each other"),
     ):
         _draw_edges(axes, slam_map, chosen, colour, f"{label} ({np.count_nonzero(chosen):,})")
-    axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2.0, mew=0.0)
+    axes.plot(*slam_map.poses[:, :2].T, ".", color=PATH, ms=2, mew=0)
 
 
 def _draw_edges(axes: Axes, slam_map: SlamMap, chosen: Bools, colour: str, label: str) -> None:

@@ -83,21 +83,15 @@ def draw_curvature(path: Path, trace: CfSmaTrace, names: tuple[str, str], min_cu
     """Save the curvature functions of both scans, with U_p and the characteristic points (figure 5)."""
     paired_rows = np.flatnonzero(trace.landmark_pairs.verdict == Verdict.PAIRED)
     paired = {"current": paired_rows, "reference": trace.landmark_pairs.partner[paired_rows]}
-    with drawing(path, 12.0, 7.0) as figure:
+    with drawing(path, 12, 7) as figure:
         top, bottom = figure.subplots(2, 1)
         for axes, features, name, rows in (
             (top, trace.reference, names[0], paired["reference"]),
             (bottom, trace.current, names[1], paired["current"]),
         ):
             _draw_functions(axes, features, rows)
-            for sign in (1, -1):
-                axes.axhline(
-                    sign * min_curvature,
-                    color=PATH,
-                    lw=0.8,
-                    ls="--",
-                    label=f"±U_p = {min_curvature:g} rad" if sign > 0 else None,
-                )
+            axes.axhline(min_curvature, color=PATH, lw=1.0, ls="--", label=f"±U_p = {min_curvature:g} rad")
+            axes.axhline(-min_curvature, color=PATH, lw=1.0, ls="--")
             axes.set_title(name)
             axes.set_ylabel("curvature index [rad]")
         bottom.set_xlabel("reading along the sweep (valid readings, counter-clockwise)")
@@ -129,21 +123,21 @@ def _with_sensor(points: Points) -> Points:
 
 
 def _draw_segments(axes: Axes, features: CfSmaFeatures) -> None:
-    axes.plot(*features.points.T, ".", color=GREY, ms=3.0, label="isolated reading")
+    axes.plot(*features.points.T, ".", color=GREY, ms=3, label="isolated reading")
     for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3.0, lw=0.7)
+        axes.plot(*features.points[start:stop].T, ".-", color=segment_colour(k), ms=3, lw=0.7)
     corners = features.points[features.landmarks.extents[:, 0]]
-    axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7.0, label="characteristic point")
+    axes.plot(*corners.T, "o", mfc="none", mec=DARK, ms=7, label="characteristic point")
     axes.plot(0, 0, **_SENSOR, label="sensor")
 
 
 def _draw_functions(axes: Axes, features: CfSmaFeatures, paired: Ints) -> None:
     for k, (start, stop) in enumerate(zip(features.starts, features.stops, strict=True)):
-        axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=0.9)
+        axes.plot(np.arange(start, stop), features.eta[start:stop], color=segment_colour(k), lw=1.0)
         axes.axvline(start, color=GREY, lw=0.5, zorder=0)
     at = features.landmarks.extents[:, 0]
-    axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6.0, label="characteristic point")
-    axes.plot(at[paired], features.eta[at[paired]], "o", color=PAIRED, ms=6.0, label="paired")
+    axes.plot(at, features.eta[at], "o", mfc="none", mec=DARK, ms=6, label="characteristic point")
+    axes.plot(at[paired], features.eta[at[paired]], "o", color=PAIRED, ms=6, label="paired")
     axes.margins(x=0.01)
 
 
@@ -162,6 +156,6 @@ def draw_overlay(axes: Axes, result: MatchResult, points_ref: Points, points_cur
         beams_cur = result.trace.current.beam_idx[cur_idx]
         ends = np.stack([points_ref[beams_ref], points_cur[beams_cur]])
         axes.plot(ends[:, :, 0], ends[:, :, 1], color="#e0b000", lw=0.4, zorder=1)
-    axes.plot(*points_ref[took_part[0]].T, ".", color=FIRST, ms=4.0)
-    axes.plot(*points_cur[took_part[1]].T, ".", color=SECOND, ms=4.0)
+    axes.plot(*points_ref[took_part[0]].T, ".", color=FIRST, ms=4)
+    axes.plot(*points_cur[took_part[1]].T, ".", color=SECOND, ms=4)
     axes.plot(0, 0, **_SENSOR, label="sensor, reference")

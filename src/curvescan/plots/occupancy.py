@@ -47,7 +47,7 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     )
     axes.set(xlim=(left, right), ylim=(bottom, top))
     for label, colour in _COLOURS.items():
-        axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6.0, label=label)
+        axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6, label=label)
 
 
 def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:

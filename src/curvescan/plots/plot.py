@@ -17,7 +17,7 @@ from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers.result import MatchResult
 from curvescan.odometry import RunRecord
-from curvescan.plots.canvas import FIRST, PATH, SECOND, as_place
+from curvescan.plots.canvas import FIRST, PATH, SECOND, as_place, mark_ends
 from curvescan.plots.match import draw_overlay
 from curvescan.plots.occupancy import draw_grid
 from curvescan.scan import LaserScan
@@ -80,7 +80,7 @@ def match(
     points = se2.transform(result.pose, current.points) if result.ok else current.points
     draw_overlay(axes, result, reference.points, points)
     if result.ok:
-        axes.plot(*result.pose[:2], "o", color=SECOND, ms=4.0, label="sensor, current")
+        axes.plot(*result.pose[:2], "o", color=SECOND, ms=4, label="sensor, current")
     matched = ", matched" * result.ok
     axes.plot([], [], ".", color=FIRST, label=f"first scan{matched}")
     axes.plot([], [], ".", color=SECOND, label=f"second scan{matched}")
@@ -120,10 +120,7 @@ def trajectory(
     axes = _axes(ax)
     look: dict[str, Any] = {"color": PATH, "lw": 1.2} | style
     axes.plot(*poses[:, :2].T, label=label, **look)
-    if len(poses):
-        mark: dict[str, Any] = {"color": "white", "mec": look["color"], "mew": 1.4, "ms": 6.0}
-        axes.plot(*poses[0, :2], marker="o", **mark)
-        axes.plot(*poses[-1, :2], marker="s", **mark)
+    mark_ends(axes, poses, look["color"])
     if covariances is not None and len(poses):
         for k in np.unique(np.linspace(0, len(poses) - 1, _N_ELLIPSES).astype(int)):
             ellipse = _ellipse(poses[k], covariances[k])

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
 from queue import Full, Queue
-from types import TracebackType
 from typing import Any, ParamSpec, TypeVar
 
 from curvescan._processes import has_own_python, n_usable_cores, python_command
@@ -62,9 +61,7 @@ class OdometryProcess:
     def __enter__(self) -> OdometryProcess:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._is_closed = True
         self._calls.put(None)
         if self._process is not None:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.arrays.stream import NO_POSE, PoseRow
+from curvescan.errors import InvalidArgumentError
+from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -20,18 +21,14 @@ COLUMNS = ("stamp", *DEFAULTS)
 POSE_COLUMNS = ("x", "y", "theta")  # wheel odometry: pose of the laser at the scan
 
 
-class BrokenRowError(LogFormatError):
-    """A row breaks the rule that the message names; the message holds no value of the row."""
-
-
 def make_scan(
     value: Mapping[str, float], ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     """Return the scan of the numbers of COLUMNS and its (n,) ranges; angles replace angle_min and angle_increment."""
     if not math.isfinite(value["stamp"]):
-        raise BrokenRowError("time stamp not finite")
+        raise BrokenRecordError("time stamp not finite")
     if not 0.0 <= value["range_min"] < value["range_max"]:
-        raise BrokenRowError("range limits break 0 <= range_min < range_max")
+        raise BrokenRecordError("range limits break 0 <= range_min < range_max")
     given = ("angle_min", "angle_increment") if angles is None else ()
     fields: dict[str, Any] = {name: value[name] for name in ("stamp", *given, *OPTIONAL)}
     try:
@@ -39,7 +36,7 @@ def make_scan(
             return LaserScan(ranges, intensities=intensities, **fields)
         return LaserScan(ranges, angles=angles, intensities=intensities, **fields)
     except InvalidArgumentError:
-        raise BrokenRowError("angles or times that make no scan") from None
+        raise BrokenRecordError("angles or times that make no scan") from None
 
 
 def make_pose(x: float, y: float, theta: float) -> PoseRow:

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import LogFormatError
-from curvescan.io.arrays.stream import PoseRow, Record, StreamLog, refuse_topic
+from curvescan.io.arrays.stream import Record, StreamLog
 from curvescan.io.files.lines import LineMark, read_line_at, read_lines
-from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.log import PoseRow, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
@@ -44,10 +44,6 @@ _NOTES = (
     "the log does not describe its robot: laser, wheels and mount are taken to be those of the Mines ParisTech rover",
     f"the first and the last {N_COVERED} beams are left out: they see the rover itself",
 )
-
-
-class _BrokenLineError(LogFormatError):
-    """A line breaks the rule that the message names; the message holds no value of the line."""
 
 
 def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
@@ -78,8 +74,8 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
         try:
             scan = _scan(fields, range_max)
             pose = wheels.move(int(fields[2]), int(fields[3]))
-        except (_BrokenLineError, ValueError, OverflowError) as error:
-            is_ours = isinstance(error, _BrokenLineError)
+        except (BrokenRecordError, ValueError, OverflowError) as error:
+            is_ours = isinstance(error, BrokenRecordError)
             read_errors.add(str(error) if is_ours else "line with a field that is no number", number)
             continue
         yield Record(scan, pose, (mark.offset,))
@@ -87,12 +83,12 @@ def _records(path: Path, range_max: float, read_errors: ReadErrorCounter) -> Ite
 
 def _scan(fields: list[bytes], range_max: float) -> LaserScan:
     if len(fields) < N_COLUMNS[0]:
-        raise _BrokenLineError("line cut short: fewer than 706 fields")
+        raise BrokenRecordError("line cut short: fewer than 706 fields")
     if len(fields) > N_COLUMNS[1]:
-        raise _BrokenLineError("line too long: more than 707 fields")
+        raise BrokenRecordError("line too long: more than 707 fields")
     stamp = float(fields[0])
     if not math.isfinite(stamp):
-        raise _BrokenLineError("time stamp not finite")
+        raise BrokenRecordError("time stamp not finite")
     millimetres = map(float, fields[24 : N_COLUMNS[0]])
     ranges = np.fromiter(millimetres, dtype=np.float64, count=N_BEAMS) / 1e3
     ranges[:N_COVERED] = ranges[-N_COVERED:] = np.nan

@@ -19,21 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.arrays.columns import (
-    COLUMNS,
-    DEFAULTS,
-    POSE_COLUMNS,
-    BrokenRowError,
-    is_on_grid,
-    make_pose,
-    make_scan,
-)
-from curvescan.io.arrays.stream import Record, StreamLog, refuse_topic
+from curvescan.io.arrays.columns import COLUMNS, DEFAULTS, POSE_COLUMNS, is_on_grid, make_pose, make_scan
+from curvescan.io.arrays.stream import Record, StreamLog
 from curvescan.io.files.gzip_files import text_file
 from curvescan.io.files.lines import LineMark, read_line_at, read_lines
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.io.log import Log, scans_with_poses
+from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.log import Log, refuse_topic, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -106,7 +98,7 @@ def _records(path: Path, range_max: float | None, read_errors: ReadErrorCounter)
                 (angles, intensities), place = before.values(), (mark.offset, *places.values())
                 before[INTENSITIES], places[INTENSITIES] = None, _NOWHERE
                 yield _record(fields, names, angles, intensities, range_max)._replace(place=place)
-        except BrokenRowError as error:
+        except BrokenRecordError as error:
             read_errors.add(str(error), number)
     if not names:
         raise LogFormatError(f"{path} is empty: a log must hold at least one scan")
@@ -121,7 +113,7 @@ def _one(path: Path, range_max: float | None, place: tuple[int, ...]) -> LaserSc
 
 
 def _numbers(fields: list[bytes]) -> Floats:
-    """Return the numbers of fields, NaN for an empty one. Raises BrokenRowError."""
+    """Return the numbers of fields, NaN for an empty one. Raises BrokenRecordError."""
     try:
         return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
     except ValueError:
@@ -129,7 +121,7 @@ def _numbers(fields: list[bytes]) -> Floats:
     try:
         return np.fromiter(map(float, filled), dtype=np.float64, count=len(fields))
     except ValueError:
-        raise BrokenRowError("line with a field that is not a number") from None
+        raise BrokenRecordError("line with a field that is not a number") from None
 
 
 def _record(
@@ -139,10 +131,10 @@ def _record(
     intensities: Floats | None,
     range_max: float | None,
 ) -> Record:
-    """Return the scan of a line, and the pose of the wheels in it. Raises BrokenRowError."""
+    """Return the scan of a line, and the pose of the wheels in it. Raises BrokenRecordError."""
     n_columns = len(names) - 1
     if len(fields) < n_columns:
-        raise BrokenRowError("line cut short: fewer fields than the header names")
+        raise BrokenRecordError("line cut short: fewer fields than the header names")
     numbers = _numbers(fields)
     ranges = numbers[n_columns:]
     value = {"stamp": math.nan, **DEFAULTS}
@@ -150,15 +142,15 @@ def _record(
     if range_max is not None:
         value["range_max"] = range_max
     if intensities is not None and intensities.size != ranges.size:
-        raise BrokenRowError("line of intensities that has not one value a range")
+        raise BrokenRecordError("line of intensities that has not one value a range")
     if not math.isnan(value["angle_min"] + value["angle_increment"]):
         angles = None
     elif angles is None:
-        raise BrokenRowError(
+        raise BrokenRecordError(
             "scan without directions: no angle_min and angle_increment, and no sound line of angles before"
         )
     elif angles.size != ranges.size:
-        raise BrokenRowError("line of angles that has not one value a range")
+        raise BrokenRecordError("line of angles that has not one value a range")
     return Record(
         make_scan(value, ranges, angles, intensities), make_pose(*(value.get(name, math.nan) for name in POSE_COLUMNS))
     )

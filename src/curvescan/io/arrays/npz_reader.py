@@ -30,11 +30,12 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.arrays.columns import DEFAULTS, BrokenRowError, make_pose, make_scan
+from curvescan.io.arrays.columns import DEFAULTS, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
-from curvescan.io.arrays.stream import NO_POSE, Record, StreamLog, refuse_topic
+from curvescan.io.arrays.stream import Record, StreamLog
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.log import NO_POSE, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
@@ -160,7 +161,7 @@ def _records(file: NpzFile, n: int, m: int, range_max: float | None, read_errors
         value = dict(zip(columns, table[i % _BLOCK], strict=True))
         try:
             scan = _scan(value, counts[i], *row)
-        except BrokenRowError as error:
+        except BrokenRecordError as error:
             read_errors.add(str(error), i + 1)
             continue
         yield Record(scan, NO_POSE if odometry is None else make_pose(*odometry[i].tolist()), (i,))
@@ -178,7 +179,7 @@ def _scan(
     value: dict[str, float], count: float, ranges: Floats, angles: Floats | None, intensities: Floats | None
 ) -> LaserScan:
     if not 0.0 <= count <= ranges.size:
-        raise BrokenRowError("count of beams beyond the row of ranges")
+        raise BrokenRecordError("count of beams beyond the row of ranges")
     n = int(count)
     if intensities is not None:
         intensities = None if np.isnan(intensities[:n]).all() else intensities[:n]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
@@ -11,15 +10,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
-from curvescan.io.log import ScanAccess
+from curvescan.errors import LogFileError, LogFormatError
+from curvescan.io.files.read_errors import ReadErrorCounter
+from curvescan.io.log import NO_POSE, PoseRow, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
-
-PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians; NaN where unknown
-
-NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 
 
 class Record(NamedTuple):
@@ -32,8 +27,6 @@ class Record(NamedTuple):
 
 
 ReadScan: TypeAlias = Callable[[tuple[int, ...]], LaserScan]  # reads one scan of a source by its place
-
-
 ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 """Reads a source anew, scan by scan, and counts what it skips."""
 
@@ -59,7 +52,9 @@ class StreamLog(ScanAccess):
         mount: PoseRow = (0.0, 0.0, 0.0),
     ) -> None:
         self._mount = np.array(mount)
-        self._path, self._name, self._format, self._notes = path, name, kind, notes
+        self.name, self.format, self.notes = name, kind, notes
+        self.tag_counts: Mapping[str, int] = MappingProxyType({})  # all that the source holds are scans
+        self._path = path
         self._read, self._read_one, self._unit = read, read_one, unit
         read_errors = ReadErrorCounter(unit)
         stamps, poses, places = array("d"), array("d"), array("q")
@@ -67,22 +62,13 @@ class StreamLog(ScanAccess):
             places.extend(record.place)
             stamps.append(record.scan.stamp)
             poses.extend(record.pose)
-        self._read_errors = read_errors.read_errors()
+        self.read_errors = read_errors.read_errors()
         self._places = np.array(places, dtype=np.int64).reshape(len(stamps), -1 if stamps else 0)
         self._stamps = np.array(stamps)
         self._poses = np.array(poses).reshape(-1, 3)
         if not stamps:
-            raise LogFormatError(_no_scan_message(path, kind, self._read_errors))
-
-    @property
-    def name(self) -> str:
-        """Name of the file, without its folder."""
-        return self._name
-
-    @property
-    def format(self) -> str:
-        """Format in words."""
-        return self._format
+            why = f" that can be read: {self.read_errors[0]}" if self.read_errors else ""
+            raise LogFormatError(f"{path} is a {kind} without a scan{why}")
 
     @property
     def odometry(self) -> Trajectory | None:
@@ -105,21 +91,6 @@ class StreamLog(ScanAccess):
         """Return False: no such source says so."""
         return False
 
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        """What was skipped, most frequent first."""
-        return self._read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        """Empty: all that the source holds are scans."""
-        return MappingProxyType({})
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was left out or assumed."""
-        return self._notes
-
     def __len__(self) -> int:
         return len(self._stamps)
 
@@ -133,19 +104,3 @@ class StreamLog(ScanAccess):
             return self._read_one(tuple(self._places[i].tolist()))
         except (ValueError, LookupError) as error:  # LogFormatError is a ValueError
             raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
-
-
-def refuse_topic(path: object, kind: str, topic: str | None) -> None:
-    """Raise InvalidArgumentError when a topic is given for a format that has none."""
-    if topic is not None:
-        raise InvalidArgumentError(f"{path} is a {kind}, which has no topics, got topic {topic!r}: leave it out")
-
-
-def _no_scan_message(path: str, kind: str, read_errors: tuple[ReadError, ...]) -> str:
-    if not read_errors:
-        return f"{path} is a {kind} without a scan"
-    read_error = read_errors[0]
-    return (
-        f"{path} is a {kind} without a scan that can be read: {read_error.rule} "
-        f"({read_error.count} times, first in {read_error.first})"
-    )

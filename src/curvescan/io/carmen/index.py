@@ -9,18 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from curvescan.io.carmen.lines import (
-    SCAN_PARSERS,
-    BrokenLineError,
-    PoseRow,
-    ScanRecord,
-    parse_max_range,
-    parse_odom,
-    tag_of,
-)
+from curvescan.io.carmen.lines import SCAN_PARSERS, ScanRecord, parse_max_range, parse_odom, tag_of
 from curvescan.io.files.lines import LineMark, read_lines
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
+from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter
+from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 
 _PLS_TURN = 1.0 / 25.0  # time of a turn of the mirror, seconds
@@ -69,7 +62,6 @@ class PlsSigns:
 
 SICK_MM_END = 8.192  # end of the scale of a SICK LMS that counts millimetres, metres
 
-_NO_POSE: PoseRow = (math.nan, math.nan, math.nan)
 _MAX_TAGS = 64
 OTHER_TAGS = "(other)"
 """Where the lines of further unknown names are counted when there are too many names to be a log's."""
@@ -122,7 +114,7 @@ def build_index(path: Path) -> Index:
     read_errors = ReadErrorCounter()
     counts: dict[bytes, int] = {}
     series = {tag: Series() for tag in SCAN_PARSERS}
-    robot_pose, max_range = _NO_POSE, None
+    robot_pose, max_range = NO_POSE, None
     mark = LineMark()
     for number, line in read_lines(path, read_errors, mark):
         tag = tag_of(line)
@@ -135,7 +127,7 @@ def build_index(path: Path) -> Index:
                 robot_pose = parse_odom(line)
             elif tag == b"PARAM":
                 max_range = parse_max_range(line) or max_range
-        except BrokenLineError as error:
+        except BrokenRecordError as error:
             read_errors.add(str(error), number)
     return Index(
         series={tag: found for tag, found in series.items() if found.stamps},

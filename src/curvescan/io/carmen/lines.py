@@ -17,20 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.errors import LogFormatError
+from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.io.log import PoseRow
 from curvescan.types import Floats
 
-PoseRow: TypeAlias = tuple[float, float, float]  # [x, y, theta]: metres, metres, radians
 MAX_RANGE_PARAM = b"robot_front_laser_max"  # CARMEN's parameter for the largest range of the front laser, metres
 _N_TAIL = 3  # stamp host logger_stamp
-
-
-class BrokenLineError(LogFormatError):
-    """A line breaks the rule that the message names; the message holds no value of the line."""
 
 
 class ScanRecord(NamedTuple):
@@ -65,7 +61,7 @@ def flaser_angle_increment(n: int) -> float:
 
 
 def parse_flaser(line: bytes) -> ScanRecord:
-    """Return the sweep of a FLASER line with the pose of the laser. Raises BrokenLineError."""
+    """Return the sweep of a FLASER line with the pose of the laser. Raises BrokenRecordError."""
     fields = line.split()
     n = _count(fields, 1, "FLASER")
     _check_length(fields, n + 8 + _N_TAIL, "FLASER")
@@ -84,12 +80,12 @@ def parse_flaser(line: bytes) -> ScanRecord:
 
 
 def parse_robotlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a ROBOTLASER1 line with the pose of the laser. Raises BrokenLineError."""
+    """Return the sweep of a ROBOTLASER1 line with the pose of the laser. Raises BrokenRecordError."""
     return _parse_configured(line, "ROBOTLASER1", n_pose_fields=11)
 
 
 def parse_rawlaser1(line: bytes) -> ScanRecord:
-    """Return the sweep of a RAWLASER1 line, which gives no pose. Raises BrokenLineError."""
+    """Return the sweep of a RAWLASER1 line, which gives no pose. Raises BrokenRecordError."""
     return _parse_configured(line, "RAWLASER1", n_pose_fields=0)
 
 
@@ -102,10 +98,10 @@ SCAN_PARSERS: dict[bytes, Callable[[bytes], ScanRecord]] = {
 
 
 def parse_odom(line: bytes) -> PoseRow:
-    """Return the pose of the robot on an ODOM line. Raises BrokenLineError."""
+    """Return the pose of the robot on an ODOM line. Raises BrokenRecordError."""
     fields = line.split(None, 10)
     if len(fields) < 7 + _N_TAIL:
-        raise BrokenLineError("ODOM line cut short")
+        raise BrokenRecordError("ODOM line cut short")
     x, y, theta = _finite_numbers(fields[1:4], "ODOM")
     return x, y, theta
 
@@ -120,7 +116,7 @@ def parse_max_range(line: bytes) -> float | None:
     except (IndexError, ValueError):
         value = math.nan
     if not 0.0 < value < math.inf:
-        raise BrokenLineError(f"PARAM {MAX_RANGE_PARAM.decode()} is not a positive number")
+        raise BrokenRecordError(f"PARAM {MAX_RANGE_PARAM.decode()} is not a positive number")
     return value
 
 
@@ -146,7 +142,7 @@ def _parse_configured(line: bytes, tag: str, *, n_pose_fields: int) -> ScanRecor
 
 def _angle(start_angle: float, tag: str) -> float:
     if not math.isfinite(start_angle):
-        raise BrokenLineError(f"{tag} start angle not finite")
+        raise BrokenRecordError(f"{tag} start angle not finite")
     return start_angle
 
 
@@ -154,37 +150,37 @@ def _angle_increment(resolution: float, fov: float, n: int, tag: str) -> float:
     for step in (resolution, fov / max(n - 1, 1)):
         if 0.0 < step <= 2.0 * math.pi:
             return step
-    raise BrokenLineError(f"{tag} line without a usable angle between beams")
+    raise BrokenRecordError(f"{tag} line without a usable angle between beams")
 
 
 def _count(fields: list[bytes], position: int, tag: str, *, least: int = 1) -> int:
     if position >= len(fields):
-        raise BrokenLineError(f"{tag} line cut short")
+        raise BrokenRecordError(f"{tag} line cut short")
     try:
         count = int(fields[position][:20])
     except ValueError:
-        raise BrokenLineError(f"{tag} count not a whole number") from None
+        raise BrokenRecordError(f"{tag} count not a whole number") from None
     if count < least:
-        raise BrokenLineError(f"{tag} count below {least}")
+        raise BrokenRecordError(f"{tag} count below {least}")
     return count
 
 
 def _check_length(fields: list[bytes], expected: int, tag: str) -> None:
     if len(fields) < expected:
-        raise BrokenLineError(f"{tag} line cut short: fewer fields than its counts say")
+        raise BrokenRecordError(f"{tag} line cut short: fewer fields than its counts say")
     if len(fields) > expected:
-        raise BrokenLineError(f"{tag} line too long: more fields than its counts say")
+        raise BrokenRecordError(f"{tag} line too long: more fields than its counts say")
 
 
 def _numbers(fields: list[bytes], tag: str) -> Floats:
     try:
         return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
     except ValueError:
-        raise BrokenLineError(f"{tag} line with a field that is not a number") from None
+        raise BrokenRecordError(f"{tag} line with a field that is not a number") from None
 
 
 def _finite_numbers(fields: list[bytes], tag: str) -> list[float]:
     numbers: list[float] = _numbers(fields, tag).tolist()
     if not all(map(math.isfinite, numbers)):
-        raise BrokenLineError(f"{tag} pose or time stamp not finite")
+        raise BrokenRecordError(f"{tag} pose or time stamp not finite")
     return numbers

@@ -27,13 +27,13 @@ from types import MappingProxyType
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
+from curvescan.errors import LogFileError, LogFormatError
 from curvescan.io.carmen.index import Index, build_index
-from curvescan.io.carmen.lines import SCAN_PARSERS, BrokenLineError, ScanRecord, tag_of
+from curvescan.io.carmen.lines import SCAN_PARSERS, ScanRecord, tag_of
 from curvescan.io.files.lines import read_line_at, read_lines
 from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
-from curvescan.io.log import ScanAccess
+from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.log import ScanAccess, refuse_topic
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 
@@ -56,26 +56,16 @@ class CarmenLog(ScanAccess):
     """
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
-        if topic is not None:
-            raise InvalidArgumentError(
-                f"{path} is a CARMEN log, which has no topics, got topic {topic!r}: leave it out"
-            )
+        refuse_topic(path, "CARMEN log", topic)
+        self.name, self.format = path.name, "CARMEN log"
         self._path = path
         self._index = build_index(path)
         if not self._index.series:
             raise LogFormatError(_no_scan_message(path, self._index))
+        self.read_errors = self._index.read_errors
+        self.tag_counts: Mapping[str, int] = MappingProxyType(self._index.tag_counts)
         self._tag, self._series = next(iter(self._index.series.items()))
         self._range_max = range_max
-
-    @property
-    def name(self) -> str:
-        """Name of the file, without its folder."""
-        return self._path.name
-
-    @property
-    def format(self) -> str:
-        """Always ``"CARMEN log"``."""
-        return "CARMEN log"
 
     @cached_property
     def odometry(self) -> Trajectory | None:
@@ -98,16 +88,6 @@ class CarmenLog(ScanAccess):
         """Return what says that the poses are the output of a SLAM: NEFF lines, which GMapping writes."""
         n_lines = self._index.tag_counts.get("NEFF", 0)
         return f"{n_lines:,} NEFF lines say that GMapping wrote them" if n_lines else ""
-
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        """Lines that were skipped and damage of the file, most frequent first."""
-        return self._index.read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        """Lines by message name, unknown names and comments (``"#"``) included."""
-        return MappingProxyType(self._index.tag_counts)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -136,7 +116,7 @@ class CarmenLog(ScanAccess):
                 continue
             try:
                 sweep = parse(line)
-            except BrokenLineError:
+            except BrokenRecordError:
                 continue  # counted by the index, which goes by the same parser
             yield self._scan(sweep)
 
@@ -144,7 +124,7 @@ class CarmenLog(ScanAccess):
         line = read_line_at(self._path, self._series.offsets[i])
         try:
             return self._scan(SCAN_PARSERS[self._tag](line))
-        except BrokenLineError as error:
+        except BrokenRecordError as error:
             raise LogFileError(f"{self._path} has changed since it was opened: {error}") from error
 
     def _scan(self, sweep: ScanRecord) -> LaserScan:
@@ -205,10 +185,6 @@ def _below_codes(range_max: float) -> float:
 
 def _no_scan_message(path: Path, index: Index) -> str:
     if index.read_errors:
-        read_error = index.read_errors[0]
-        return (
-            f"{path} is a CARMEN log without a scan that can be read: {read_error.rule} "
-            f"({read_error.count} times, first in {read_error.first})"
-        )
+        return f"{path} is a CARMEN log without a scan that can be read: {index.read_errors[0]}"
     tags = printable(", ".join(index.tag_counts), 300) or "none"
     return f"{path} is a CARMEN log without a scan: it needs FLASER, ROBOTLASER1 or RAWLASER1 lines, and holds {tags}"

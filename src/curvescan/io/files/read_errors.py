@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from curvescan.errors import LogFormatError
+
+
+class BrokenRecordError(LogFormatError):
+    """A line, row or message breaks the rule that stands in the error's text; the text holds no value of it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReadError:
@@ -17,6 +23,9 @@ class ReadError:
     def is_end(self) -> bool:
         """Whether the end of the file is missing: what comes after could not be read."""
         return "what stands before" in self.rule
+
+    def __str__(self) -> str:
+        return f"{self.rule} ({self.count} times, first in {self.first})"
 
 
 class ReadErrorCounter:

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.ros.messages import BrokenMessageError, stamp_of
+from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.io.ros.messages import stamp_of
 from curvescan.scan import LaserScan
 
 NO_FIELDS = "LaserScan message without the usual fields"
@@ -15,7 +16,7 @@ BAD_LIMITS = "LaserScan header whose range limits break 0 <= range_min < range_m
 
 
 def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None = None) -> LaserScan:
-    """Return the LaserScan of a sensor_msgs/LaserScan message. Raises BrokenMessageError."""
+    """Return the LaserScan of a sensor_msgs/LaserScan message. Raises BrokenRecordError."""
     try:
         angle_min, step = float(message.angle_min), float(message.angle_increment)
         low = float(message.range_min)
@@ -24,11 +25,11 @@ def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None
         ranges, intensities = message.ranges, message.intensities
         n_beams, n_intensities = len(ranges), len(intensities)
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        raise BrokenMessageError(NO_FIELDS) from error
+        raise BrokenRecordError(NO_FIELDS) from error
     if not (math.isfinite(angle_min) and math.isfinite(step) and step != 0.0):
-        raise BrokenMessageError(BAD_ANGLES)
+        raise BrokenRecordError(BAD_ANGLES)
     if not 0.0 <= low < high:
-        raise BrokenMessageError(BAD_LIMITS)
+        raise BrokenRecordError(BAD_LIMITS)
     times = _times(message)
     try:
         return LaserScan(
@@ -43,7 +44,7 @@ def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None
             scan_time=_seconds(times[1]),
         )
     except InvalidArgumentError as error:
-        raise BrokenMessageError(NO_FIELDS) from error
+        raise BrokenRecordError(NO_FIELDS) from error
 
 
 def has_bad_times(message: Any) -> bool:

@@ -13,6 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.lines import ZSTD_MAGIC
+from curvescan.io.files.read_errors import BrokenRecordError
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -27,10 +28,6 @@ _MAX_DEFINITION_CHARS = 1 << 16
 _MAX_EXPRESSIONS = 400
 _IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _IDL_RULE = "=" * 80 + "\n"
-
-
-class BrokenMessageError(LogFormatError):
-    """A message breaks the rule that stands in the error's text, a phrase of a bounded set."""
 
 
 class Decoder:
@@ -52,9 +49,9 @@ class Decoder:
                 self._use_definition(connection)
 
     def decode(self, data: bytes, msgtype: str) -> Any:
-        """Return a message of one of the types above with its fields as attributes. Raises BrokenMessageError."""
+        """Return a message of one of the types above with its fields as attributes. Raises BrokenRecordError."""
         if len(data) > MAX_MESSAGE_BYTES:
-            raise BrokenMessageError(f"{short_name(msgtype)} message longer than 8 MiB")
+            raise BrokenRecordError(f"{short_name(msgtype)} message longer than 8 MiB")
         store = self._stores[msgtype]
         decode = store.deserialize_ros1 if self._is_ros1 else store.deserialize_cdr
         try:
@@ -63,7 +60,7 @@ class Decoder:
             rule = f"{short_name(msgtype)} message that cannot be decoded"
             if bytes(data[:4]) == ZSTD_MAGIC:
                 rule += " (zstd-compressed message by message: convert the bag to an uncompressed one)"
-            raise BrokenMessageError(rule) from error
+            raise BrokenRecordError(rule) from error
 
     def _use_definition(self, connection: Connection) -> None:
         try:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.errors import LogFormatError
+from curvescan.io.files.read_errors import BrokenRecordError
 from curvescan.io.ros.bags.bag import Bag
-from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS, BrokenMessageError
+from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS
 from curvescan.io.ros.transforms import FrameTree, frame_name, seven
 from curvescan.types import Floats, Pose
 
@@ -87,7 +88,7 @@ def _read_first(bag: Bag, topic: str, tree: FrameTree) -> None:
                 for item in bag.decode(message).transforms:
                     edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
                     tree.add(edge, seven(item.transform.translation, item.transform.rotation))
-            except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+            except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
                 continue  # counted where the odometry is read
     except LogFormatError:
         pass  # damage from here on: what stands before is used

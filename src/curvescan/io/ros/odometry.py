@@ -11,8 +11,9 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import LogFormatError
+from curvescan.io.files.read_errors import BrokenRecordError
 from curvescan.io.ros.bags.bag import Bag, Message
-from curvescan.io.ros.messages import IMU, ODOMETRY, TRANSFORMS, BrokenMessageError, shown, stamp_of
+from curvescan.io.ros.messages import IMU, ODOMETRY, TRANSFORMS, shown, stamp_of
 from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, Transform, frame_name, planar, seven
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
@@ -107,7 +108,7 @@ class _Reader:
                 )
                 try:
                     add(message)
-                except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+                except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
                     self.n_broken += 1
         except LogFormatError:
             pass  # damage from here on: what stands before is used, and the read errors of the scans report it
@@ -202,7 +203,7 @@ def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
                 decoded = bag.decode(message)
                 rate = float(decoded.angular_velocity.z)
                 at = message.received / 10**9 if is_unstamped else stamp_of(decoded.header)
-            except (BrokenMessageError, AttributeError, TypeError, ValueError, OverflowError):
+            except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
                 continue  # one of a hundred a second
             rows.extend((at, rate))
     except LogFormatError:

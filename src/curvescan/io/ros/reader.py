@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import ReadError, ReadErrorCounter
+from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.laser_scan import has_bad_times, scan_of
-from curvescan.io.ros.messages import LASER_SCAN, BrokenMessageError, short_name, shown, stamp_of
+from curvescan.io.ros.messages import LASER_SCAN, short_name, shown, stamp_of
 from curvescan.io.ros.mount import laser_tilt, tilt_notes
 from curvescan.io.ros.odometry import BagOdometry, read_gyro, read_odometry
 from curvescan.io.trajectories.trajectory import Trajectory
@@ -60,28 +60,15 @@ class RosbagLog(ScanAccess):
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         self._bag = Bag(path)
-        self._topic = _choose_topic(self._bag, topic)
+        self.topic = _choose_topic(self._bag, topic)  # the one that is read
+        self.name = path.absolute().name
+        self.format = self._bag.kind.value  # ``"ROS 1 bag"``, ``"ROS 2 bag (sqlite3)"`` or ``"ROS 2 bag (MCAP)"``
         self._range_max = range_max
         self._survey: _Survey | None = None
         self._frame, self._is_unstamped = "", False
         is_sound = self._look_at_first()
         if not is_sound and next(iter(self), None) is None:
             raise LogFormatError(self._no_scan_message())
-
-    @property
-    def name(self) -> str:
-        """Name of the file or folder, without what it lies in."""
-        return self._bag.path.absolute().name
-
-    @property
-    def format(self) -> str:
-        """``"ROS 1 bag"``, ``"ROS 2 bag (sqlite3)"`` or ``"ROS 2 bag (MCAP)"``."""
-        return self._bag.kind.value
-
-    @property
-    def topic(self) -> str:
-        """The topic that is read."""
-        return self._topic
 
     @property
     def odometry(self) -> Trajectory | None:
@@ -109,7 +96,7 @@ class RosbagLog(ScanAccess):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was left out or assumed."""
-        others = [name for name in _laser_topics(self._bag) if name != self._topic]
+        others = [name for name in _laser_topics(self._bag) if name != self.topic]
         notes = [f"laser scans on {shown(name)} are not read: the topic is another" for name in others[:_MAX_LISTED]]
         if self._is_unstamped:
             notes.append("the scans are not stamped (all zeros): the time they were received stands for it")
@@ -130,7 +117,7 @@ class RosbagLog(ScanAccess):
 
     def n_recorded(self) -> int:
         """Return about how many scans on the topic were recorded, by the bag's own count or its length."""
-        return self._bag.n_recorded(self._topic)
+        return self._bag.n_recorded(self.topic)
 
     def why_estimated(self) -> str:
         """Return what says that the poses are the output of SLAM, localization or laser odometry; empty for none."""
@@ -148,11 +135,11 @@ class RosbagLog(ScanAccess):
         read_errors, stamps, received = ReadErrorCounter("message"), array("d"), array("q")
         number, n_bad_times = 0, 0
         try:
-            for number, message in enumerate(self._bag.messages([self._topic]), 1):
+            for number, message in enumerate(self._bag.messages([self.topic]), 1):
                 try:
                     decoded = self._bag.decode(message)
                     scan = self._scan(decoded, message)
-                except BrokenMessageError as error:
+                except BrokenRecordError as error:
                     read_errors.add(str(error), number)
                     continue
                 stamps.append(scan.stamp)
@@ -167,18 +154,18 @@ class RosbagLog(ScanAccess):
 
     def __repr__(self) -> str:
         # to count the scans that can be read may take long: the bag's own count will do
-        n = self._bag.topics[self._topic].count
-        return f"Log({self.name!r}: {self.format}, {n:,} scans on {shown(self._topic)})"
+        n = self._bag.topics[self.topic].count
+        return f"Log({self.name!r}: {self.format}, {n:,} scans on {shown(self.topic)})"
 
     def _scan_at(self, i: int) -> LaserScan:
         """Return a scan by the time it was received at, which the bag has an index of."""
         received = np.array(self._surveyed().received)
         when = int(received[i])
         nth = int(np.count_nonzero(received[:i] == when))
-        for message in self._bag.messages([self._topic], when):
+        for message in self._bag.messages([self.topic], when):
             try:
                 scan = self._scan(self._bag.decode(message), message)
-            except BrokenMessageError:
+            except BrokenRecordError:
                 continue
             if nth == 0:
                 return scan
@@ -207,28 +194,24 @@ class RosbagLog(ScanAccess):
         Scans at 0 are not stamped; a single one is taken as valid.
         """
         stamps, is_sound = [], False
-        for message in islice(self._bag.messages([self._topic]), _N_FIRST):
+        for message in islice(self._bag.messages([self.topic]), _N_FIRST):
             try:
                 decoded = self._bag.decode(message)
                 stamps.append(stamp_of(decoded.header))
                 self._frame = self._frame or str(decoded.header.frame_id)
                 scan_of(decoded, range_max=self._range_max)
                 is_sound = True
-            except (BrokenMessageError, AttributeError, TypeError, OverflowError):
+            except (BrokenRecordError, AttributeError, TypeError, OverflowError):
                 continue
         self._is_unstamped = len(stamps) > 1 and not any(stamps)
         return is_sound
 
     def _no_scan_message(self) -> str:
         read_errors = self._surveyed().read_errors
-        reason = (
-            f"{read_errors[0].rule} ({read_errors[0].count} times, first in {read_errors[0].first})"
-            if read_errors
-            else "its table of contents promises messages that are not there"
-        )
+        reason = read_errors[0] if read_errors else "its table of contents promises messages that are not there"
         return (
             f"{self._bag.path} is a {self.format} without a scan that can be read on topic "
-            f"{shown(self._topic)}: {reason}"
+            f"{shown(self.topic)}: {reason}"
         )
 
     def _scan(self, decoded: Any, message: Message) -> LaserScan:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterator
-from types import MappingProxyType
 from typing import Any
 
 from curvescan.errors import InvalidArgumentError, MissingPackageError
@@ -18,20 +17,6 @@ from curvescan.live.drivers.transport import PIP_COMMAND, Transport
 
 COUNTER_CLOCKWISE = frozenset({"HLS-LFCD2", "HLS_LFCD2", "LDS-01"})
 """Models whose angles count counter-clockwise, seen from above; lds2d gives those of all others clockwise."""
-
-LIMITS = MappingProxyType(
-    {
-        "LDROBOT": (0.02, 12.0),
-        "YDLIDAR": (0.1, 12.0),
-        "RPLIDAR": (0.15, 12.0),
-        "NEATO": (0.15, 6.0),
-        "XIAOMI": (0.15, 6.0),
-        "3IROBOTIX": (0.15, 8.0),
-        "CAMSENSE": (0.1, 8.0),
-        "HLS": (0.12, 3.5),
-    }
-)
-"""Limits of a valid reading by the makers' data sheets, metres."""
 
 _STARTS_BY_COMMAND = ("RPLIDAR", "HLS", "LDROBOT-LD14P", "LD14P")
 
@@ -59,7 +44,6 @@ class Lds2dSource(SpinningSource):
             port,
             int(self._driver_class.DEFAULT_BAUD),
             is_clockwise=(self.model not in COUNTER_CLOCKWISE) != is_mirrored,
-            limits=next((v for k, v in LIMITS.items() if self.model.startswith(k)), (0.05, 12.0)),
             ignore_beams=ignore_beams,
         )
 

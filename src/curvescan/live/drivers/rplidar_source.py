@@ -11,7 +11,6 @@ from curvescan.live.drivers.spinning import Measure, SpinningSource
 from curvescan.live.drivers.transport import PIP_COMMAND, Transport
 
 BAUD = 115200
-LIMITS = (0.15, 12.0)
 _N_BUFFERED = 4096
 
 
@@ -29,7 +28,7 @@ class RplidarSource(SpinningSource):
             raise MissingPackageError(f"the driver rplidar is the package rplidar-roboticia: {PIP_COMMAND}") from error
         self._package: Any = rplidar
         self._laser: Any = None
-        super().__init__("RPLIDAR", port, baud, is_clockwise=not is_mirrored, limits=LIMITS, ignore_beams=ignore_beams)
+        super().__init__("RPLIDAR", port, baud, is_clockwise=not is_mirrored, ignore_beams=ignore_beams)
 
     def start(self, transport: Transport) -> None:
         """Start the laser."""

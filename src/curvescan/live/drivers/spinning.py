@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
-from types import TracebackType
+from importlib.resources import files
 from typing import NamedTuple, Self
 
 from curvescan.errors import SourceError
@@ -20,6 +21,13 @@ class Measure(NamedTuple):
     rate_hz: float = 0.0  # turns a second; 0: not known
 
 
+def limits_of(model: str) -> tuple[float, float]:
+    """Return the limits of a valid reading of a model, metres."""
+    limits = tomllib.loads(files(__package__).joinpath("lasers.toml").read_text("utf-8"))
+    shortest, longest = next((limits[key] for key in limits if model.startswith(key)), limits["OTHERS"])
+    return shortest, longest
+
+
 class SpinningSource:
     """What the lasers that spin have in common; a :class:`curvescan.live.ScanSource`."""
 
@@ -27,18 +35,14 @@ class SpinningSource:
     n_cut = 1
     """Turns at the beginning that are not whole."""
 
-    def __init__(
-        self,
-        name: str,
-        port: str,
-        baud: int,
-        *,
-        is_clockwise: bool,
-        limits: tuple[float, float],
-        ignore_beams: tuple[int, int],
-    ) -> None:
+    def __init__(self, name: str, port: str, baud: int, *, is_clockwise: bool, ignore_beams: tuple[int, int]) -> None:
         self.name, self.port = f"{name} at {port}", port
-        self._baud, self._is_clockwise, self._limits, self._ignore_beams = baud, is_clockwise, limits, ignore_beams
+        self._baud, self._is_clockwise, self._limits, self._ignore_beams = (
+            baud,
+            is_clockwise,
+            limits_of(name),
+            ignore_beams,
+        )
         self._transport: Transport | None = None
 
     def start(self, transport: Transport) -> None:
@@ -61,9 +65,7 @@ class SpinningSource:
             raise SourceError(f"cannot start the {self.name}: {error}") from error
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._transport is not None:
             self._transport.close()
 

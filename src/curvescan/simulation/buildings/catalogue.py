@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TypeVar
+from importlib.resources import files
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,21 +30,16 @@ _T = TypeVar("_T")
 
 Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
+_PLACED: dict[str, Any] = tomllib.loads(files(__package__).joinpath("worlds.toml").read_text("utf-8"))
+
 WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "room": lambda _: room(),
-    "corridor": lambda _: corridor(
-        recesses=[
-            *[(-11.0, 1.0, 0.15), (-5.0, 1.0, 0.15), (3.5, 1.0, 0.15), (9.0, 1.8, 0.6)],
-            *[(-8.0, 1.0, -0.15), (0.5, 1.0, -0.15), (6.0, 1.0, -0.15), (12.0, 1.0, -0.15)],
-        ],
-        pillars=[(-2.0, 0.95, 0.3), (11.5, 0.95, 0.3), (-10.0, -0.95, 0.3), (3.0, -0.95, 0.3)],
-        has_ends=True,
-    ),
+    "corridor": lambda _: corridor(**_PLACED["corridor"], has_ends=True),
     "bare-corridor": lambda _: corridor(),
     "round-room": lambda _: round_room(),
     "l-hall": lambda _: l_hall(),
     "t-hall": lambda _: t_hall(),
-    "curved-hall": lambda _: curved_hall() + columns([(-3.0, 1.2), (-1.0, -1.4), (2.0, 1.0), (4.5, -1.0)]),
+    "curved-hall": lambda _: curved_hall() + columns(_PLACED["curved-hall"]["columns"]),
     "clutter": lambda seed: room(10.0, 8.0) + clutter((-4.5, -3.5, 4.5, 3.5), 18, seed),
     "office": office,
     "building": building,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -50,23 +52,21 @@ class Sensor:
                 raise InvalidArgumentError(f"{rule}, got {self}")
 
 
-_ROWS: tuple[tuple[Any, ...], ...] = (
-    # SICK LMS200 in its mm mode: 8 m; 5 sweeps a second over a 38400 baud line
-    ("sick-lms200", 361, -0.5 * math.pi, math.radians(0.5), 0.02, 8.0, 0.010, 0.002, 0.2),
-    # the same with the noise that line fits on flat walls within 4 m show in real logs: 4 to 6 mm
-    ("sick-lms200-5mm", 361, -0.5 * math.pi, math.radians(0.5), 0.02, 8.0, 0.005, 0.002, 0.2),
-    # low-cost triangulating scanner of the RPLidar A1/A2 kind
-    ("spinning-360", 360, -math.pi, math.radians(1.0), 0.15, 12.0, 0.015, 0.02, 0.1),
-    # Hokuyo URG-04LX, every second beam of every second sweep: short sight, and an error of 1 % beyond a metre
-    ("urg-04lx", 341, math.radians(-119.7), math.radians(0.704), 0.06, 5.6, 0.030, 0.01, 0.2),
-    # Hokuyo UTM-30LX, all 1081 beams, every fourth of its 40 sweeps a second
-    ("hokuyo-270", 1081, math.radians(-135.0), math.radians(0.25), 0.1, 30.0, 0.010, 0.002, 0.1),
-)
+def _read() -> dict[str, Sensor]:
+    rows: dict[str, dict[str, Any]] = tomllib.loads(files(__package__).joinpath("sensors.toml").read_text("utf-8"))
+    return {
+        name: Sensor(
+            name=name,
+            angle_min=math.radians(row.pop("angle_min_deg")),
+            angle_increment=math.radians(row.pop("angle_increment_deg")),
+            **row,
+        )
+        for name, row in rows.items()
+    }
 
-SENSORS: Mapping[str, Sensor] = {
-    row[0]: Sensor(**dict(zip((field.name for field in fields(Sensor)), row, strict=False))) for row in _ROWS
-}
-"""Name -> sensor. Noise figures are round numbers in the range of the makers' data sheets, but for sick-lms200-5mm."""
+
+SENSORS: Mapping[str, Sensor] = _read()
+"""Name -> sensor, as sensors.toml has them."""
 
 
 def choose_sensor(sensor: Sensor | str) -> Sensor:

@@ -126,7 +126,7 @@ def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> 
     cells = slam_map.occupancy().occupied_centres
     with drawing_places(folder / "changes.png", cells) as (_, [axes]):
         as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
-        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0.0)
+        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0)
         for change in found:
             x0, y0, x1, y1 = change.box
             colour = TRUTH if change.kind == "appeared" else PATH

@@ -16,12 +16,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError as Ros1Error
 from rosbags.rosbag1 import WriterError as RosbagsWriterError
 from rosbags.rosbag2 import ReaderError as Ros2Error
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.files.gzip_files import is_packed, unpack
@@ -122,7 +123,7 @@ class Bag:
         return max(counts.get(topic, 0), round(self.topics[topic].count / self._share))
 
     def decode(self, message: Message) -> Any:
-        """Return a message with its fields as attributes. Raises BrokenMessageError."""
+        """Return a message with its fields as attributes. Raises BrokenRecordError."""
         return self._decoder.decode(message.data, message.msgtype)
 
     def _unpacked(self, file: Path) -> Path:
@@ -218,19 +219,7 @@ def _topics(connections: list[Connection]) -> Mapping[str, Topic]:
     return MappingProxyType(topics)
 
 
-class _Reader(Protocol):
-    """What the readers of rosbags have in common."""
-
-    connections: list[Connection]
-
-    def open(self) -> None: ...
-
-    def close(self) -> None: ...
-
-    def messages(
-        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
-    ) -> Iterator[tuple[Connection, int, bytes]]: ...
-
+_Reader: TypeAlias = CheckedRos1Reader | CheckedMcapReader | Sqlite3Reader
 
 _READERS: dict[BagKind, Callable[[Path, int], _Reader]] = {
     BagKind.ROS1: CheckedRos1Reader,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Self
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -29,20 +29,6 @@ _METADATA_VERSION: Literal[8, 9] = 8
 over which Humble and Iron stumble."""
 
 _PLUGINS = {BagKind.SQLITE: StoragePlugin.SQLITE3, BagKind.MCAP: StoragePlugin.MCAP}
-
-
-class _Writer(Protocol):
-    """What the writers of rosbags have in common."""
-
-    def __enter__(self) -> object: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> object: ...
-
-    def add_connection(self, topic: str, msgtype: str, *, typestore: Any) -> Connection: ...
-
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None: ...
 
 
 @contextmanager
@@ -82,7 +68,7 @@ class BagWriter:
         if kind is BagKind.SQLITE and any(ch in self._path for ch in "?#%"):
             # the library puts the path into a URI
             raise OutputError(f"cannot write {self._path}: a path of an SQLite file cannot hold ?, # or %")
-        self._writer: _Writer = (
+        self._writer = (
             Ros1Writer(self._path)
             if is_ros1
             else Ros2Writer(self._path, version=_METADATA_VERSION, storage_plugin=_PLUGINS[kind])

@@ -10,12 +10,11 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Generator
 from pathlib import Path
-from typing import Protocol
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, IndexData, decompressors
-from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.printable import printable
@@ -170,20 +169,7 @@ def as_ros2(kind: int, record: bytes) -> bytes:
     return record
 
 
-class _ChunkInfo(Protocol):
-    """What rosbags knows of a chunk of an MCAP file."""
-
-    @property
-    def message_start_time(self) -> int: ...
-    @property
-    def message_end_time(self) -> int: ...
-    @property
-    def chunk_start_offset(self) -> int: ...
-    @property
-    def uncompressed_size(self) -> int: ...
-
-
-def check_chunks(chunks: Collection[_ChunkInfo], n_bytes: int) -> None:
+def check_chunks(chunks: Collection[ChunkInfo], n_bytes: int) -> None:
     """Raise LogFormatError when chunks are listed twice, or too many lie over the same moment."""
     if len({chunk.chunk_start_offset for chunk in chunks}) < len(chunks):
         raise LogFormatError("its summary lists a chunk twice")
