@@ -21,7 +21,7 @@ from curvescan.types import Bools, Floats, Pose
 _STILL = 0.02  # a sensor stands that moves and turns by no more, metres and radians
 _NEAR = 0.5  # scans so near to each other see the same, metres and radians
 _N_SCANS = 5  # scans after a break in which the track is found again, or lost
-_TIMES, _USUAL = 3.0, 0.95  # a leap is so many times as long as this quantile of the steps
+_TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
 
 
 class Break(NamedTuple):
