@@ -123,8 +123,8 @@ NAMED = (
     _named(
         "spurious information of tilted lines stays",
         f"{_MATCHER}/assessment/information.py",
-        "unit * (system[INFORMATION + k] - system[SPURIOUS + k])",
-        "unit * system[INFORMATION + k]",
+        "unit * (system[INFORMATION + k] - part[INFORMATION + k] - spurious_part)",
+        "unit * (system[INFORMATION + k] - part[INFORMATION + k])",
     ),
     _named(
         "poses across the pi seam are different ones",

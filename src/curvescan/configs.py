@@ -9,9 +9,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import numbers
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from importlib.resources import files
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from curvescan.errors import InvalidArgumentError
@@ -108,3 +110,8 @@ def as_plain(value: object) -> object:
     if isinstance(value, list | tuple):
         return [as_plain(item) for item in value]
     return value
+
+
+def shipped_table(package: str, name: str) -> dict[str, Any]:
+    """Return a TOML file that stands beside the modules of a package."""
+    return tomllib.loads(files(package).joinpath(name).read_text("utf-8"))

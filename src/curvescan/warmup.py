@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from curvescan.matchers import DEFAULT_METHOD, find_matcher, match
 from curvescan.odometry import Odometry, OdometryConfig, run_odometry
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
-
-if TYPE_CHECKING:
-    from curvescan.slam import Slam
 
 Processor: TypeAlias = Literal["generic", "native"]
 """For which processor code is made: any of the kind of this one (6 % slower, the same results), or this one alone."""
@@ -151,17 +148,8 @@ def _drive(method: str, laps: Pose) -> None:
 
 def _map_and_localize(method: str, laps: Pose) -> None:
     """Map the room, close its loop, and find the sensor in the map."""
-    from curvescan.slam import Localizer
-
-    mapped = _mapped(method, laps)
-    localizer = Localizer(mapped.map)
-    for k, pose in enumerate(laps[:4]):
-        localizer.add(_scan(pose, _ROOM, k))
-
-
-def _mapped(method: str, laps: Pose) -> Slam:
     # SciPy's sparse matrices take their time to load
-    from curvescan.slam import Slam
+    from curvescan.slam import Localizer, Slam
     from curvescan.slam.config import ClosuresConfig, KeyframesConfig, PlacesConfig, SlamConfig
     from curvescan.slam.thinning import crowded_places
 
@@ -172,12 +160,15 @@ def _mapped(method: str, laps: Pose) -> Slam:
         closures=ClosuresConfig(certain_m=1e-4),
     )
     slam = Slam(method, config=often)
-    for k, pose in enumerate(laps):
-        slam.add(_scan(pose, _ROOM, k))
+    scans = [_scan(pose, _ROOM, k) for k, pose in enumerate(laps)]
+    for scan in scans:
+        slam.add(scan)
     slam.finish()
     # of long drives alone
     crowded_places(laps, np.zeros(len(laps), dtype=np.int64), len(laps), _RADIUS_M, _RADIUS_M, 1)
-    return slam
+    localizer = Localizer(slam.map)
+    for scan in scans[:4]:
+        localizer.add(scan)
 
 
 def _scan(

@@ -86,7 +86,7 @@ def test_along_a_bare_corridor_nothing_is_measured():
     one, other = features("bare-corridor", poses=poses)
     result = MATCHER.match(one, other, None)
     assert result.degenerate_direction is not None
-    assert unguided_measurement(result, MATCHER.config) is None
+    assert unguided_measurement(result) is None
     assert as_measurement(result).cov[0, 0] > 50.0**2
 
 
@@ -101,7 +101,7 @@ def test_along_a_corridor_with_recesses_the_scans_say_where_without_a_guess():
         result = MATCHER.match(one, other, None)
         if not result.ok or result.degenerate_direction is None:
             continue
-        measured = unguided_measurement(result, MATCHER.config)
+        measured = unguided_measurement(result)
         if measured is None:
             continue
         n_measured += 1

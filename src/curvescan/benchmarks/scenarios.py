@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ from curvescan.benchmarks.cramer_rao import median_error, pair_bound
 from curvescan.matchers import MatchResult, match
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.simulation import SENSORS, simulate_pairs
-from curvescan.types import Floats, Pose
+from curvescan.simulation.pairs import ScanPair
+from curvescan.types import Floats
 
 _CHI2_95 = 7.815  # 95 % of a chi-square of three degrees of freedom
 
@@ -29,31 +30,23 @@ class Scenario:
     people_share: float  # share of the beams on people who differ between the scans
 
 
-_SIZES = (("small", 0.1, 5.0), ("medium", 0.3, 15.0), ("large", 0.6, 40.0))
+def _scenario(name: str, sensor: str, size: tuple[float, float], people_share: float = 0.0) -> Scenario:
+    return Scenario(
+        name=name, sensor=sensor, translation_max=size[0], rotation_max_deg=size[1], people_share=people_share
+    )
+
+
+_SIZES = {"small": (0.1, 5.0), "medium": (0.3, 15.0), "large": (0.6, 40.0)}
+_PEOPLE = 0.15
 
 SCENARIOS = (
-    *(
-        Scenario(name=n, sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.0)
-        for n, t, r in _SIZES
-    ),
-    *(
-        Scenario(name=f"{n}, people", sensor="sick-lms200", translation_max=t, rotation_max_deg=r, people_share=0.15)
-        for n, t, r in _SIZES
-    ),
-    *(
-        Scenario(
-            name=f"{title}, {n}{', people' if p else ''}",
-            sensor=s,
-            translation_max=t,
-            rotation_max_deg=r,
-            people_share=p,
-        )
-        for s, title in (("spinning-360", "360 deg"), ("hokuyo-270", "270 deg"))
-        for (n, t, r), p in ((_SIZES[0], 0.0), (_SIZES[2], 0.15))
-    ),
-    Scenario(
-        name="360 deg, any turn", sensor="spinning-360", translation_max=0.3, rotation_max_deg=180.0, people_share=0.0
-    ),
+    *(_scenario(name, "sick-lms200", size) for name, size in _SIZES.items()),
+    *(_scenario(f"{name}, people", "sick-lms200", size, _PEOPLE) for name, size in _SIZES.items()),
+    _scenario("360 deg, small", "spinning-360", _SIZES["small"]),
+    _scenario("360 deg, large, people", "spinning-360", _SIZES["large"], _PEOPLE),
+    _scenario("270 deg, small", "hokuyo-270", _SIZES["small"]),
+    _scenario("270 deg, large, people", "hokuyo-270", _SIZES["large"], _PEOPLE),
+    _scenario("360 deg, any turn", "spinning-360", (0.3, 180.0)),
 )
 
 
@@ -85,9 +78,7 @@ def score_scenario(
 ) -> list[ScenarioScore]:
     """Return how each method does on the same pairs of one scenario, each pair in a fresh office, without a guess."""
     sensor = SENSORS[scenario.sensor]
-    bounds = []
-    tried: dict[str, list[_Try]] = {method: [] for method in methods}
-    for pair in simulate_pairs(
+    pairs = simulate_pairs(
         "office",
         sensor=sensor,
         n_pairs=n_pairs,
@@ -95,14 +86,9 @@ def score_scenario(
         rotation_max=np.radians(scenario.rotation_max_deg),
         people_share=scenario.people_share,
         seed=seed,
-    ):
-        bounds.append(pair_bound(pair, sensor))
-        for method in methods:
-            result = match(pair.reference, pair.current, method=method)
-            tried[method].append(_Try(result=result, truth=pair.pose))
-        if on_pair:
-            on_pair()
-    bound = median_error(bounds)
+    )
+    tried = _tried(pairs, methods, on_pair)
+    bound = median_error([pair_bound(one.pair, sensor) for one in tried[methods[0]]])
     return [_score(method, scenario.name, tried[method], bound) for method in methods]
 
 
@@ -134,14 +120,22 @@ def score_open(
     pairs = simulate_pairs(
         world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), sight_share=0.3, seed=seed
     )
+    tried = _tried(pairs, methods, on_pair)
+    return [_score_open(method, world, tried[method]) for method in methods]
+
+
+def _tried(
+    pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: Callable[[], None] | None
+) -> dict[str, list[_Try]]:
+    """Return what each method makes of each pair."""
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in pairs:
         for method in methods:
             result = match(pair.reference, pair.current, method=method)
-            tried[method].append(_Try(result=result, truth=pair.pose))
+            tried[method].append(_Try(pair=pair, result=result))
         if on_pair:
             on_pair()
-    return [_score_open(method, world, tried[method]) for method in methods]
+    return tried
 
 
 def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
@@ -161,13 +155,13 @@ def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Try:
+    pair: ScanPair
     result: MatchResult
-    truth: Pose
 
     @property
     def error(self) -> Floats:
         """(3,) pose found minus true pose; NaN without a pose."""
-        difference = self.result.pose - self.truth
+        difference = self.result.pose - self.pair.pose
         return np.array([difference[0], difference[1], float(se2.wrap(difference[2]))])
 
     @property

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
@@ -36,11 +35,16 @@ def _without_controls(text: str) -> str:
 
 
 OUT = _PrintableConsole(
-    highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
+    highlight=False,
+    markup=False,
+    emoji=False,
+    soft_wrap=True,
+    width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120,
 )
 """Results."""
 
-ERR = _PrintableConsole(stderr=True, highlight=False)  # progress and notices, so that results can be piped
+ERR = _PrintableConsole(stderr=True, highlight=False, markup=False, emoji=False)
+"""Progress and notices, so that results can be piped."""
 
 
 class _SpeedColumn(ProgressColumn):
@@ -137,7 +141,7 @@ def load_usable_methods() -> tuple[str, ...]:
                 with ERR.status("loading kernels"):
                     warm_up(method, slam=False)
             except MissingPackageError as error:
-                ERR.print(f"{method} is left out: {error}", markup=False)
+                ERR.print(f"{method} is left out: {error}")
             else:
                 usable.append(method)
     return tuple(usable)
@@ -147,7 +151,7 @@ def show(result: ResultTable) -> None:
     """Print a table of results."""
     printed = table(result.title, *result.columns)
     for row in result.rows:
-        printed.add_row(*(escape(entry) for entry in row))
+        printed.add_row(*row)
     OUT.print(printed)
 
 

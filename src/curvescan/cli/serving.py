@@ -42,6 +42,6 @@ def wait(sentence: str) -> None:
     from curvescan.cli.console import ERR
 
     with stoppable() as stop:
-        ERR.print(sentence, markup=False)
+        ERR.print(sentence)
         while not stop.is_asked:
             time.sleep(_POLL_S)

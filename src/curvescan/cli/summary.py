@@ -12,6 +12,7 @@ from rich.table import Table
 
 from curvescan.cli.console import ERR, OUT, table
 from curvescan.cli.flags import propose_commands, with_flags
+from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import StepOutcome
 from curvescan.odometry.step import IN_MAP
@@ -26,28 +27,33 @@ _ALWAYS = (StepOutcome.MATCHED, StepOutcome.PREDICTED)
 def report(run: Run, out: Path) -> int:
     """Print how a run went, what it wrote and whether it can be trusted, and return the exit status."""
     if run.prepared is not None:
-        for remark in run.prepared.remarks:
-            ERR.print(with_flags(remark), markup=False, soft_wrap=True)
-        if not run.prepared.sensor.can_deskew:
-            ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+        report_preparation(run.prepared)
     OUT.print(summarise(run))
     engine = run.engine
     if isinstance(engine, Slam):
-        OUT.print(f"{engine!r}; finished in {run.record.seconds_to_finish:.1f} s", markup=False)
+        OUT.print(f"{engine!r}; finished in {run.record.seconds_to_finish:.1f} s")
         if engine.is_deceived:
             OUT.print(
                 "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the "
                 "map is mostly the odometry's"
             )
     if isinstance(engine, Localizer) and run.first_fix is not None:
-        OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}", markup=False)
+        OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}")
     for remark in (*(issue.what for issue in run.issues if issue.kind == "read_error"), *run.left_out):
-        ERR.print(remark, markup=False)
-    OUT.print(f"wrote {out}/{', '.join(run.files)}", markup=False)
+        ERR.print(remark)
+    OUT.print(f"wrote {out}/{', '.join(run.files)}")
     for proposal in propose_commands(["curvescan", *sys.argv[1:]], run.issues):
-        ERR.print(proposal, markup=False, soft_wrap=True)
-    OUT.print(with_flags(run.verdict.sentence), markup=False, soft_wrap=True)
+        ERR.print(proposal, soft_wrap=True)
+    OUT.print(with_flags(run.verdict.sentence))
     return 0 if run.verdict.is_trusted else 3
+
+
+def report_preparation(prepared: PreparedLog) -> None:
+    """Print what was mended in a log, and what of it is used."""
+    for remark in prepared.remarks:
+        ERR.print(with_flags(remark), soft_wrap=True)
+    if not prepared.sensor.can_deskew:
+        ERR.print("sweeps are not deskewed: their beams are listed in reverse")
 
 
 def summarise(result: Run) -> Table:

@@ -27,7 +27,16 @@ _SCATTERED = 0.7
 
 Topic: TypeAlias = Literal["file", "scans", "beams", "time", "readings", "odometry"]  # what an issue is about
 
-Value: TypeAlias = float | bool | tuple[int, int]
+
+class Remedy(NamedTuple):
+    """An argument of :func:`curvescan.read_log` that handles an issue, and its value."""
+
+    argument: str
+    value: float | bool | tuple[int, int]
+
+    def __str__(self) -> str:
+        value = self.value
+        return f"{self.argument}={value if isinstance(value, bool | tuple) else f'{value:g}'}"
 
 
 class Check(NamedTuple):
@@ -38,7 +47,7 @@ class Check(NamedTuple):
     test: Callable[[LogReport], bool]
     what: Callable[[LogReport], str | tuple[str, ...]]
     consequence: str | Callable[[LogReport], str] = ""
-    remedy: Callable[[LogReport], tuple[str, Value] | None] | None = None
+    remedy: Callable[[LogReport], Remedy | None] | None = None
     mending: str | Callable[[LogReport], str] = ""
 
 
@@ -153,7 +162,7 @@ CHECKS: tuple[Check, ...] = (
             "while the others change"
         ),
         "the driver keeps old values where a beam met nothing new; they smear when the sensor moves",
-        lambda _: ("drop_stale", True),
+        lambda _: Remedy("drop_stale", True),
         lambda r: (
             f"dropped: readings that repeat the sweep before to the last digit, {r.stale_share:.0%} of all"
             * (r.stale_share >= _CERTAINLY_STALE and r.stale_run < _SCATTERED)
@@ -168,7 +177,7 @@ CHECKS: tuple[Check, ...] = (
             "keep their reading within 3 cm while the others change"
         ),
         "they see the robot itself, which moves along and is no part of the room",
-        lambda r: ("ignore_beams", _fixed_ends(r)) if any(_fixed_ends(r)) else None,
+        lambda r: Remedy("ignore_beams", _fixed_ends(r)) if any(_fixed_ends(r)) else None,
     ),
     Check(
         "beams",
@@ -179,7 +188,7 @@ CHECKS: tuple[Check, ...] = (
             "reverse of the order in which the log lists them"
         ),
         "sweeps are not deskewed",
-        lambda _: ("backwards", True),
+        lambda _: Remedy("backwards", True),
         lambda r: (
             (
                 "turned round: the order of the beams of each sweep, which agree better so in "
@@ -201,7 +210,7 @@ CHECKS: tuple[Check, ...] = (
             + ", or the gyroscope's z axis points down" * (_sense(r).reference == "gyroscope")
             + ", and motion and map come out as in a mirror"
         ),
-        lambda r: ("upside_down", False) if r.is_upside_down else ("clockwise", True),
+        lambda r: Remedy("upside_down", False) if r.is_upside_down else Remedy("clockwise", True),
         lambda r: (
             (
                 f"mirrored: the scans, which turn against the {_sense(r).reference} in {_sense(r).n_reversed} of "
@@ -347,7 +356,7 @@ CHECKS: tuple[Check, ...] = (
             else ""
         ),
         "it looks like a code for no reading and would be taken for a wall",
-        lambda r: ("range_max", _range_limit(r)),
+        lambda r: Remedy("range_max", _range_limit(r)),
     ),
     Check(
         "readings",
@@ -355,7 +364,7 @@ CHECKS: tuple[Check, ...] = (
         lambda r: r.code_band is not None,
         _codes,
         "they look like codes for no reading and would be drawn as arcs in the map",
-        lambda r: ("range_max", _range_limit(r)),
+        lambda r: Remedy("range_max", _range_limit(r)),
         lambda r: f"ignored: readings beyond {_range_limit(r):g} m, codes for no return ({_codes(r)})",
     ),
     Check(

@@ -5,21 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
-from curvescan.diagnostics.checks import CHECKS, Topic
+from curvescan.diagnostics.checks import CHECKS, Remedy, Topic
 from curvescan.diagnostics.report import LogReport, ReadingCode
-
-
-class Remedy(NamedTuple):
-    """An argument of :func:`curvescan.read_log` that handles an issue, and its value."""
-
-    argument: str
-    value: float | bool | tuple[int, int]
-
-    def __str__(self) -> str:
-        value = self.value
-        return f"{self.argument}={value if isinstance(value, bool | tuple) else f'{value:g}'}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,17 +43,13 @@ def find_issues(report: LogReport) -> tuple[Issue, ...]:
             kind=check.kind,
             what=what,
             consequence=_text(check.consequence, report),
-            remedy=None if check.remedy is None else _remedy(check.remedy(report)),
+            remedy=None if check.remedy is None else check.remedy(report),
             mending=_text(check.mending, report),
         )
         for check in CHECKS
         if check.test(report)
         for what in _texts(check.what, report)
     )
-
-
-def _remedy(found: tuple[str, float | bool | tuple[int, int]] | None) -> Remedy | None:
-    return None if found is None else Remedy(*found)
 
 
 def _text(text: str | Callable[[LogReport], str], report: LogReport) -> str:

@@ -5,11 +5,9 @@ Figures and sources stand in ``published.toml``.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
+from curvescan.configs import shipped_table
 from curvescan.errors import InvalidArgumentError
 
 SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartographer's"
@@ -41,10 +39,9 @@ def _error(method: str, translation: list[float], rotation: list[float] | None =
 
 
 def _read() -> dict[str, BenchmarkLog]:
-    table: dict[str, Any] = tomllib.loads(files(__package__).joinpath("published.toml").read_text("utf-8"))
     return {
         key: BenchmarkLog(name=row["name"], keys=tuple(row["keys"]), errors=tuple(_error(**e) for e in row["errors"]))
-        for key, row in table.items()
+        for key, row in shipped_table(__package__, "published.toml").items()
     }
 
 

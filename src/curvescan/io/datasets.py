@@ -1,7 +1,7 @@
 """curvescan.datasets: public logs, downloaded once, checked and kept.
 
-Nothing is shipped: each file comes from the public repository that holds it. Its SHA-256 stands here, so that the same
-name is the same bytes for everybody. Where a repository publishes a file compressed, the digest is that of the content.
+Nothing is shipped: each file comes from the public repository that holds it. By the SHA-256 in ``datasets.toml`` the
+same name is the same bytes for everybody. Of a file that is published compressed it is that of the content.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
+from curvescan.configs import shipped_table
 from curvescan.errors import InvalidArgumentError, SourceError
 
 __all__ = ["DATASETS", "Dataset", "fetch"]
@@ -33,55 +34,7 @@ class Dataset:
     citation: str
 
 
-_CC_BY = "CC BY, as stated by the SLAM benchmark of the University of Freiburg"
-_MUMBLE = "RicoJia/Mumble-Robot"
-_JIA = "R. R. Jia, Mumble-Robot, 2025"
-
-DATASETS: dict[str, Dataset] = {
-    "intel": Dataset(
-        about="SICK laser and wheels, Intel Research Lab in Seattle: 13,631 scans, 45 minutes, 508 m",
-        path="MOLAorg/mola_test_datasets/HEAD/datasets/radish/intel.clf.bz2",
-        n_bytes=16_433_447,
-        sha256="8db0ad6231b48bad4118e6a2dc78e83213b2c306be3b4ed80a90969891abfe7b",
-        licence=_CC_BY,
-        citation="D. Haehnel, Intel Research Lab, in Radish, the robotics data set repository",
-    ),
-    "intel.relations": Dataset(
-        about="2,984 relative poses of the log intel, checked by hand",
-        path="xiaofeng419/SLAM-2D-LIDAR-SCAN/50506031f42018fc03ea5ca12c5350717726b83e/DataSet/RawData/intel.relations",
-        n_bytes=265_713,
-        sha256="330378f153eeae652d6756c1746f335801f66c3e097d90611548e6c4f593c359",
-        licence=_CC_BY,
-        citation="R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27, 2009",
-    ),
-    "kitchen": Dataset(
-        about="RPLIDAR A1 on a small rover in a flat, no wheels: 675 scans, 97 s; clockwise beams, some stale",
-        path=f"{_MUMBLE}/d233e8f417a1dab64e2db7b8337fdcb4075a0d94/"
-        "mumble_simulation_isaac/bags/kitchen_1/kitchen_1/my_data_bag_0.db3",
-        n_bytes=2_793_472,
-        sha256="7eaac0677d6d8cd7773559ac5f118b2c2fe0a847f477c3c351ea66f9c64c680f",
-        licence="BSD-2-Clause",
-        citation=_JIA,
-    ),
-    "hallway": Dataset(
-        about="the rover of kitchen in a hallway: 789 scans, 112 s",
-        path=f"{_MUMBLE}/b3462bb275ff0cfac71123053719ecf888bfa769/"
-        "mumble_simulation_isaac/bags/slow_half_hallway/my_data_bag/my_data_bag_0.db3",
-        n_bytes=3_244_032,
-        sha256="fe99b73944c7cc267449439e915eebaf9522be1f232f3f70949649c0ee649bdb",
-        licence="BSD-2-Clause",
-        citation=_JIA,
-    ),
-    "pedestrians": Dataset(
-        about="Hokuyo URG-04LX that stands still while people walk past: 1,265 scans, 126 s",
-        path="angusleigh/leg_tracker/24ec1bb31c00089a16ff39fe06fd4b07af9a5430/"
-        "rosbags/demos/demo_stationary_simple_environment.bag",
-        n_bytes=2_745_748,
-        sha256="3f3a4132452fc25afcdb9c4d2f610c1babb05ebbe491297da1460cbf5b58e3db",
-        licence="BSD-3-Clause",
-        citation="A. Leigh et al., Person tracking and following with 2D laser scanners, ICRA 2015",
-    ),
-}
+DATASETS = {name: Dataset(**row) for name, row in shipped_table(__package__, "datasets.toml").items()}
 """The public files by name."""
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
 from curvescan.io.ros.writing.message_building import MessageBuilder
 from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
+from curvescan.live.server import local_url
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
@@ -65,10 +66,13 @@ class FoxgloveSink(MapSink):
         }
         self._sent_map, self._next_map, self._stamp = 0, 0.0, 0.0
         self._is_map_wanted, self._is_finished = threading.Event(), False
-        listener: Any = _Listener(self._want_map)
         try:
             self._server: Any = foxglove.start_server(
-                name=f"curvescan: {name}", host=host, port=port, server_listener=listener, context=context
+                name=f"curvescan: {name}",
+                host=host,
+                port=port,
+                server_listener=_listener(self._want_map),
+                context=context,
             )
         except (RuntimeError, OSError, OverflowError) as error:
             raise OutputError(
@@ -79,8 +83,7 @@ class FoxgloveSink(MapSink):
     @property
     def url(self) -> str:
         """Where a Foxglove on this machine finds it."""
-        shown = "127.0.0.1" if self._host == "0.0.0.0" else self._host
-        return f"ws://{f'[{shown}]' if ':' in shown else shown}:{self._server.port}"
+        return local_url("ws", self._host, self._server.port)
 
     def stop(self) -> None:
         """Close the connections of all clients."""
@@ -126,25 +129,13 @@ class FoxgloveSink(MapSink):
             channel.log(data, log_time=max(self._builder.nanoseconds(self._stamp), 0))
 
 
-class _Listener:
-    """Notices clients that want the map."""
+def _listener(want_map: Callable[[], None]) -> Any:
+    """Return what notices clients that want the map; what they send is not read."""
+    from foxglove.websocket import ServerListener
 
-    def __init__(self, want_map: Callable[[], None]) -> None:
-        self._want_map = want_map
+    class Listener(ServerListener):
+        def on_subscribe(self, client: Any, channel: Any) -> None:
+            if channel.topic == MAP_TOPIC:
+                want_map()
 
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Note that the map is wanted."""
-        if channel.topic == MAP_TOPIC:
-            self._want_map()
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Do nothing."""
-
-    def on_client_advertise(self, client: Any, channel: Any) -> None:
-        """Do nothing."""
-
-    def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
-        """Do nothing."""
-
-    def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
-        """Do nothing: what visitors send is not read."""
+    return Listener()

@@ -87,9 +87,7 @@ class PageServer:
     @property
     def url(self) -> str:
         """Where the page is, for a browser on this machine."""
-        host, port = self.address
-        shown = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
-        return f"http://{f'[{shown}]' if ':' in shown and '[' not in shown else shown}:{port}/"
+        return local_url("http", *self.address) + "/"
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -247,6 +245,12 @@ def encoded(event: Event | None) -> bytes:
     name, data = event
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return f"event: {name}\ndata: {text}\n\n".encode()
+
+
+def local_url(scheme: str, host: str, port: int) -> str:
+    """Return where a program on this machine finds a server that is bound to a host."""
+    shown = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    return f"{scheme}://{f'[{shown}]' if ':' in shown else shown}:{port}"
 
 
 def _is_loopback(address: str) -> bool:

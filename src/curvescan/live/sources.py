@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -61,7 +61,12 @@ _PAUSED = 0.05
 
 
 class Paced:
-    """A source that we make ourselves, at the pace of its stamps; it can be paused, and hurried on to a scan."""
+    """A source that we make ourselves, at the pace of its stamps; it can be paused, and hurried on to a scan.
+
+    Subclasses write :meth:`_made`.
+    """
+
+    is_live = False
 
     def __init__(self, speed: float) -> None:
         self.speed = speed
@@ -84,6 +89,18 @@ class Paced:
 
     def __exit__(self, *error: object) -> None:
         self._closed.set()
+
+    def first(self) -> LaserScan | None:
+        """Return the first scan, without taking it; None of a source that has none."""
+        return next(self._made(), None)
+
+    def scans(self) -> Iterator[LaserScan]:
+        """Yield the scans in their order, at the chosen speed."""
+        return self._at_their_time(self._made())
+
+    def _made(self) -> Iterator[LaserScan]:
+        """Yield the scans, each as soon as it is asked for."""
+        raise NotImplementedError
 
     def _at_their_time(self, scans: Iterator[LaserScan]) -> Iterator[LaserScan]:
         """Yield scans at the pace of their stamps, which may repeat or go back; ends when the source is closed."""
@@ -112,10 +129,8 @@ class MendedSource:
         self._source.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self._source.__exit__(kind, error, traceback)
+    def __exit__(self, *error: Any) -> None:
+        self._source.__exit__(*error)
 
     def scans(self) -> Iterator[LaserScan]:
         """Yield the scans as they come, mended."""
@@ -133,8 +148,6 @@ class LogSource(Paced):
         1: at the pace of its stamps; 10: ten times as fast; 0: as fast as the scans are taken.
     """
 
-    is_live = False
-
     def __init__(self, log: Log, *, speed: float = 1.0) -> None:
         super().__init__(speed)
         self.log = log
@@ -149,13 +162,8 @@ class LogSource(Paced):
         """Scans of the log."""
         return len(self.log)
 
-    def first(self) -> LaserScan | None:
-        """Return the first scan, without taking it; None of a log that has none."""
-        return next(iter(self.log), None)
-
-    def scans(self) -> Iterator[LaserScan]:
-        """Yield the log's scans in file order, at the chosen speed."""
-        return self._at_their_time(iter(self.log))
+    def _made(self) -> Iterator[LaserScan]:
+        return iter(self.log)
 
 
 class SimulatedSource(Paced):
@@ -176,8 +184,6 @@ class SimulatedSource(Paced):
     speed : float
         1: as fast as the robot drives; 0: as fast as the scans are taken.
     """
-
-    is_live = False
 
     def __init__(
         self,
@@ -205,14 +211,6 @@ class SimulatedSource(Paced):
         """Return the (n, 3) true poses of one lap, world frame; the last neighbours the first."""
         rng = np.random.default_rng(child(self._seed, PATH))
         return drive_route(self.world, Drive(), self.sensor.period, rng)
-
-    def first(self) -> LaserScan | None:
-        """Return the first scan, without taking it."""
-        return next(self._made(), None)
-
-    def scans(self) -> Iterator[LaserScan]:
-        """Yield the scans at the chosen speed."""
-        return self._at_their_time(self._made())
 
     def _made(self) -> Iterator[LaserScan]:
         from curvescan.simulation.recording import as_scan, observe

@@ -24,6 +24,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, MapTooLargeError, require
 from curvescan.live.live_map import MapPicture, picture_of, status_of
+from curvescan.live.server import Content, Event
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.sources import Paced
 from curvescan.live.tracker import TrackedScan, Tracker
@@ -44,8 +45,6 @@ _HEARTBEAT = 5.0
 _MAX_CLOSURES = 1000  # loop closures that are drawn at most: the newest
 _N_TIMES = 120  # times of scans that a new browser is sent: as many as the page draws
 _N_POINTS = 1500  # readings of a scan that are sent at most
-
-Event = tuple[str, dict[str, Any]]
 
 
 class Viewer(MapSink):
@@ -95,10 +94,8 @@ class Viewer(MapSink):
 
     def set_status(self, kind: str, text: str) -> None:
         """Show a sentence on the page: "loading", "running", "ended" or "error"."""
-        with self._changed:
+        with self._telling():
             self._status = {"kind": kind, "text": text}
-            self._n_events += 1
-            self._changed.notify_all()
 
     def preview(self, scan: LaserScan) -> None:
         """Show the map of the first scan alone: what there is to look at while kernels compile."""
@@ -107,12 +104,12 @@ class Viewer(MapSink):
             builder.add(scan, np.zeros(3))
             self._show(picture_of(builder.grid(), version=0))
 
-    def content(self, path: str) -> tuple[bytes, str] | None:
+    def content(self, path: str) -> Content | None:
         """Return the newest picture of the map, once there is one."""
         picture = self._picture
         return (picture.png, "image/png") if path == "/map.png" and picture is not None else None
 
-    def act(self, name: str, arguments: Mapping[str, Any]) -> tuple[bytes, str]:
+    def act(self, name: str, arguments: Mapping[str, Any]) -> Content:
         """Do what the page asks for: save the map, or change the pace of a replay."""
         if name == "save":
             return self._saved(), "application/zip"
@@ -199,14 +196,12 @@ class Viewer(MapSink):
 
     def _take(self, tracked: TrackedScan) -> None:
         event = self._scan_event_of(tracked)
-        with self._changed:
+        with self._telling():
             self._map.add(tracked)
             self._add_wheels(tracked)
             self._closures += tracked.closures
             self._n_closures += len(tracked.closures)
             self._scan_event, self._times = event, tuple(self._recent)
-            self._n_events += 1
-            self._changed.notify_all()
         if time.monotonic() >= self._next_picture:
             self._draw()
 
@@ -219,7 +214,7 @@ class Viewer(MapSink):
         self._wheels.extend(np.round(se2.compose(self._wheels_from, tracked.wheels)[:2], 3))
 
     def _finish(self) -> None:
-        with self._changed:
+        with self._telling():
             super()._finish()
             if self._final is not None and self._scan_event is not None:
                 # the map has moved to its final place, and the sensor with it
@@ -229,8 +224,6 @@ class Viewer(MapSink):
                     # some were withdrawn on the way, others joined keyframes that have gone
                     now["n_closures"] = self._tracker.engine.backend.count_matches()[0]
                 self._scan_event = self._scan_event | now
-                self._n_events += 1
-                self._changed.notify_all()
         self._draw()
 
     def _draw(self) -> None:
@@ -243,8 +236,14 @@ class Viewer(MapSink):
         self._next_picture = started + max(_PICTURE_PERIOD, took / _PICTURE_SHARE)
 
     def _show(self, picture: MapPicture | None) -> None:
-        with self._changed:
+        with self._telling():
             self._picture = picture
+
+    @contextlib.contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Change what is shown, under the lock; then the streams of all browsers wake up."""
+        with self._changed:
+            yield
             self._n_events += 1
             self._changed.notify_all()
 

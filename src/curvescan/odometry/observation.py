@@ -96,7 +96,7 @@ class Matching:
         """Return what two scans say without a guess, whose match with one leaves a direction open."""
         if not has_unguided_pose(result):
             result = self.matcher.match(reference.features, current.features, None)
-        return unguided_measurement(result, self.matcher.config)
+        return unguided_measurement(result)
 
     def as_reference(self, scan: PreparedScan) -> PreparedScan | None:
         """Return a scan that others can be matched with, else None."""

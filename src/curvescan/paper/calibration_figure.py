@@ -43,8 +43,49 @@ def draw_calibration(path: Path, calibration: Calibration) -> None:
         right.legend()
 
 
-def calibration_table(calibration: Calibration) -> ResultTable:
-    """Return what was found beside the defaults and the paper's values."""
+def calibration_tables(calibration: Calibration) -> list[ResultTable]:
+    """Return what was found beside the defaults and the paper's values, and the figures it was chosen by."""
+    pairs = calibration.pairs
+    return [
+        _parameter_table(calibration),
+        ResultTable.of(
+            "A wall 0.9 m beside the sensor, out to 8 m",
+            zip(SIGMAS, calibration.whole, strict=True),
+            [
+                ("sigma_rho [m]", lambda one: f"{one[0]:g}"),
+                ("scans in which it is one segment", lambda one: f"{100 * one[1]:.0f} %"),
+            ],
+        ),
+        ResultTable(
+            title="False peaks a plane",
+            columns=("U_k [m]", *(group.name for group in calibration.groups)),
+            rows=[
+                (f"{u_k:g}", *(f"{peaks:.2f}" for peaks in column))
+                for u_k, column in zip(TOLERANCES, calibration.false_peaks.T, strict=True)
+            ],
+        ),
+        ResultTable.of(
+            "n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
+            zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True),
+            [
+                ("n", lambda one: f"{one[0]}"),
+                ("right within 0.1 m, 2 deg", lambda one: f"{100 * one[1]:.1f} %"),
+                ("time of a match", lambda one: f"{1e3 * one[2]:.2f} ms"),
+            ],
+        ),
+        ResultTable.of(
+            "S_min: pairs of characteristic points of the same scans",
+            zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True),
+            [
+                ("S_min", lambda one: f"{one[0]:.2f}"),
+                ("wrong pairs rejected", lambda one: f"{100 * one[1]:.1f} %"),
+                ("right pairs kept", lambda one: f"{100 * one[2]:.1f} %"),
+            ],
+        ),
+    ]
+
+
+def _parameter_table(calibration: Calibration) -> ResultTable:
     rows: tuple[tuple[str, Callable[[CfSmaConfig], float], str, str], ...] = (
         ("sigma_rho, eq. 2", lambda c: c.segmentation.range_sigma, " m", "lost"),
         ("U_k, arc minus chord", lambda c: c.curvature.arc_tolerance, " m", "1.0, unit unknown"),
@@ -53,65 +94,12 @@ def calibration_table(calibration: Calibration) -> ResultTable:
         ("n, neighbours", lambda c: c.landmarks.n_neighbours, "", "30"),
         ("S_min, Pearson similarity", lambda c: c.landmarks.min_similarity, "", "0.2"),
     )
-    config, default = calibration.config, CfSmaConfig()
-    noise = ("range noise of the planes", f"{calibration.noise:.4f} m", "-", "-")
+    found, default = calibration.config, CfSmaConfig()
     return ResultTable(
         title="Parameters found",
         columns=("parameter", "found", "default", "paper"),
         rows=[
-            noise,
-            *((name, f"{of(config):g}{unit}", f"{of(default):g}{unit}", paper) for name, of, unit, paper in rows),
-        ],
-    )
-
-
-def peak_table(calibration: Calibration) -> ResultTable:
-    """Return the mean number of false peaks a plane for each U_k."""
-    return ResultTable(
-        title="False peaks a plane",
-        columns=("U_k [m]", *(group.name for group in calibration.groups)),
-        rows=[
-            (f"{u_k:g}", *(f"{peaks:.2f}" for peaks in column))
-            for u_k, column in zip(TOLERANCES, calibration.false_peaks.T, strict=True)
-        ],
-    )
-
-
-def wall_table(calibration: Calibration) -> ResultTable:
-    """Return how often a wall 0.9 m beside the sensor is whole for each sigma_rho."""
-    return ResultTable.of(
-        "A wall 0.9 m beside the sensor, out to 8 m",
-        zip(SIGMAS, calibration.whole, strict=True),
-        [
-            ("sigma_rho [m]", lambda one: f"{one[0]:g}"),
-            ("scans in which it is one segment", lambda one: f"{100 * one[1]:.0f} %"),
-        ],
-    )
-
-
-def neighbour_table(calibration: Calibration) -> ResultTable:
-    """Return accuracy and time for each n, on consecutive scans of known motion."""
-    pairs = calibration.pairs
-    return ResultTable.of(
-        "n: consecutive scans of simulated offices, up to 0.1 m and 5 deg apart",
-        zip(NEIGHBOURS, pairs.right_shares, pairs.seconds, strict=True),
-        [
-            ("n", lambda one: f"{one[0]}"),
-            ("right within 0.1 m, 2 deg", lambda one: f"{100 * one[1]:.1f} %"),
-            ("time of a match", lambda one: f"{1e3 * one[2]:.2f} ms"),
-        ],
-    )
-
-
-def similarity_table(calibration: Calibration) -> ResultTable:
-    """Return the shares of wrong and right pairs of characteristic points on either side of each S_min."""
-    pairs = calibration.pairs
-    return ResultTable.of(
-        "S_min: pairs of characteristic points of the same scans",
-        zip(SIMILARITIES, pairs.wrong_rejected, pairs.right_kept, strict=True),
-        [
-            ("S_min", lambda one: f"{one[0]:.2f}"),
-            ("wrong pairs rejected", lambda one: f"{100 * one[1]:.1f} %"),
-            ("right pairs kept", lambda one: f"{100 * one[2]:.1f} %"),
+            ("range noise of the planes", f"{calibration.noise:.4f} m", "-", "-"),
+            *((name, f"{of(found):g}{unit}", f"{of(default):g}{unit}", paper) for name, of, unit, paper in rows),
         ],
     )

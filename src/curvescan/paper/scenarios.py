@@ -233,7 +233,7 @@ def _run_one(
         moved=score_moved(log, run),
         discarded=_score_discarded(log, is_matched, is_discarded),
         lost=find_lost_steps(log.truth.poses, run),
-        end_unrefused=_end_error(log.truth.poses, motions),
+        end_unrefused=_end_error(log.truth.poses, motions[1:]),
         is_discarded=is_discarded,
     )
 
@@ -248,8 +248,9 @@ def _unrefused(result: MatchResult, last_motion: Pose) -> Pose:
 
 
 def _end_error(true_poses: Pose, motions: Pose) -> float:
+    """Return how far the end pose of so many motions lies from the true one, metres."""
     end = se2.identity()
-    for motion in motions[1:]:
+    for motion in motions:
         end = se2.compose(end, motion)
     off = se2.between(se2.between(true_poses[0], true_poses[-1]), end)
     return float(np.hypot(off[0], off[1]))
@@ -274,10 +275,6 @@ def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
     is_off = (np.hypot(error[:, 0], error[:, 1]) > SUCCESS[0]) | (np.abs(error[:, 2]) > SUCCESS[1])
     is_matched = run.is_matched[1:]
     is_lost = is_off | ~is_matched
-    end = se2.identity()
-    for motion in np.where(is_lost[:, np.newaxis], true_motions, motions):
-        end = se2.compose(end, motion)
-    off = se2.between(se2.between(true_poses[0], true_poses[-1]), end)
     size = np.column_stack([np.hypot(true_motions[:, 0], true_motions[:, 1]), np.abs(true_motions[:, 2])])
     mean = [size[m].mean(axis=0) if m.any() else np.full(2, np.nan) for m in (is_lost, ~is_lost)]
     return LostSteps(
@@ -287,7 +284,7 @@ def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
         turn=float(mean[0][1]),
         usual_motion=float(mean[1][0]),
         usual_turn=float(mean[1][1]),
-        end_without=float(np.hypot(off[0], off[1])),
+        end_without=_end_error(true_poses, np.where(is_lost[:, np.newaxis], true_motions, motions)),
     )
 
 

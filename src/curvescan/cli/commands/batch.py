@@ -87,8 +87,8 @@ def batch(
     OUT.print(_table(result.records))
     for record in result.records:
         if record.is_failed:
-            ERR.print(f"{record.input}: {with_flags(record.sentence)}", markup=False, soft_wrap=True)
-    OUT.print(f"wrote {out}/fleet.csv, manifest.jsonl and a folder for each log", markup=False)
+            ERR.print(f"{record.input}: {with_flags(record.sentence)}", soft_wrap=True)
+    OUT.print(f"wrote {out}/fleet.csv, manifest.jsonl and a folder for each log")
     skipped = f" ({result.n_skipped:,} stood from before)" if result.n_skipped else ""
     n_trusted = sum(record.exit == 0 for record in result.records)
     OUT.print(
@@ -115,14 +115,12 @@ def _job(rules: OdometryFlags, slam: SlamConfig | None, use: LogFlags, occupancy
 
 
 def _table(records: tuple[BatchRecord, ...]) -> object:
-    from rich.markup import escape
-
     from curvescan.cli.console import table
 
     shown = table("batch", "results", "scans", "path", "time", "verdict")
     for record in records:
         figures = (f"{record.scans:,}", f"{record.metres:,.1f} m") if record.scans else ("", "")
-        shown.add_row(escape(record.folder), *figures, f"{record.seconds:.1f} s", record.verdict)
+        shown.add_row(record.folder, *figures, f"{record.seconds:.1f} s", record.verdict)
     return shown
 
 

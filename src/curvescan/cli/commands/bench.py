@@ -49,5 +49,5 @@ def bench(
     for table in benchmark_tables(results):
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/bench.md", markup=False)
+        OUT.print(f"wrote {out}/bench.md")
     return 0

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import tyro
 
 from curvescan.cli.options import SensorName
+
+if TYPE_CHECKING:
+    from curvescan.se2.uncertain import UncertainPose
 
 
 def calibrate(
@@ -74,14 +76,7 @@ def _find_parameters(
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
-    from curvescan.paper.calibration_figure import (
-        calibration_table,
-        draw_calibration,
-        neighbour_table,
-        peak_table,
-        similarity_table,
-        wall_table,
-    )
+    from curvescan.paper.calibration_figure import calibration_tables, draw_calibration
     from curvescan.paper.drawings import draw_curvature, draw_geometry
     from curvescan.paper.sweep import SEED, sweep_table
     from curvescan.paper.sweep import sweep as sweep_parameters
@@ -100,9 +95,7 @@ def _find_parameters(
         draw_calibration(folder / "calibration.png", found)
         draw_geometry(folder / "geometry.png")
         draw_curvature(folder / "curvature.png")
-        tables = tuple(
-            table(found) for table in (calibration_table, wall_table, peak_table, neighbour_table, similarity_table)
-        )
+        tables = calibration_tables(found)
         text = "\n".join(table.markdown() for table in tables)
         (folder / "calibration.md").write_text(text, encoding="utf-8", newline="\n")
         if sweep:
@@ -116,7 +109,7 @@ def _find_parameters(
                 f"planes at {group.name} show peaks at every U_k and were left out of the choice: "
                 "their readings lie closer together than the noise"
             )
-    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md", markup=False)
+    OUT.print(f"wrote {out}/cfsma.toml, calibration.png, calibration.md")
     return 0
 
 
@@ -130,37 +123,31 @@ def _show_mounts(log: Path | None) -> int:
     if log is None:
         raise InvalidArgumentError("--mounts needs the bag: curvescan calibrate LOG --mounts")
     checks = check_mounts(log)
-    rows = []
-    for check in checks:
-        deviation = np.sqrt(np.diag(check.found.covariance))
-        cells = [
-            f"{value * scale:.{digits}f} ± {sigma * scale:.{digits}f}"
-            for value, sigma, scale, digits in zip(
-                check.found.pose, deviation, (1.0, 1.0, math.degrees(1.0)), (3, 3, 2), strict=True
-            )
-        ]
-        given = (
-            "-"
-            if check.given is None
-            else "{:.3f}, {:.3f}, {:.2f}".format(*check.given[:2], math.degrees(check.given[2]))
-        )
-        rows.append(
-            (
-                check.topic,
-                check.base,
-                *cells,
-                given,
-                "wrong" if check.is_wrong else "right" if check.given is not None else "-",
-            )
-        )
     show(
-        ResultTable(
-            title="Mounts of the lasers, from their scans",
-            columns=("laser", "seen from", "x, m", "y, m", "yaw, deg", "by the transforms", "these are"),
-            rows=rows,
+        ResultTable.of(
+            "Mounts of the lasers, from their scans",
+            checks,
+            [
+                ("laser", lambda check: check.topic),
+                ("seen from", lambda check: check.base),
+                ("x, m", lambda check: _measured(check.found, 0, digits=3)),
+                ("y, m", lambda check: _measured(check.found, 1, digits=3)),
+                ("yaw, deg", lambda check: _measured(check.found, 2, scale=math.degrees(1.0), digits=2)),
+                ("by the transforms", lambda check: "-" if check.given is None else _given(*check.given)),
+                ("these are", lambda check: "-" if check.given is None else "wrong" if check.is_wrong else "right"),
+            ],
         )
     )
     if any(check.is_wrong for check in checks):
         OUT.print("a mount of the bag's transforms contradicts the scans: correct it there, or walls are doubled")
         return 3
     return 0
+
+
+def _measured(found: UncertainPose, k: int, *, digits: int, scale: float = 1.0) -> str:
+    sigma = math.sqrt(found.covariance[k, k])
+    return f"{found.pose[k] * scale:.{digits}f} ± {sigma * scale:.{digits}f}"
+
+
+def _given(x: float, y: float, yaw: float) -> str:
+    return f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.2f}"

@@ -40,8 +40,8 @@ def convert(
     with progress_bar("convert", len(source)) as advance:
         losses = write_log(out, source, format=format, source=log, on_scan=advance)
     for read_error in source.read_errors:
-        ERR.print(f"not read: {read_error}", markup=False)
+        ERR.print(f"not read: {read_error}")
     for loss in losses:
-        ERR.print(f"not kept: {loss}", markup=False)
-    OUT.print(f"wrote {out}: {len(source):,} scans of {source.name}", markup=False)
+        ERR.print(f"not kept: {loss}")
+    OUT.print(f"wrote {out}: {len(source):,} scans of {source.name}")
     return 0

@@ -68,5 +68,5 @@ def evaluate(
     for table in tables:
         show(table)
     if out is not None:
-        OUT.print(f"wrote {out}/evaluation.md, evaluation.json, errors.png, trajectory.png", markup=False)
+        OUT.print(f"wrote {out}/evaluation.md, evaluation.json, errors.png, trajectory.png")
     return 0

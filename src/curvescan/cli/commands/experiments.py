@@ -62,5 +62,5 @@ def experiments(
             )
         with ERR.status("drawing and writing the report"):
             save_experiments(folder, results)
-    OUT.print(f"wrote {out}/report.html, report.md, results.json", markup=False)
+    OUT.print(f"wrote {out}/report.html, report.md, results.json")
     return 0

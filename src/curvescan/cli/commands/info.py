@@ -42,7 +42,7 @@ def info(
     if json:
         print(json_format.dumps(report_as_plain(report), indent=2, allow_nan=False))
         return 0 if report.is_usable else 1
-    OUT.print(report.name, markup=False, style="bold")
+    OUT.print(report.name, style="bold")
     issues = find_issues(report)
     for name, value in _rows(report):
         if value:
@@ -56,7 +56,7 @@ def info(
         return 1
     given = [word for word in sys.argv[1:] if word not in ("info", "--json")]
     proposed = [issue for issue in issues if not issue.mending]  # what is mended needs no option
-    OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}", markup=False)
+    OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}")
     return 0
 
 
@@ -66,8 +66,8 @@ def _show(name: str, value: str, *, style: str = "") -> None:
 
     lines = textwrap.wrap(value, max(OUT.width - _INDENT, _LEAST_WIDTH), break_on_hyphens=False) or [""]
     for k, line in enumerate(lines):
-        OUT.print(f"  {name if k == 0 else '':<{_INDENT - 3}}", end=" ", style=style, markup=False)
-        OUT.print(line, markup=False)
+        OUT.print(f"  {name if k == 0 else '':<{_INDENT - 3}}", end=" ", style=style)
+        OUT.print(line)
 
 
 def _rows(report: LogReport) -> list[tuple[str, str]]:

@@ -61,7 +61,7 @@ class SourceFlags:
             source = _laser(self.driver, self.port, use.reading)
             if use.preparation.as_is:
                 return source
-            return MendedSource(source, lambda sentence: ERR.print(sentence, markup=False))
+            return MendedSource(source, ERR.print)
         if log is not None:
             return LogSource(use.reading.open(log), speed=self.speed)
         return SimulatedSource(n_scans=self.scans, n_people=self.people, seed=self.seed, speed=self.speed)
@@ -130,15 +130,15 @@ class PageFlags:
             viewer = Viewer(source.name, replay=source if isinstance(source, Paced) else None, **maps)
             sinks.append(viewer)
             server = PageServer(viewer, host=self.host, port=free_port(self.host, self.http_port))
-            ERR.print(f"the page is at {pages.enter_context(server).url}", markup=False)
+            ERR.print(f"the page is at {pages.enter_context(server).url}")
             open_browser(server.url)
-            if maps["saved_map"] is None:
-                _preview(source, viewer)
+            if maps["saved_map"] is None and isinstance(source, Paced) and (first := source.first()) is not None:
+                viewer.preview(first)  # before kernels are compiled
         if self.foxglove:
             served = live_package.FoxgloveSink(source.name, host=self.host, port=self.foxglove_port, **maps)
             pages.callback(served.stop)
             sinks.append(served)
-            ERR.print(f"Foxglove: open a connection to {served.url}", markup=False)
+            ERR.print(f"Foxglove: open a connection to {served.url}")
         return viewer, sinks
 
 
@@ -226,12 +226,12 @@ def _follow(
     report, verdict = _track(
         source, Tracker(engine, prepared.odometry_poses if prepared else None), viewer, sinks, prepared
     )
-    OUT.print(summary(report, source.name, engine), markup=False)
+    OUT.print(summary(report, source.name, engine))
     if outputs.folder is not None and results is not None and report.n_scans:
         files = results.write(outputs.folder, report, name=source.name, engine=engine, log=prepared, command=sys.argv)
-        OUT.print(f"wrote {outputs.out}/{', '.join(files)}", markup=False)
+        OUT.print(f"wrote {outputs.out}/{', '.join(files)}")
     if verdict is not None:
-        OUT.print(with_flags(verdict.sentence), markup=False, soft_wrap=True)
+        OUT.print(with_flags(verdict.sentence))
     return report, verdict
 
 
@@ -255,16 +255,16 @@ def summary(report: LiveReport, name: str, engine: Engine) -> str:
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
     from curvescan.cli.console import ERR
-    from curvescan.cli.flags import propose_commands, with_flags
+    from curvescan.cli.flags import propose_commands
+    from curvescan.cli.summary import report_preparation
     from curvescan.diagnostics.preparation import prepare_log
     from curvescan.io.held import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
         prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)
-    for remark in (*prepared.remarks, *propose_commands(["curvescan", *sys.argv[1:]], prepared.issues)):
-        ERR.print(with_flags(remark), markup=False, soft_wrap=True)
-    if not prepared.sensor.can_deskew:
-        ERR.print("sweeps are not deskewed: their beams are listed in reverse", markup=False)
+    report_preparation(prepared)
+    for proposal in propose_commands(["curvescan", *sys.argv[1:]], prepared.issues):
+        ERR.print(proposal, soft_wrap=True)
     return prepared
 
 
@@ -284,14 +284,6 @@ def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
     return open_driver(
         driver, port, is_mirrored=reading.upside_down != reading.clockwise, ignore_beams=reading.ignore_beams
     )
-
-
-def _preview(source: ScanSource, viewer: Viewer) -> None:
-    """Show the first scan of a source that can wait, before kernels are compiled."""
-    from curvescan.live import LogSource, SimulatedSource
-
-    if isinstance(source, LogSource | SimulatedSource) and (first := source.first()) is not None:
-        viewer.preview(first)
 
 
 def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) -> Engine:
@@ -324,7 +316,7 @@ def _track(
         report = run_live(source, tracker, sinks, on_scan=lambda one: recorder.add(one.step, one.seconds))
         if report.is_interrupted:
             text = f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once"
-            ERR.print(text, markup=False, soft_wrap=True)
+            ERR.print(text, soft_wrap=True)
         has_prior = prepared is not None and prepared.odometry_poses is not None
         record = recorder.record(engine.method, is_partial=report.is_interrupted, has_prior=has_prior)
         if report.n_scans and isinstance(engine, curvescan.Slam):

@@ -49,7 +49,7 @@ def match(
     with output_folder(out) as folder:
         result = match_scans(reference, current, method=matching.method, config=matching.matcher)
         save_match(folder, result, scans=(reference, current), names=(f"scan {i}", f"scan {j}"), cfsma=matching.cfsma)
-    OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}", markup=False)
+    OUT.print(f"{source.name}: scan {j} seen from scan {i}: {result.outcome.value}")
     if result.ok:
         x, y, theta = result.pose
         sigma = np.sqrt(np.diag(result.covariance))
@@ -62,7 +62,7 @@ def match(
         OUT.print(f"  not fixed along x {dx:+.2f} m, y {dy:+.2f} m, theta {dtheta:+.2f} rad")
     if isinstance(result.trace, CfSmaTrace):
         _show_gates(result.trace, i, j)
-    OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json", markup=False)
+    OUT.print(f"wrote {out}/segments.png, curvature.png, matched.png, match.json")
     return 0 if result.ok else 3
 
 

@@ -109,5 +109,5 @@ def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
     mended = edited(begin, edits)
     if out is not None:
         names = save_map_folder(out, mended, edits)
-        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}", markup=False)
+        OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}")
     return mended

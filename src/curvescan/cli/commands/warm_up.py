@@ -23,5 +23,5 @@ def warm_up(*, cache: Path | None = None, processor: Literal["generic", "native"
     from curvescan.cli.console import OUT
 
     seconds = curvescan.warm_up(cache=cache, processor=processor)
-    OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""), markup=False)
+    OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""))
     return 0

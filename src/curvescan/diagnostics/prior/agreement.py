@@ -6,7 +6,6 @@ The test takes short motions from all over a log and matches their scans without
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -31,16 +30,8 @@ _OFF, _OFF_RAD, _OFF_SHARE = 0.05, 0.03, 0.25
 _SHARE = 0.6  # share of the sure matches that agree with wheels that are used
 
 
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """Whether a motion prior agrees with the scans, and how that is said."""
-
-    is_good: bool
-    sentence: str
-
-
-def compare_motion(log: Log, poses: Pose) -> Agreement:
-    """Return whether wheels or a gyroscope agree with matches of scans.
+def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
+    """Return whether wheels or a gyroscope agree with matches of scans, and how that is said.
 
     poses (n, 3): of the sensor by its wheels; x and y are NaN by a gyroscope.
     """
@@ -56,12 +47,8 @@ def compare_motion(log: Log, poses: Pose) -> Agreement:
         is_far = math.hypot(off[0], off[1]) > _OFF + _OFF_SHARE * math.hypot(measured[0], measured[1])
         n_agreeing += not is_far and abs(se2.wrap(off[2])) <= _OFF_RAD + _OFF_SHARE * abs(measured[2])
     if n_sure < _N_SURE:
-        return Agreement(
-            is_good=False, sentence="cannot be compared with the scans: too few motions are matched surely"
-        )
-    return Agreement(
-        is_good=n_agreeing >= _SHARE * n_sure, sentence=f"agrees with the scans in {n_agreeing} of {n_sure} motions"
-    )
+        return False, "cannot be compared with the scans: too few motions are matched surely"
+    return n_agreeing >= _SHARE * n_sure, f"agrees with the scans in {n_agreeing} of {n_sure} motions"
 
 
 def sure_motion(earlier: LaserScan, later: LaserScan) -> Pose | None:

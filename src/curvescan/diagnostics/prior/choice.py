@@ -115,12 +115,9 @@ def choose_prior(
         return Prior(sentence=f"left out: the {found} of the log {against.format('the')}")
     if wanted:
         return Prior(poses=poses, sentence=f"used: the {found} of the log, as odometry_prior=True asks")
-    agreement = compare_motion(log, poses)
-    verb = "used" if agreement.is_good else "left out"
-    return Prior(
-        poses=poses if agreement.is_good else None,
-        sentence=f"{verb}: the {found} of the log, which {agreement.sentence}",
-    )
+    agrees, how = compare_motion(log, poses)
+    verb = "used" if agrees else "left out"
+    return Prior(poses=poses if agrees else None, sentence=f"{verb}: the {found} of the log, which {how}")
 
 
 def _poses_of(log: Log, lag: float) -> tuple[str, Pose | None]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
-from importlib.resources import files
 from typing import NamedTuple, Self
 
+from curvescan.configs import shipped_table
 from curvescan.errors import SourceError
 from curvescan.live.drivers.transport import EndOfSource, Transport
 from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
@@ -23,7 +22,7 @@ class Measure(NamedTuple):
 
 def limits_of(model: str) -> tuple[float, float]:
     """Return the limits of a valid reading of a model, metres."""
-    limits = tomllib.loads(files(__package__).joinpath("lasers.toml").read_text("utf-8"))
+    limits = shipped_table(__package__, "lasers.toml")
     shortest, longest = next((limits[key] for key in limits if model.startswith(key)), limits["OTHERS"])
     return shortest, longest
 
@@ -37,12 +36,8 @@ class SpinningSource:
 
     def __init__(self, name: str, port: str, baud: int, *, is_clockwise: bool, ignore_beams: tuple[int, int]) -> None:
         self.name, self.port = f"{name} at {port}", port
-        self._baud, self._is_clockwise, self._limits, self._ignore_beams = (
-            baud,
-            is_clockwise,
-            limits_of(name),
-            ignore_beams,
-        )
+        self._baud, self._is_clockwise = baud, is_clockwise
+        self._limits, self._ignore_beams = limits_of(name), ignore_beams
         self._transport: Transport | None = None
 
     def start(self, transport: Transport) -> None:

@@ -57,6 +57,7 @@ def read_results(path: Path) -> FinishedRun:
     rows, outcomes = csv_rows(path / "trajectory.csv")
     seen = read_view_file(path)
     slam_map = load_map(path / "map.csmap") if (path / "map.csmap").is_file() else None
+    grid = _grid(path, slam_map)
     numbers = seen.get("keyframe_numbers", np.arange(0 if slam_map is None else len(slam_map))).astype(np.int64)
     scan_of = dict(seen["keyframe_scans"].astype(np.int64).tolist()) if "keyframe_scans" in seen else {}
     closures = _closures(path / "closures.csv")
@@ -72,7 +73,7 @@ def read_results(path: Path) -> FinishedRun:
         "outcomes": [[*status_of(one), _SENTENCES.get(one, one)] for one in kinds],
         "odometry": _aligned(seen.get("odometry"), rows.poses),
         "wheels": _aligned(seen.get("wheels"), rows.poses),
-        "map": _picture(path, slam_map),
+        "map": None if grid is None else _picture(grid),
         **_beams(seen),
     }
     if slam_map is not None:
@@ -95,7 +96,7 @@ def _of_map(path: Path) -> FinishedRun:
         "outcomes": [[*status_of("matched"), "A keyframe of the map."]],
         "odometry": None,
         "wheels": None,
-        "map": picture_tree(slam_map),
+        "map": _picture(slam_map.occupancy()),
         **_beams(beams_of(slam_map.scans)),
         **describe_map(slam_map, [], numbers, {}, slam_map.poses),
     }
@@ -115,7 +116,7 @@ def revised_tree(run: FinishedRun, mended: SlamMap) -> dict[str, Any]:
     moved = se2.compose(mended.poses[rows], se2.between(run.slam_map.poses[rows], path))
     return {
         "poses": moved.astype(np.float32),
-        "map": picture_tree(mended),
+        "map": _picture(mended.occupancy()),
         **describe_map(mended, run.closures, run.numbers, run.scan_of, moved),
     }
 
@@ -179,22 +180,18 @@ def describe_map(
     }
 
 
-def picture_tree(slam_map: SlamMap) -> dict[str, Any] | None:
-    """Return the picture of a map's occupancy, for the page."""
-    return _picture_of(slam_map.occupancy())
-
-
-def _picture(folder: Path, slam_map: SlamMap | None) -> dict[str, Any] | None:
-    if slam_map is not None:
-        return picture_tree(slam_map)
-    return _picture_of(read_map(folder / "map.yaml")) if (folder / "map.yaml").is_file() else None
-
-
-def _picture_of(grid: OccupancyGrid) -> dict[str, Any] | None:
+def _picture(grid: OccupancyGrid) -> dict[str, Any] | None:
+    """Return the picture of an occupancy map, for the page; None where it has no cell."""
     picture = picture_of(grid, 0)
     if picture is None:
         return None
     return {"png": picture.png, "origin": picture.origin, "resolution": picture.resolution, "shape": picture.shape}
+
+
+def _grid(folder: Path, slam_map: SlamMap | None) -> OccupancyGrid | None:
+    if slam_map is not None:
+        return slam_map.occupancy()
+    return read_map(folder / "map.yaml") if (folder / "map.yaml").is_file() else None
 
 
 def _beams(seen: Mapping[str, Any]) -> dict[str, Any]:

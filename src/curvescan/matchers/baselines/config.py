@@ -94,11 +94,7 @@ class IdcConfig:
         require(self.window.first <= math.pi, "window must be <= pi rad", self.window.first)
         require_share(self.kept_share, "kept_share")
         require_share(self.min_share, "min_share")
-        require(
-            self.median_readings >= 1 and self.median_readings % 2 == 1,
-            "median_readings must be odd and at least 1",
-            self.median_readings,
-        )
+        require_odd(self.median_readings, "median_readings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +116,7 @@ class CoxConfig:
 
     def __post_init__(self) -> None:
         require_share(self.min_share, "min_share")
-        require(
-            self.median_readings >= 1 and self.median_readings % 2 == 1,
-            "median_readings must be odd and at least 1",
-            self.median_readings,
-        )
+        require_odd(self.median_readings, "median_readings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,3 +198,8 @@ class PlIcpConfig:
 def require_share(value: float, name: str) -> None:
     """Raise InvalidArgumentError unless a value lies in (0, 1]."""
     require(0.0 < value <= 1.0, f"{name} must lie in (0, 1]", value)
+
+
+def require_odd(value: int, name: str) -> None:
+    """Raise InvalidArgumentError unless a value is odd and at least 1."""
+    require(value >= 1 and value % 2 == 1, f"{name} must be odd and at least 1", value)

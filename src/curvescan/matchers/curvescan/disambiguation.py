@@ -16,7 +16,6 @@ from curvescan.matchers.curvescan.assessment.assessment import (
 )
 from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses
-from curvescan.matchers.curvescan.assessment.movable import without_movable
 from curvescan.matchers.curvescan.assessment.support import Support, support_of
 from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing_hypotheses, direction_of_walls
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
@@ -109,10 +108,8 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
         weighed = replace(weighed, poses=poses)
     if assessment is None or not assessment.is_enough(config.scoring):
         return AssessedPose(weighed=weighed, is_degenerate=np.ones(3, dtype=np.bool_), ties=[])
-    poses, fixed = weighed.poses, assessment
-    assessment = without_movable(ref, cur, poses[0], assessment, config)
+    poses = weighed.poses
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
-    is_degenerate[0] |= assessment is not fixed
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
     competing = competing_hypotheses(weighed.scores, config)
@@ -207,8 +204,6 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
         assessment = assess_pose(ref, cur, pose, config)
     if assessed.is_flat and guess is not None:
         pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
-    if is_degenerate[0]:
-        assessment = without_movable(ref, cur, pose, assessment, config)
     cov = assessment.covariance(is_degenerate, config.information)
     if is_degenerate[0]:
         cov = cov + covariance_of_direction(assessment.weakest, config.information)

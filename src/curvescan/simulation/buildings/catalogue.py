@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from importlib.resources import files
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from curvescan.configs import shipped_table
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.floor import building
 from curvescan.simulation.buildings.offices import office
@@ -30,7 +29,7 @@ _T = TypeVar("_T")
 
 Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
-_PLACED: dict[str, Any] = tomllib.loads(files(__package__).joinpath("worlds.toml").read_text("utf-8"))
+_PLACED = shipped_table(__package__, "worlds.toml")
 
 WORLDS: Mapping[str, Callable[[Seed], World]] = {
     "room": lambda _: room(),

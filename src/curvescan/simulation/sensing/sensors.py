@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
+from curvescan.configs import shipped_table
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.catalogue import look_up
 from curvescan.simulation.buildings.world import World
@@ -53,7 +51,6 @@ class Sensor:
 
 
 def _read() -> dict[str, Sensor]:
-    rows: dict[str, dict[str, Any]] = tomllib.loads(files(__package__).joinpath("sensors.toml").read_text("utf-8"))
     return {
         name: Sensor(
             name=name,
@@ -61,7 +58,7 @@ def _read() -> dict[str, Sensor]:
             angle_increment=math.radians(row.pop("angle_increment_deg")),
             **row,
         )
-        for name, row in rows.items()
+        for name, row in shipped_table(__package__, "sensors.toml").items()
     }
 
 

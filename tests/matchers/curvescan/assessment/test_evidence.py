@@ -18,11 +18,11 @@ from curvescan.matchers.curvescan.assessment.evidence import (
     WEAKEST,
     gather_evidence,
     large_length,
-    may_move,
     person_length,
 )
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER
 from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.objects import find_objects
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, N_COLUMNS, NX, NY, RANGE, VARIANCE, X, Y
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair, turned
@@ -45,7 +45,16 @@ def wall(x0, y0, x1, y1, n=40):
 
 
 def evidence(ref, cur, *poses):
-    return gather_evidence(ref.image, ref.bounds, cur.image, cur.bounds, np.array(poses), CONFIG.scoring.margin)
+    return gather_evidence(
+        ref.image,
+        ref.bounds,
+        ref.objects.is_small,
+        cur.image,
+        cur.bounds,
+        cur.objects.is_small,
+        np.array(poses),
+        CONFIG.scoring.margin,
+    )
 
 
 def leaning(distance):
@@ -128,12 +137,12 @@ def test_only_long_runs_within_one_surface_are_large():
 def test_what_may_move_is_small_and_stands_before_something():
     person, behind = wall(2, -0.2, 2, 0.2, n=8), wall(4, 0.45, 4, 2)
     surfels = np.vstack([person, behind])
-    assert may_move(surfels, np.array([0, 8, 48])).tolist() == [True] * 8 + [False] * 40
+    assert find_objects(surfels, np.array([0, 8, 48]))[2].tolist() == [True] * 8 + [False] * 40
     # as far away as what is beside it: a piece of the wall
     beside = np.vstack([wall(4, -0.2, 4, 0.2, n=8), behind])
-    assert not may_move(beside, np.array([0, 8, 48]))[8:].any()
+    assert not find_objects(beside, np.array([0, 8, 48]))[2][8:].any()
     long = np.vstack([wall(2, -0.5, 2, 0.5, n=8), behind])
-    assert not may_move(long, np.array([0, 8, 48])).any()
+    assert not find_objects(long, np.array([0, 8, 48]))[2].any()
 
 
 def test_the_true_pose_has_all_for_it_and_others_are_contradicted():

@@ -22,6 +22,7 @@ from curvescan.matchers.curvescan.assessment.information import (
 from curvescan.matchers.curvescan.assessment.labels import compare_readings
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
 from curvescan.matchers.curvescan.config import InformationConfig
+from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import N_COLUMNS, NX, NY, TILT, VARIANCE, X, Y
 from curvescan.matchers.curvescan.refinement import refine
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
@@ -33,7 +34,18 @@ def information_at(ref, cur, pose):
     _, partner_cur = compare_readings(cur.image.surfels, ref.image, pose, 0.01)
     _, partner_ref = compare_readings(ref.image.surfels, cur.image, cs.se2.inverse(pose), 0.01)
     arguments = (ref.image.surfels, partner_ref, cur.image.surfels, partner_cur, pose)
-    return arguments, pose_information(*arguments)
+    return arguments, information_of(*arguments)
+
+
+def no_objects(surfels):
+    """All contour taken for walls."""
+    none = np.zeros(0, dtype=bool)
+    return Objects(np.full(len(surfels), -1), none, np.zeros(len(surfels), dtype=bool))
+
+
+def information_of(ref, partner_ref, cur, partner_cur, pose):
+    """The information of the whole contour."""
+    return pose_information(ref, no_objects(ref), partner_ref, cur, no_objects(cur), partner_cur, pose, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -77,8 +89,11 @@ def test_the_spurious_part_is_what_a_tilt_of_the_line_gives(way):
     across[0, [NX, NY]] = -0.8, 0.6
     pose = np.array([0.3, 0.2, 0.7])
     sums, sums_across = np.zeros((2, LEVER2 + 1))
-    add_information(one, line, np.array([0]), pose, way, sums)
-    add_information(one, across, np.array([0]), pose, way, sums_across)
+    for other, total in ((line, sums), (across, sums_across)):
+        parts = np.zeros((1, CHI2))
+        objects = no_objects(one), no_objects(other)
+        add_information(one, other, objects, np.array([0]), pose, way, total, parts)
+        assert not parts.any()
     n = SPURIOUS - INFORMATION
     expected = 1e-6 * sums_across[INFORMATION : INFORMATION + n]
     np.testing.assert_allclose(sums[SPURIOUS : SPURIOUS + n], expected, rtol=1e-9)
@@ -104,7 +119,7 @@ def test_residuals_above_the_noise_widen_the_covariance_and_smaller_ones_do_not_
         surfels = [one.copy() for one in (ref_surfels, cur_surfels)]
         for one in surfels:
             one[one[:, VARIANCE] > 0.0, VARIANCE] /= factor
-        found, *_ = pose_information(surfels[0], partner_ref, surfels[1], partner_cur, pose)
+        found, *_ = information_of(surfels[0], partner_ref, surfels[1], partner_cur, pose)
         # information in proportion to 1 / variance, and then divided by what residuals exceed the noise
         np.testing.assert_allclose(found / information, factor / expected, rtol=0.25)
 
@@ -115,8 +130,9 @@ def test_residuals_of_plain_noise_have_a_mean_square_of_one():
         ref, cur = pair(seed)
         (ref_surfels, partner_ref, cur_surfels, partner_cur, pose), _ = information_at(ref, cur, MOTION)
         system = np.zeros(LEVER2 + 1)
-        add_information(cur_surfels, ref_surfels, partner_cur, pose, FORWARD, system)
-        add_information(ref_surfels, cur_surfels, partner_ref, pose, BACKWARD, system)
+        walls, parts = [no_objects(one) for one in (ref_surfels, cur_surfels)], np.zeros((1, CHI2))
+        add_information(cur_surfels, ref_surfels, (walls[1], walls[0]), partner_cur, pose, FORWARD, system, parts)
+        add_information(ref_surfels, cur_surfels, (walls[0], walls[1]), partner_ref, pose, BACKWARD, system, parts)
         means.append(system[CHI2] / system[COUNT])
     # of 300 readings each, with neighbours that share their lines
     assert np.mean(means) == pytest.approx(1.0, abs=0.12)
@@ -166,7 +182,7 @@ def test_an_open_turn_about_a_far_place_widens_the_position():
 def test_no_partners_have_no_information():
     one = features(pillar_scan())
     nobody = np.full(len(one.image.surfels), -1)
-    information, spurious, _, _ = pose_information(one.image.surfels, nobody, one.image.surfels, nobody, np.zeros(3))
+    information, spurious, _, _ = information_of(one.image.surfels, nobody, one.image.surfels, nobody, np.zeros(3))
     assert not information.any()
     assert not spurious.any()
     with pytest.raises(cs.InvalidArgumentError, match="max_sigma must be > 0"):

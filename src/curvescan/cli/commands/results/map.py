@@ -108,10 +108,10 @@ def edit_map(
         if found is not None:
             _write_changes(folder, slam_map, found)
         names = sorted(path.name for path in folder.iterdir())
-    OUT.print(f"{slam_map!r}; wrote {out}/{', '.join(names)}", markup=False)
+    OUT.print(f"{slam_map!r}; wrote {out}/{', '.join(names)}")
     for change in found or ():
         x0, y0, x1, y1 = change.box
-        OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}", markup=False)
+        OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}")
     return 0
 
 

@@ -43,10 +43,10 @@ def view(
     page = view_runs(results, other)
     if export is not None:
         page.save(export)
-        OUT.print(f"wrote {export}: {export.stat().st_size / 1e6:.1f} MB", markup=False)
+        OUT.print(f"wrote {export}: {export.stat().st_size / 1e6:.1f} MB")
         return 0
     with PageServer(FinishedSite(page), host=host, port=free_port(host, http_port)) as server:
-        ERR.print(f"the page is at {server.url}", markup=False)
+        ERR.print(f"the page is at {server.url}")
         open_browser(server.url)
         wait("Ctrl-C closes the page")
     return 0

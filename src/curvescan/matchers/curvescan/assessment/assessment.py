@@ -12,6 +12,7 @@ from curvescan.matchers.curvescan.assessment.information import covariance, pose
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, compare_readings, static_segments
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.proposal.scoring import best_beside
 from curvescan.matchers.curvescan.refinement import refine
@@ -68,11 +69,8 @@ class Assessment:
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
-    return Assessment(
-        *assess(
-            ref.image, ref.bounds, cur.image, cur.bounds, pose, rules.margin, rules.dynamic_sigmas, rules.dynamic_min_m
-        )
-    )
+    limits = rules.margin, rules.dynamic_sigmas, rules.dynamic_min_m, config.information.max_sigma**-2
+    return Assessment(*assess(ref.image, ref.bounds, ref.objects, cur.image, cur.bounds, cur.objects, pose, limits))
 
 
 @kernel
@@ -92,14 +90,18 @@ def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
 def assess(
     ref: RangeImage,
     bounds_ref: Ints,
+    objects_ref: Objects,
     cur: RangeImage,
     bounds_cur: Ints,
+    objects_cur: Objects,
     pose: Floats,
-    margin: float,
-    limit: float,
-    least: float,
+    limits: tuple[float, float, float, float],
 ) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
-    """Return the fields of an Assessment, in their order; margin, limit and least as in ScoringConfig."""
+    """Return the fields of an Assessment, in their order.
+
+    limits: margin, dynamic_sigmas and dynamic_min_m as in ScoringConfig, and the least information that is any.
+    """
+    margin, limit, least, least_information = limits
     c, s = math.cos(pose[2]), math.sin(pose[2])
     back = np.array([-c * pose[0] - s * pose[1], s * pose[0] - c * pose[1], -pose[2]])
     codes_cur, partner_cur = compare_readings(cur.surfels, ref, pose, margin)
@@ -112,7 +114,9 @@ def assess(
     )
     n_inliers = remove_dynamic(codes_cur, partner_cur, is_static_cur)
     remove_dynamic(codes_ref, partner_ref, is_static_ref)
-    information, spurious, axes, units = pose_information(ref.surfels, partner_ref, cur.surfels, partner_cur, pose)
+    information, spurious, axes, units = pose_information(
+        ref.surfels, objects_ref, partner_ref, cur.surfels, objects_cur, partner_cur, pose, least_information
+    )
     n_dynamic = n_dynamic_cur + n_dynamic_ref
     return (
         codes_ref,

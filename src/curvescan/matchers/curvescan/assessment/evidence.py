@@ -24,8 +24,8 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
+from curvescan.matchers.curvescan.features.objects import STANDS_BEFORE
 from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.features.small_things import PERSON_EXTENT, extent_and_steps
 from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY, RANGE, VARIANCE, X, Y
 from curvescan.types import Bools, Codes, Floats, Ints
 
@@ -38,7 +38,6 @@ the two that face them, which are all of a bare room."""
 
 N_EVIDENCE = BEYOND + 1
 
-_IN_FRONT = 0.1  # metres: by so much at least a small thing stands before what is beside it
 _CLEAR = 2  # readings beside a person on a wall whose lines the person may have tilted
 _LARGE_EXTENT = 0.5  # metres: extent of a surface that is no person's
 _BESIDE = 0.3  # metres: a surface no farther from the other scan's, and parallel to it, is meant to be it
@@ -46,26 +45,20 @@ _PARALLEL = 0.9  # cosine
 
 
 @kernel
-def may_move(surfels: Floats, bounds: Ints) -> Bools:
-    """Return which readings are of surfaces no larger than a person that stand before what is beside them."""
-    is_small = np.zeros(surfels.shape[0], dtype=np.bool_)
-    for k in range(bounds.size - 1):
-        extent2, before, behind = extent_and_steps(surfels, bounds, k)
-        if extent2 <= PERSON_EXTENT * PERSON_EXTENT and max(before, behind) >= _IN_FRONT:
-            for i in range(bounds[k], bounds[k + 1]):
-                is_small[i] = True
-    return is_small
-
-
-@kernel
 def gather_evidence(
-    ref: RangeImage, bounds_ref: Ints, cur: RangeImage, bounds_cur: Ints, poses: Floats, margin: float
+    ref: RangeImage,
+    bounds_ref: Ints,
+    small_ref: Bools,
+    cur: RangeImage,
+    bounds_cur: Ints,
+    small_cur: Bools,
+    poses: Floats,
+    margin: float,
 ) -> Floats:
     """Return (k, N_EVIDENCE) the evidence of (k, 3) poses of the current scan in the reference.
 
-    `margin` as in ScoringConfig.
+    bounds and `is_small` of the Objects of both scans; `margin` as in ScoringConfig.
     """
-    small_ref, small_cur = may_move(ref.surfels, bounds_ref), may_move(cur.surfels, bounds_cur)
     found = np.zeros((poses.shape[0], N_EVIDENCE))
     for k in range(poses.shape[0]):
         n_misfits = 0.0
@@ -189,10 +182,10 @@ def stands_before(surfels: Floats, bounds: Ints, k: int, middle: int, edge: int,
     beside = edge + step
     if beside < 0 or beside >= surfels.shape[0]:
         return True
-    if surfels[beside, RANGE] - surfels[edge, RANGE] > _IN_FRONT:
+    if surfels[beside, RANGE] - surfels[edge, RANGE] > STANDS_BEFORE:
         return True
     if beside < bounds[k] or beside >= bounds[k + 1]:
         return False
     wall = min(max(beside + _CLEAR * step, bounds[k]), bounds[k + 1] - 1)
     dx, dy = surfels[middle, X] - surfels[wall, CX], surfels[middle, Y] - surfels[wall, CY]
-    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > _IN_FRONT)
+    return bool(surfels[wall, NX] * dx + surfels[wall, NY] * dy > STANDS_BEFORE)

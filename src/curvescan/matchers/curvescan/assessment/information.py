@@ -10,14 +10,18 @@ is taken off, so that a corridor stays unobservable along itself.
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD, distances, lever, motion_of, projected, turned
+from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.surfels import NX, NY, TILT, VARIANCE
-from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, add_square
+from curvescan.matchers.curvescan.normal_equations import N_TRIANGLE, XX, YY, add_square
 from curvescan.types import Bools, Floats, Ints
+
+Row: TypeAlias = tuple[float, float, float]
 
 INFORMATION, SPURIOUS = 0, N_TRIANGLE
 CHI2, COUNT, LEVER2 = range(2 * N_TRIANGLE, 2 * N_TRIANGLE + 3)
@@ -25,6 +29,11 @@ CHI2, COUNT, LEVER2 = range(2 * N_TRIANGLE, 2 * N_TRIANGLE + 3)
 residuals, how many there are, the squared distances of the readings from the current sensor."""
 
 _N_COLUMNS = LEVER2 + 1
+
+_HOLDS = 0.5  # least share of the information in the least informed direction of an object that may hold it alone
+
+_MAX_THINGS = 6
+"""Free-standing things of a scan that may move together, as people do: more of them do not keep pace by chance."""
 
 _LINE_NOISE = 0.3
 """Share of the variance of a reading that the line through it holds: OWN_SHARE of its noise, and the rest of a mean."""
@@ -37,14 +46,23 @@ _ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is noth
 
 @kernel
 def add_information(
-    surfels: Floats, surfels_other: Floats, partner: Ints, pose: Floats, way: float, system: Floats
+    surfels: Floats,
+    surfels_other: Floats,
+    objects: tuple[Objects, Objects],
+    partner: Ints,
+    pose: Floats,
+    way: float,
+    system: Floats,
+    parts: Floats,
 ) -> None:
     """Add the information of the readings of one scan, each against its partner's line.
 
+    Each counts for the whole, for the object that it is of, and for the one that its partner is of.
+
     Parameters
     ----------
-    surfels, surfels_other : (m, 10), (k, 10) float64
-        Readings of both scans.
+    surfels, surfels_other, objects : (m, 10), (k, 10) float64, tuple of Objects
+        Readings of both scans, and their objects.
     partner : (m,) int64
         Reading of the other scan, -1 for none.
     pose : (3,) float64
@@ -53,8 +71,12 @@ def add_information(
         FORWARD where `surfels` is the current scan, BACKWARD where it is the reference.
     system : (15,) float64
         What is added to; see INFORMATION and the columns after it.
+    parts : (n_cur + n_ref + 1, 12) float64
+        The same triangles of each object of the current scan, then of the reference; last of all that stand free.
     """
     motion = motion_of(pose, way)
+    n_objects = objects[0].is_free.size if way > 0.0 else objects[1].is_free.size
+    own, others = (0, n_objects) if way > 0.0 else (n_objects, 0)
     for i in range(surfels.shape[0]):
         j = partner[i]
         if j < 0 or surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
@@ -65,14 +87,28 @@ def add_information(
         nx, ny = surfels_other[j, NX], surfels_other[j, NY]
         if way < 0.0:
             nx, ny = turned(nx, ny, motion)
-        va = surfels[i, VARIANCE]
-        variance = va + surfels_other[j, VARIANCE]
-        weight = 1.0 / variance
-        add_square(system, INFORMATION, weight, nx, ny, ny * dx - nx * dy)
-        add_square(system, SPURIOUS, weight * surfels_other[j, TILT], -ny, nx, nx * dx + ny * dy)
-        system[CHI2] += e * e / (va + _LINE_NOISE * surfels_other[j, VARIANCE])
+        va, vb = surfels[i, VARIANCE], surfels_other[j, VARIANCE]
+        normal, along = (nx, ny, ny * dx - nx * dy), (-ny, nx, nx * dx + ny * dy)
+        weight = 1.0 / (va + vb)
+        false = weight * surfels_other[j, TILT]
+        add_reading(system, weight, false, normal, along)
+        first, second = objects[0].label[i], objects[1].label[j]
+        if first >= 0:
+            add_reading(parts[own + first], weight, false, normal, along)
+        if second >= 0:
+            add_reading(parts[others + second], weight, false, normal, along)
+        if (first >= 0 and objects[0].is_free[first]) or (second >= 0 and objects[1].is_free[second]):
+            add_reading(parts[-1], weight, false, normal, along)
+        system[CHI2] += e * e / (va + _LINE_NOISE * vb)
         system[COUNT] += 1.0
         system[LEVER2] += dx * dx + dy * dy
+
+
+@kernel
+def add_reading(sums: Floats, weight: float, false: float, normal: Row, along: Row) -> None:
+    """Add the information of one reading, and what is spurious of it; rows: of x, y, theta."""
+    add_square(sums, INFORMATION, weight, normal[0], normal[1], normal[2])
+    add_square(sums, SPURIOUS, false, along[0], along[1], along[2])
 
 
 @kernel
@@ -118,10 +154,54 @@ def eigen3(matrix: Floats) -> tuple[Floats, Floats]:
 
 
 @kernel
+def principal(system: Floats, part: Floats, units: Floats, scale: float) -> tuple[Floats, Floats, Floats]:
+    """Return the information of a system without a part, in its principal directions, the spurious one, and these."""
+    net, false = np.empty((3, 3)), np.empty((3, 3))
+    k = 0
+    for i in range(3):
+        for j in range(i, 3):
+            unit = scale * units[i] * units[j]
+            spurious_part = system[SPURIOUS + k] - part[SPURIOUS + k]
+            net[i, j] = net[j, i] = unit * (system[INFORMATION + k] - part[INFORMATION + k] - spurious_part)
+            false[i, j] = false[j, i] = unit * spurious_part
+            k += 1
+    information, axes = eigen3(net)
+    spurious = np.zeros(3)
+    for k in range(3):
+        for i in range(3):
+            for j in range(3):
+                spurious[k] += axes[i, k] * false[i, j] * axes[j, k]
+    return information, spurious, axes
+
+
+@kernel
+def share_of(part: Floats, units: Floats, axis: Floats) -> float:
+    """Return the information of a part along an axis."""
+    total, k = 0.0, 0
+    for i in range(3):
+        for j in range(i, 3):
+            twice = 1.0 if i == j else 2.0
+            total += twice * part[INFORMATION + k] * units[i] * units[j] * axis[i] * axis[j]
+            k += 1
+    return total
+
+
+@kernel
 def pose_information(
-    surfels_ref: Floats, partner_ref: Ints, surfels_cur: Floats, partner_cur: Ints, pose: Floats
+    surfels_ref: Floats,
+    objects_ref: Objects,
+    partner_ref: Ints,
+    surfels_cur: Floats,
+    objects_cur: Objects,
+    partner_cur: Ints,
+    pose: Floats,
+    least: float,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the information of the inliers on the pose, in its principal directions.
+
+    A direction is measured only if it stays so without any one object, and without the few that stand free: what one
+    object alone fixes moves with it. Where leaving one out opens a direction, with less than `least` information or no
+    more than twice the spurious part, it is left out.
 
     Returns
     -------
@@ -136,30 +216,42 @@ def pose_information(
         root mean square distance of the readings.
     """
     system = np.zeros(_N_COLUMNS)
-    add_information(surfels_cur, surfels_ref, partner_cur, pose, FORWARD, system)
-    add_information(surfels_ref, surfels_cur, partner_ref, pose, BACKWARD, system)
+    parts = np.zeros((objects_cur.is_free.size + objects_ref.is_free.size + 1, CHI2))
+    add_information(surfels_cur, surfels_ref, (objects_cur, objects_ref), partner_cur, pose, FORWARD, system, parts)
+    add_information(surfels_ref, surfels_cur, (objects_ref, objects_cur), partner_ref, pose, BACKWARD, system, parts)
     n = max(system[COUNT], 1.0)
     arm = math.sqrt(system[LEVER2] / n) + _LEAST_LEVER
     # every reading counts twice, once a way: half of the sum. Residuals larger than the noise
     # explains widen it, smaller ones do not narrow it
     scale = 0.5 / max(system[CHI2] / n, 1.0)
     units = np.array([1.0, 1.0, 1.0 / arm])
-    net = np.empty((3, 3))
-    false = np.empty((3, 3))
-    k = 0
-    for i in range(3):
-        for j in range(i, 3):
-            unit = scale * units[i] * units[j]
-            net[i, j] = net[j, i] = unit * (system[INFORMATION + k] - system[SPURIOUS + k])
-            false[i, j] = false[j, i] = unit * system[SPURIOUS + k]
-            k += 1
-    information, axes = eigen3(net)
-    spurious = np.zeros(3)
-    for k in range(3):
-        for i in range(3):
-            for j in range(3):
-                spurious[k] += axes[i, k] * false[i, j] * axes[j, k]
+    information, spurious, axes = principal(system, np.zeros(CHI2), units, scale)
+    if information[0] < max(least, 2.0 * spurious[0]):
+        return information, spurious, axes, units
+    n_parts = parts.shape[0]
+    if count_free(parts, objects_cur.is_free, objects_ref.is_free) > _MAX_THINGS:
+        n_parts -= 1
+    held, weakest = information[0], axes[:, 0].copy()
+    lowest = held
+    for k in range(n_parts):
+        if scale * share_of(parts[k], units, weakest) < _HOLDS * held:
+            continue
+        left, false, directions = principal(system, parts[k], units, scale)
+        if left[0] < max(least, 2.0 * false[0]) and left[0] < lowest:
+            information, spurious, axes, lowest = left, false, directions, left[0]
     return information, spurious, axes, units
+
+
+@kernel
+def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
+    """Return how many things that stand free agree in the scan that has more of them."""
+    n_cur, n_ref = 0, 0
+    for k in range(is_free_cur.size):
+        n_cur += is_free_cur[k] and parts[k, XX] + parts[k, YY] > 0.0
+    for k in range(is_free_ref.size):
+        of = parts[is_free_cur.size + k]
+        n_ref += is_free_ref[k] and of[XX] + of[YY] > 0.0
+    return max(n_cur, n_ref)
 
 
 @kernel

@@ -10,6 +10,7 @@ import numpy as np
 from curvescan.matchers.curvescan.config import CurvescanConfig, SegmentsConfig
 from curvescan.matchers.curvescan.features.direction_histogram import direction_histogram
 from curvescan.matchers.curvescan.features.keypoints import find_corners, with_ends
+from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
 from curvescan.matchers.curvescan.features.segments import ordered_readings
@@ -24,6 +25,7 @@ class CurvescanFeatures(NamedTuple):
     n_beams: int  # beams of the scan
     beam_idx: Ints  # (m,): the scan's own index of each valid reading, readings counter-clockwise from a breakpoint on
     bounds: Ints  # (s + 1,): surface k is readings bounds[k]:bounds[k + 1]
+    objects: Objects  # surfaces that may move as one
     image: RangeImage  # the readings and the lines through them, and which reading stands in which direction
     wide_image: RangeImage  # the same with more samples, to compare poses that are nearly as good as each other
     full_image: RangeImage  # the same with all readings as samples
@@ -66,6 +68,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         n_beams=n,
         beam_idx=beam_idx,
         bounds=bounds,
+        objects=Objects(*find_objects(surfels, bounds)),
         image=RangeImage(few, surfels, azimuth, table),
         wide_image=RangeImage(more, surfels, azimuth, table),
         full_image=RangeImage(surfels, surfels, azimuth, table),

@@ -1,0 +1,71 @@
+"""Objects: what may move as one, and that what one object or a few people alone fix is open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import curvescan as cs
+from curvescan.matchers.curvescan.assessment.assessment import assess_pose, is_uninformed
+from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.features.objects import find_objects
+from curvescan.simulation.buildings.rooms import corridor
+from tests.matchers.curvescan.scenes import MOTION, features, pair
+
+CONFIG = CurvescanConfig()
+
+
+def corridor_with(*people, recesses=()):
+    """A scan of a corridor with round things of 0.2 m radius in it."""
+    world = corridor(40.0, 2.4, recesses=recesses)
+    world += type(world)(circles=np.array([[x, y, 0.2] for x, y in people]).reshape(-1, 3))
+    log = cs.simulate(world, poses=np.zeros((1, 3)), n_scans=1, seed=len(people))
+    return features(log[0])
+
+
+def test_a_person_in_a_corridor_stands_free_and_a_wall_is_no_object():
+    scan = corridor_with((2.5, 0.3), (4.0, -0.6))
+    surfels, objects = scan.image.surfels, scan.objects
+    assert objects.is_free.sum() == 2
+    near = np.hypot(surfels[:, 0] - 2.5, surfels[:, 1] - 0.3) < 0.23
+    assert objects.is_free[objects.label[near]].all()
+    assert objects.is_small[near].all()
+    assert len(set(objects.label[near])) == 1
+    walls = np.abs(surfels[:, 1]) > 1.1
+    assert (objects.label[walls] == -1).mean() > 0.95
+    assert not objects.is_small[walls].any()
+
+
+def test_the_jamb_of_a_door_is_of_the_wall():
+    scan = corridor_with(recesses=[(2.5, 1.0, 0.25)])
+    surfels, label = scan.image.surfels, scan.objects.label
+    jamb = (np.abs(surfels[:, 0] - 3.0) < 0.05) & (surfels[:, 1] > 1.25) & (surfels[:, 1] < 1.4)
+    assert jamb.sum() > 3
+    assert (label[jamb] == -1).all()
+
+
+@pytest.mark.parametrize(
+    "people",
+    [
+        ((2.5, 0.3), (4.0, -0.6), (3.2, 0.7)),  # who may walk together
+        ((0.7, 0.3),),  # near, and so much of what is seen
+    ],
+)
+def test_what_one_object_or_a_few_people_alone_fix_is_open(people):
+    ref, cur = corridor_with(*people), corridor_with(*people)
+    assessment = assess_pose(ref, cur, np.zeros(3), CONFIG)
+    assert is_uninformed(assessment, CONFIG.information).tolist() == [True, False, False]
+    assert abs(assessment.weakest[0]) > 0.99
+
+
+@pytest.mark.parametrize("doors", [(2.5,), (-4.0, 2.5, 5.0)])
+def test_doors_and_rooms_are_measured(doors):
+    recesses = [(x, 1.0, 0.25) for x in doors]
+    ref, cur = corridor_with(recesses=recesses), corridor_with(recesses=recesses)
+    assert not is_uninformed(assess_pose(ref, cur, np.zeros(3), CONFIG), CONFIG.information).any()
+    assert not is_uninformed(assess_pose(*pair(), MOTION, CONFIG), CONFIG.information).any()
+
+
+def test_a_scan_without_readings_has_no_objects():
+    label, is_free, is_small = find_objects(np.empty((0, 10)), np.zeros(1, dtype=np.int64))
+    assert label.size == is_free.size == is_small.size == 0
