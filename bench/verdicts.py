@@ -1,11 +1,11 @@
-"""How often the verdict is wrong: `python bench/verdicts.py [--data FOLDER] [--drives 60] [--seen FILE] [--out FOLDER]`.
+"""Count wrong verdicts: `python bench/verdicts.py [--drives 60] [--first 0] [--data DIR] [--seen FILE] [--out DIR]`.
 
 Simulated drives have a truth: a third of them is spoilt (carried away unseen, blind on the move, frozen scans, a sensor
 turned on its mount, half of another building). A map is right where no position is farther from the truth than a
 standard deviation that is trusted, the paths laid over each other, and wrong beyond three of them; what lies between is
 not counted. A false alarm is a right map that is not trusted, false trust a wrong one that is. Of real logs the error
 over checked relations is printed where there are some; else a person says in FILE, lines of NAME,good or NAME,bad, what
-the pictures in FOLDER show.
+the pictures in DIR show.
 """
 
 from __future__ import annotations
@@ -131,9 +131,9 @@ def _sensor_of(log: Log) -> str:
     return next(name for name in SENSORS if len(cs.simulate("room", n_scans=1, sensor=name)[0]) == len(log[0]))
 
 
-def drives(n: int, n_scans: int = N_SCANS) -> Iterator[Drive]:
-    """Yield n drives; every third is spoilt, every second has wheels."""
-    for k in range(n):
+def drives(n: int, n_scans: int = N_SCANS, first: int = 0) -> Iterator[Drive]:
+    """Yield n drives from seed `first` on; every third is spoilt, every second has wheels."""
+    for k in range(first, first + n):
         world, sensor = WORLDS[k % len(WORLDS)], SENSORS[k // 2 % len(SENSORS)]
         log = cs.simulate(world, sensor=sensor, n_scans=n_scans, seed=k, n_people=k % 4)
         truth, name = log.truth.poses, f"{k} {world} {sensor}"
@@ -169,9 +169,9 @@ def is_wrong(error: float, length: float) -> bool:
     return error > SIGMAS * max(MAX_SIGMA, MAX_SIGMA_SHARE * length)
 
 
-def judged(n: int, n_scans: int = N_SCANS) -> Iterator[tuple[str, float, bool | None, bool, str]]:
+def judged(n: int, n_scans: int = N_SCANS, first: int = 0) -> Iterator[tuple[str, float, bool | None, bool, str]]:
     """Yield name, worst error, whether it is wrong (None: unclear), whether it is trusted, and why not, of each drive."""
-    for drive in drives(n, n_scans):
+    for drive in drives(n, n_scans, first):
         run = cs.run(drive.log, "slam", keeps_steps=False)
         error, length = worst_error(run.trajectory.poses, drive.truth)
         wrong = None if is_unclear(error, length) else is_wrong(error, length)
@@ -217,12 +217,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path)
     parser.add_argument("--drives", type=int, default=60)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seen", type=Path)
     parser.add_argument("--out", type=Path)
     flags = parser.parse_args()
     print("| drive | worst error, m | map | trusted | why not |\n| --- | ---: | --- | --- | --- |")
     rows = []
-    for name, error, wrong, trusted, why in judged(flags.drives):
+    for name, error, wrong, trusted, why in judged(flags.drives, first=flags.first):
         if wrong is not None:
             rows.append((wrong, trusted))
         flag = " **false alarm**" if wrong is False and not trusted else " **false trust**" if wrong and trusted else ""

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan import se2
 from curvescan.cli.flags import propose_commands
 from curvescan.diagnostics.issues import Issue, Remedy
-from curvescan.diagnostics.verdict import Evidence, judge, verdict_of
+from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, verdict_of
+from curvescan.io.arrays.memory import MemoryLog
+from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import run_odometry
 from tests.scenes import room_scan
 
@@ -65,6 +68,12 @@ def test_scans_without_a_match_count_by_what_bridges_them(engine, n_failed, is_t
         assert f"{n_failed} of 100 scans are not matched ({n_failed}%), up to {n_failed} in a row" in verdict.sentence
 
 
+def test_scans_that_wheels_bridge_count_by_their_covariance():
+    assert verdict_of(evidence(engine="slam", n_failed=50, motion="used")).is_trusted
+    assert "51 of 100 scans are not matched" in reason(engine="slam", n_failed=51, motion="used")
+    assert "uncertain by up to 0.6 m" in reason(engine="slam", n_failed=50, motion="used", sigma=0.6)
+
+
 def test_parts_of_the_map_count_and_not_what_was_lost_on_the_way():
     assert "the map is in 2 parts" in reason(engine="slam", n_parts=2, sigma=1000.0)
     assert "uncertain" not in reason(engine="slam", n_parts=2, sigma=1000.0)
@@ -115,15 +124,96 @@ def test_a_bare_corridor_is_trusted_with_wheels_alone():
     assert cs.run(log, odometry_prior=True).verdict.is_trusted
 
 
-@pytest.mark.parametrize(("share", "is_trusted"), [(0.3, True), (0.31, False)])
-def test_a_drive_that_is_open_for_a_third_is_not_trusted_without_wheels(share, is_trusted):
-    is_open = np.arange(100) < 100 * share
-    for engine in ("odometry", "slam"):
-        figures = {"n": 100, "is_open": is_open, "engine": engine}
-        assert verdict_of(evidence(**figures)).is_trusted == is_trusted
-        assert verdict_of(evidence(**figures, motion="used")).is_trusted
+@pytest.mark.parametrize(
+    ("engine", "share", "is_trusted"),
+    [("odometry", 0.3, True), ("odometry", 0.31, False), ("slam", 0.9, True), ("slam", 0.91, False)],
+)
+def test_a_drive_that_leaves_the_motion_open_is_not_trusted_without_wheels(engine, share, is_trusted):
+    figures = {"n": 100, "is_open": np.arange(100) < 100 * share, "engine": engine}
+    assert verdict_of(evidence(**figures)).is_trusted == is_trusted
+    assert verdict_of(evidence(**figures, motion="used")).is_trusted
     if not is_trusted:
-        assert "in 31% of the scans motion along one direction is unobservable" in reason(n=100, is_open=is_open)
+        assert f"in {share:.0%} of the scans motion along one direction is unobservable" in reason(**figures)
+
+
+def test_a_motion_that_is_guessed_counts_by_the_size_of_the_place():
+    figures = {"n": 100, "is_open": np.arange(100) < 40, "engine": "slam", "path": 1000.0, "extent": 70.0}
+    assert verdict_of(evidence(**figures, sigma=0.69)).is_trusted
+    assert "uncertain by up to 1.1 m" in reason(**figures, sigma=1.1)
+    assert verdict_of(evidence(**figures, sigma=1.1, motion="used")).is_trusted
+
+
+def spoilt(log, *, frozen=range(0), other=None, slip=None, noise=0.005):
+    """A drive with wheels whose scans freeze or are of another place, or whose wheels slip."""
+    rng, scans, odometry = np.random.default_rng(0), [], log.odometry
+    for i, scan in enumerate(log):
+        ranges = scan.ranges
+        if i in frozen:
+            ranges = log[frozen[0]].ranges + noise * rng.standard_normal(len(scan))
+        if other is not None and i >= len(log) - len(other):
+            ranges = other[i - len(log) + len(other)].ranges
+        scans.append(replace(scan, ranges=ranges))
+    if slip is not None:  # the robot stands for 40 scans more, and its wheels turn
+        stands, metres = slip
+        stamps = np.arange(len(log) + 40) * (scans[1].stamp - scans[0].stamp)
+        there = scans[stands]
+        held = [replace(there, ranges=there.ranges + 0.01 * rng.standard_normal(len(there.ranges))) for _ in range(40)]
+        scans = [*scans[:stands], *held, *scans[stands:]]
+        scans = [replace(scan, stamp=stamp) for scan, stamp in zip(scans, stamps, strict=True)]
+        spun = np.linspace(0.0, metres, 40)[:, np.newaxis] * [1.0, 0.0, 0.0]
+        poses = odometry.poses
+        turning = se2.compose(poses[stands], spun)
+        after = se2.compose(turning[-1], se2.between(poses[stands], poses[stands:]))
+        odometry = Trajectory(stamps=stamps, poses=np.concatenate([poses[:stands], turning, after]))
+    return MemoryLog(scans=tuple(scans), odometry=odometry, name="spoilt")
+
+
+@pytest.fixture(scope="module")
+def hall():
+    return cs.simulate("l-hall", sensor="spinning-360", n_scans=200, seed=3)
+
+
+def verdict_on(log):
+    return cs.run(log, "slam", odometry_prior=True, keeps_steps=False).verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_a_scanner_that_repeats_a_scan_while_the_wheels_drive_is_told(hall, noise):
+    verdict = verdict_on(spoilt(hall, frozen=range(80, 120), noise=noise))
+    assert "show a sensor that stands, while the wheels drive" in verdict.sentence
+
+
+@pytest.mark.slow
+def test_parts_that_wheels_alone_tie_are_told_where_the_scans_should_match(hall):
+    other = cs.simulate("clutter", sensor="spinning-360", n_scans=100, seed=7)
+    assert "wheels alone say how the parts" in verdict_on(spoilt(hall, other=other)).sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spoil", [{}, {"slip": (100, 2.0)}])
+def test_wheels_that_slip_are_no_break(hall, spoil):
+    verdict = verdict_on(spoilt(hall, **spoil))
+    assert verdict.is_trusted, verdict.sentence
+
+
+@pytest.mark.slow
+def test_a_frozen_scanner_without_wheels_is_told_by_the_leap_at_its_end():
+    log = cs.simulate("t-hall", sensor="hokuyo-270", n_scans=300, seed=68)
+    frozen = spoilt(log, frozen=range(112, 172))
+    verdict = cs.run(replace(frozen, odometry=None), "slam", keeps_steps=False).verdict
+    assert not verdict.is_trusted
+    assert cs.run(replace(spoilt(log), odometry=None), "slam", keeps_steps=False).verdict.is_trusted
+
+
+@pytest.mark.slow
+def test_slam_in_a_corridor_is_judged_by_what_its_closures_leave():
+    curved = cs.simulate("curved-hall", sensor="urg-04lx", n_scans=300, seed=70)
+    alone = cs.run(curved, "slam", odometry_prior=False)
+    assert alone.record.is_degenerate.mean() > MAX_OPEN_SHARE
+    assert alone.verdict.is_trusted, alone.verdict.sentence
+    bare = cs.simulate("bare-corridor", sensor="urg-04lx", n_scans=150, seed=0)
+    assert "unobservable" in cs.run(bare, "slam", odometry_prior=False).verdict.sentence
 
 
 def test_faults_that_spoil_readings_are_reasons_and_others_are_not():

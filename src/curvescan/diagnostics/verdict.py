@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.diagnostics.breaks import Break, find_breaks
 from curvescan.diagnostics.issues import Issue
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.io.log import CountedLog
@@ -21,13 +23,14 @@ from curvescan.odometry.run import RunRecord
 from curvescan.odometry.step import StepOutcome
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.run import Engine
-from curvescan.types import Bools, Floats
+from curvescan.types import Bools, Floats, Ints
 
 MAX_UNMATCHED, MAX_UNMATCHED_SHARE = 2, 0.02
 """So many scans without a match, or this share of them, are bridged by the expected motion."""
 
-MAX_BRIDGED_SHARE = 0.2
-"""The same of SLAM, whose covariances tell what the motion bridged: beyond it there is little left to map."""
+MAX_BRIDGED_SHARE, MAX_DRIVEN_SHARE = 0.2, 0.5
+"""The same of SLAM, whose covariances tell what the motion bridged, and of wheels that are used: beyond it there is
+little left to map."""
 
 MAX_SIGMA = 0.5
 """Greatest standard deviation of a position on a short path that can still be called known, metres."""
@@ -35,8 +38,9 @@ MAX_SIGMA = 0.5
 MAX_DRIFT, MAX_SIGMA_SHARE = 0.02, 0.01
 """The same on a long path, as a share of it: what odometry may drift by, and what SLAM may leave open."""
 
-MAX_OPEN_SHARE = 0.3
-"""Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it."""
+MAX_OPEN_SHARE, MAX_OPEN_SHARE_SLAM = 0.3, 0.9
+"""Share of the scans that may leave the motion along one direction to what is usual, where no wheels tell it: of
+odometry, and of SLAM, whose covariances tell what it closed since. Beyond the second nothing tells what is usual."""
 
 MIN_FOUND = 0.9
 """Share of the scans that must be found in a saved map."""
@@ -73,7 +77,7 @@ class Evidence:
     """The figures of a result that a verdict is judged by; engine: "odometry", "slam" or "localization".
 
     is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose;
-    path and sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left
+    path, extent (of the path, from corner to corner) and sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left
     out" or "none".
     """
 
@@ -85,7 +89,9 @@ class Evidence:
     is_open: Bools
     is_known: Bools
     path: float = 0.0
+    extent: float = math.inf
     sigma: float = 0.0
+    breaks: tuple[Break, ...] = ()
     n_parts: int = 1
     contradictions: tuple[tuple[int, int, float, float], ...] = ()
     is_aliased: bool = False
@@ -116,12 +122,23 @@ class Evidence:
     def most_unmatched(self) -> float:
         """Most scans that may be without a match."""
         share = MAX_BRIDGED_SHARE if self.is_slam else MAX_UNMATCHED_SHARE
+        if self.is_slam and self.motion == "used":
+            share = MAX_DRIVEN_SHARE
         return max(MAX_UNMATCHED, share * (self.n_scans - 1))
 
     @property
+    def is_guessed(self) -> bool:
+        """Whether the motion along one direction is what is usual in many scans, where no wheels tell it."""
+        return self.motion != "used" and self.open_share > MAX_OPEN_SHARE
+
+    @property
     def most_sigma(self) -> float:
-        """Greatest standard deviation of a position that can be called known, metres."""
-        return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * self.path)
+        """Greatest standard deviation of a position that can be called known, metres.
+
+        Of a motion that is guessed the deviation is known less well, and counts by the size of the place.
+        """
+        length = min(self.path, self.extent) if self.is_guessed else self.path
+        return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * length)
 
 
 class _Reason(NamedTuple):
@@ -130,6 +147,28 @@ class _Reason(NamedTuple):
     test: Callable[[Evidence], bool]
     what: Callable[[Evidence], str]
     remedy: Callable[[Evidence], str]
+
+
+_BREAKS = {
+    "frozen": "scans {b.first:,} to {b.last:,} show a sensor that stands, {how} {b.metres:.1f} m: the scanner may have "
+    "repeated a scan; what helps: look at these scans, and record them again",
+    "untied": "scan {b.first:,} does not match the scan before it, and wheels alone say how the parts before and after "
+    "it lie to each other; what helps: drive from one part to the other once more",
+    "misplaced": "where the track was lost, scans {b.first:,} to {b.last:,} lie {b.metres:.1f} m off; what helps: leave "
+    "them out",
+}
+"""What is said of the longest break of a kind."""
+
+
+def _of_break(kind: str) -> _Reason:
+    """Return the row of a kind of breaks."""
+
+    def what(e: Evidence) -> str:
+        longest = max((b for b in e.breaks if b.kind == kind), key=lambda b: b.metres)
+        how = "while the wheels drive" if e.motion == "used" else "and the scans after it leap by"
+        return _BREAKS[kind].format(b=longest, how=how)
+
+    return _Reason(lambda e: any(b.kind == kind for b in e.breaks), what, lambda _: "")
 
 
 _REASONS = (
@@ -186,10 +225,13 @@ _REASONS = (
         lambda e: _by_motion(e, "a drive that comes back there" if e.is_slam else "SLAM, which closes loops"),
     ),
     _Reason(
-        lambda e: e.engine != "localization" and e.motion != "used" and e.open_share > MAX_OPEN_SHARE,
+        lambda e: (
+            e.engine != "localization" and e.is_guessed and not (e.is_slam and e.open_share <= MAX_OPEN_SHARE_SLAM)
+        ),
         lambda e: f"in {e.open_share:.0%} of the scans motion along one direction is unobservable",
         lambda e: _by_motion(e, "a laser that sees farther"),
     ),
+    *map(_of_break, _BREAKS),
     _Reason(
         lambda e: bool(e.contradictions),
         lambda e: (
@@ -235,7 +277,7 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         name, n_parts = "slam", engine.n_fragments
         contradictions = tuple((c.count, c.n_keyframes, *c.place.tolist()) for c in engine.contradictions)
     log, issues = (None, ()) if prepared is None else (prepared.log, prepared.issues)
-    return Evidence(
+    evidence = Evidence(
         engine=name,
         n_scans=len(poses),
         n_recorded=log.n_recorded() if isinstance(log, CountedLog) else 0,
@@ -244,13 +286,19 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         is_open=record.is_degenerate,
         is_known=np.isfinite(poses[:, 0]),
         path=float(np.sum(np.hypot(*np.diff(known, axis=0).T))),
-        sigma=_largest_sigma(record.trajectory.covariances),
+        extent=float(np.hypot(*np.ptp(known, axis=0))) if len(known) else 0.0,
+        sigma=_largest_sigma(record, engine),
         n_parts=n_parts,
         contradictions=contradictions,
         is_aliased=isinstance(engine, Slam) and engine.is_deceived,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
         faults=_faults(issues),
     )
+    if evidence.engine == "localization" or len(poses) < 2:
+        return evidence
+    wheels = prepared.odometry_poses if prepared is not None and record.has_prior else None
+    slam_map = engine.map if isinstance(engine, Slam) else None
+    return replace(evidence, breaks=find_breaks(record, evidence.most_sigma, wheels, log, slam_map))
 
 
 def _faults(issues: Sequence[Issue]) -> tuple[str, ...]:
@@ -270,12 +318,29 @@ def _by_motion(e: Evidence, else_helps: str) -> str:
     return helps.get(e.motion, "") + else_helps
 
 
-def _largest_sigma(covariances: Floats | None) -> float:
+def _largest_sigma(record: RunRecord, engine: Engine) -> float:
     """Return the greatest standard deviation of a position, metres; 0 where none is known."""
+    covariances = record.trajectory.covariances
     if covariances is None or not len(covariances):
         return 0.0
     variances = covariances[:, 0, 0] + covariances[:, 1, 1]
+    if isinstance(engine, Slam):
+        variances = _bridged(variances, record.is_failed, engine.keyframe_scans()[:, 1])
     return math.sqrt(0.5 * max(float(np.max(variances, where=np.isfinite(variances), initial=0.0)), 0.0))
+
+
+def _bridged(variances: Floats, is_failed: Bools, keyframes: Ints) -> Floats:
+    """Return variances of scans as the keyframes on either side know them, where all scans between are matched.
+
+    variances (n,): by the keyframe before alone; keyframes (k,): their scans.
+    """
+    bridged = variances.copy()
+    for a, b in pairwise(keyframes.tolist()):
+        gathered = np.maximum(variances[a:b] - variances[a], 0.0)
+        if b < len(variances) and gathered[-1] > 0.0 and not is_failed[a + 1 : b + 1].any():
+            share = np.minimum(gathered / gathered[-1], 1.0)
+            bridged[a:b] = (1.0 - share) * (variances[a] + gathered) + share * variances[b]
+    return bridged
 
 
 def _longest(mask: Bools) -> int:

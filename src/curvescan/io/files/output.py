@@ -20,6 +20,7 @@ from typing import Any
 
 from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
+from curvescan.io.files.paths import as_path
 from curvescan.io.files.printable import printable
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
@@ -95,7 +96,7 @@ def _temporary(
 def _one_sentence(path: str | os.PathLike[str]) -> Iterator[None]:
     """Say as an OutputError why results cannot be written to `path`; the disk may also become full."""
     try:
-        if "\0" in os.fspath(path):
+        if "\0" in str(as_path(path, "what is to be written")):
             raise OSError(errno.EINVAL, "embedded null character in path")
         yield
     except CurvescanError:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.layouts import writing_text
+from curvescan.io.trajectories.layouts import checked, writing_text
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Bools, Cov, PoseEdge
 
@@ -39,7 +39,7 @@ def write_g2o(path: str | os.PathLike[str], trajectory: Trajectory, edges: Itera
     OutputError
         When the file cannot be written.
     """
-    known: Bools = np.asarray(np.all(np.isfinite(trajectory.poses), axis=1))
+    known: Bools = np.asarray(np.all(np.isfinite(checked(trajectory).poses), axis=1))
     with writing_text(path) as file:
         for i in np.flatnonzero(known).tolist():
             file.write(f"VERTEX_SE2 {i} {_row(trajectory.poses[i].tolist())}\n")

@@ -61,6 +61,14 @@ class _Poses(Protocol):
     def covariances(self) -> Cov | None: ...
 
 
+def checked(trajectory: _Poses) -> _Poses:
+    """Return a trajectory, or raise InvalidArgumentError where it is none."""
+    if not isinstance(getattr(trajectory, "poses", None), np.ndarray):
+        got = f"got {type(trajectory).__name__}: give run.trajectory, or what read_tum returns"
+        raise InvalidArgumentError(f"trajectory must be a Trajectory, {got}")
+    return trajectory
+
+
 class _Layout(NamedTuple):
     """Lines of numbers: how many, what a line is in words, and its reader: (stamp, x, y, theta), NaN without stamp."""
 
@@ -85,7 +93,7 @@ def write_tum(path: str | os.PathLike[str], trajectory: _Poses) -> None:
     OutputError
         When the file cannot be written.
     """
-    half = 0.5 * trajectory.poses[:, 2]
+    half = 0.5 * checked(trajectory).poses[:, 2]
     zero = np.zeros_like(half)
     _write(path, trajectory.stamps, trajectory.poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half))
 
@@ -108,7 +116,7 @@ def write_kitti(path: str | os.PathLike[str], trajectory: _Poses) -> None:
     OutputError
         When the file cannot be written.
     """
-    x, y, theta = trajectory.poses.T
+    x, y, theta = checked(trajectory).poses.T
     cos, sin, zero = np.cos(theta), np.sin(theta), np.zeros_like(x)
     _write(path, cos, -sin, zero, x, sin, cos, zero, y, zero, zero, zero + 1.0, zero)
 
@@ -137,7 +145,7 @@ def write_csv(path: str | os.PathLike[str], trajectory: _Poses, outcomes: Sequen
     OutputError
         When the file cannot be written.
     """
-    n, covariances = len(trajectory.stamps), trajectory.covariances
+    n, covariances = len(checked(trajectory).stamps), trajectory.covariances
     if len(outcomes) != n:
         raise InvalidArgumentError(f"outcomes must have one name a pose ({n}), got {len(outcomes)}")
     upper = [[""] * 6] * n if covariances is None else covariances[:, _UPPER[0], _UPPER[1]].tolist()

@@ -17,6 +17,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.lines import read_lines
+from curvescan.io.files.paths import as_path
 from curvescan.io.files.read_errors import ReadErrorCounter
 from curvescan.types import Floats, Pose
 
@@ -82,7 +83,7 @@ def read_relations(path: str | os.PathLike[str]) -> Relations:
     """
     rows = array("d")
     read_errors = ReadErrorCounter()
-    if not Path(path).exists():  # the reader of lines would speak of a log
+    if not as_path(path, "a file of relations").exists():  # the reader of lines would speak of a log
         raise LogFileError(f"relations file {path} does not exist: check the path")
     for number, line in read_lines(Path(path), read_errors):
         fields = line.split()

@@ -17,6 +17,7 @@ from curvescan.io.files.output import output_file
 from curvescan.io.log import Log, scans_with_poses
 from curvescan.io.ros.bags.bag_files import BagKind
 from curvescan.io.ros.writing.bag_writer import BagWriter, bag_in_folder, mcap_in_file
+from curvescan.io.trajectories.layouts import checked
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 
@@ -70,7 +71,7 @@ def write_odometry_mcap(path: str | os.PathLike[str], trajectory: Trajectory, sc
     OutputError
         When the file cannot be written, or a message cannot hold a stamp.
     """
-    covariances = trajectory.covariances
+    covariances = checked(trajectory).covariances
     with output_file(path) as new, mcap_in_file(new) as folder, BagWriter(folder, BagKind.MCAP) as bag:
         for i, (pose, scan) in enumerate(zip(trajectory.poses, scans, strict=False)):
             if np.isfinite(pose).all():

@@ -1,0 +1,97 @@
+"""Breaks: where a drive goes on as no scan shows it.
+
+Three things break it and leave covariances as they are: a scanner that repeats a scan while the sensor drives, parts of
+a map that wheels alone tie though the scans on either side should match, and scans on the wrong side of a loss.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from curvescan import se2
+from curvescan.io.log import Log
+from curvescan.odometry.run import RunRecord
+from curvescan.odometry.step import StepOutcome
+from curvescan.slam.map import SlamMap
+from curvescan.slam.pose_graph.graph import EdgeKind
+from curvescan.types import Bools, Floats, Pose
+
+_STILL = 0.02  # a sensor stands that moves and turns by no more, metres and radians
+_NEAR = 0.5  # scans so near to each other see the same, metres and radians
+_N_SCANS = 5  # scans after a break in which the track is found again, or lost
+_TIMES, _USUAL = 3, 0.95  # a leap is so many times as long as this quantile of the steps
+
+
+class Break(NamedTuple):
+    """A break: first and last scan of what is wrong, and the metres that no scan shows."""
+
+    kind: str  # "frozen", "untied" or "misplaced"
+    first: int
+    last: int
+    metres: float
+
+
+def find_breaks(
+    record: RunRecord, most: float, wheels: Pose | None, log: Log | None, slam_map: SlamMap | None
+) -> tuple[Break, ...]:
+    """Return the breaks of a run that are longer than what a position may be uncertain by, metres.
+
+    wheels (n, 3): with their log where they are used; slam_map: of SLAM.
+    """
+    n = len(record.outcomes)
+    steps = np.diff(record.trajectory.poses[:, :2], axis=0)
+    way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))
+    usual = float(np.quantile(way[1:], _USUAL)) if n > 1 else 0.0
+    leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
+    is_first = record.is_failed & ~np.concatenate(([True], record.is_failed[:-1]))
+    found = [
+        Break("misplaced", _first_of_gap(record.is_failed, k), k - 1, float(leaps[k]))
+        for k in np.flatnonzero(leaps).tolist()
+        if record.outcomes[k] is StepOutcome.LOST
+    ]
+    for k in (*np.flatnonzero(is_first | (leaps > 0.0)).tolist(), n):
+        begin = _stands_since(record.odometry.poses[:k])
+        driven = 0.0 if wheels is None else _farthest(wheels[begin:k])
+        leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
+        if driven > most:
+            found.append(Break("frozen", begin, k - 1, driven))
+        elif 0.0 < leap <= usual * (k - 1 - begin):
+            found.append(Break("frozen", begin, k - 1, leap))
+    if wheels is not None and log is not None:
+        candidates = (k for k in np.flatnonzero(is_first).tolist() if _is_untied(record, k, wheels, slam_map))
+        found += [Break("untied", k, k, 0.0) for k in candidates if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
+    return tuple(found)
+
+
+def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap | None) -> bool:
+    """Return whether scan k should match the one before it, does not, and nothing else ties the parts on its sides."""
+    motion = np.abs(se2.between(wheels[k - 1], wheels[k]))
+    if StepOutcome.RELOCALIZED in record.outcomes[k : k + _N_SCANS] or not (motion < _NEAR).all():
+        return False
+    if slam_map is None:
+        return True
+    scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, -1)[slam_map.ends]
+    is_matched = (slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)
+    return not (is_matched & (scans.min(axis=1) < k) & (scans.max(axis=1) >= k)).any()
+
+
+def _first_of_gap(is_failed: Bools, k: int) -> int:
+    """Return the first failure of those that led to a loss at scan k."""
+    gap = np.flatnonzero(is_failed[max(k - _N_SCANS, 0) : k])
+    return max(k - _N_SCANS, 0) + int(gap[0]) if gap.size else k - 1
+
+
+def _stands_since(poses: Pose) -> int:
+    """Return the scan since which a sensor has stood where it is at the last of the (n, 3) poses."""
+    off = np.abs(poses - poses[-1])
+    off[:, 2] = np.abs(se2.wrap(off[:, 2]))
+    moved = np.flatnonzero(~(off < _STILL).all(axis=1))
+    return int(moved[-1]) + 1 if moved.size else 0
+
+
+def _farthest(poses: Pose) -> float:
+    """Return the greatest distance from the first pose, metres; 0 where none is known."""
+    off: Floats = np.hypot(poses[:, 0] - poses[0, 0], poses[:, 1] - poses[0, 1])
+    return float(np.max(off, where=np.isfinite(off), initial=0.0))
