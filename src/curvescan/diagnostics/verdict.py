@@ -77,8 +77,8 @@ class Evidence:
     """The figures of a result that a verdict is judged by; engine: "odometry", "slam" or "localization".
 
     is_unmatched, is_open, is_known (n,): scans without a match, with a direction left unobservable, with a known pose;
-    path, extent (of the path, from corner to corner) and sigma in metres; contradictions: matches, keyframes and place x, y of each group; motion: "used", "left
-    out" or "none".
+    path, extent (of the path, from corner to corner) and sigma in metres; contradictions: matches, keyframes and place
+    x, y of each group; motion: "used", "left out" or "none".
     """
 
     engine: str = "odometry"
@@ -154,8 +154,8 @@ _BREAKS = {
     "repeated a scan; what helps: look at these scans, and record them again",
     "untied": "scan {b.first:,} does not match the scan before it, and wheels alone say how the parts before and after "
     "it lie to each other; what helps: drive from one part to the other once more",
-    "misplaced": "where the track was lost, scans {b.first:,} to {b.last:,} lie {b.metres:.1f} m off; what helps: leave "
-    "them out",
+    "misplaced": "where the track was lost, scans {b.first:,} to {b.last:,} lie {b.metres:.1f} m off; what helps: "
+    "leave them out",
 }
 """What is said of the longest break of a kind."""
 
