@@ -59,19 +59,18 @@ def find_breaks(
             found.append(Break("frozen", begin, k - 1, driven))
         elif 0.0 < leap <= usual * (k - 1 - begin):
             found.append(Break("frozen", begin, k - 1, leap))
-    if wheels is not None and log is not None:
+    # odometry has nothing else that could tie
+    if wheels is not None and log is not None and slam_map is not None:
         candidates = (k for k in np.flatnonzero(is_first).tolist() if _is_untied(record, k, wheels, slam_map))
         found += [Break("untied", k, k, 0.0) for k in candidates if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
     return tuple(found)
 
 
-def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap | None) -> bool:
+def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bool:
     """Return whether scan k should match the one before it, does not, and nothing else ties the parts on its sides."""
     motion = np.abs(se2.between(wheels[k - 1], wheels[k]))
     if StepOutcome.RELOCALIZED in record.outcomes[k : k + _N_SCANS] or not (motion < _NEAR).all():
         return False
-    if slam_map is None:
-        return True
     scans = np.where(slam_map.sessions == slam_map.n_sessions - 1, slam_map.indices, -1)[slam_map.ends]
     is_matched = (slam_map.kinds != EdgeKind.MOTION) & (slam_map.weights > 0.5)
     return not (is_matched & (scans.min(axis=1) < k) & (scans.max(axis=1) >= k)).any()
