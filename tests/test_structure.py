@@ -206,7 +206,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "io": (6717, 38, 0),
     "live": (3159, 42, 0),
     "mapping": (738, 13, 8),
-    "matchers": (688, 5, 0),
+    "matchers": (695, 5, 0),
     "matchers/baselines": (1807, 47, 40),
     "matchers/cfsma": (1139, 15, 17),
     "matchers/curvescan": (4230, 193, 61),

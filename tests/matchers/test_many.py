@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -95,6 +96,22 @@ def test_what_a_process_does_not_bring_back_is_matched_here(scans, monkeypatch):
 
     monkeypatch.setattr(many, "_matched", killed)
     found = cs.match_many(scans[0], scans, workers=2)
+    assert_same(found, [cs.match(scans[0], one) for one in scans])
+
+
+def test_a_process_that_waits_for_ever_is_given_up(scans, monkeypatch):
+    here, matched = os.getpid(), many._matched
+
+    def stuck(*jobs, **options):
+        if os.getpid() != here:
+            time.sleep(600.0)
+        return matched(*jobs, **options)
+
+    monkeypatch.setattr(many, "_matched", stuck)
+    monkeypatch.setattr(many, "_PATIENCE", 0)
+    begin = time.monotonic()
+    found = cs.match_many(scans[0], scans, workers=2)
+    assert time.monotonic() - begin < 60.0
     assert_same(found, [cs.match(scans[0], one) for one in scans])
 
 

@@ -6,6 +6,7 @@ import itertools
 import multiprocessing
 import signal
 import sys
+import time
 import warnings
 from collections.abc import Iterable
 from dataclasses import replace
@@ -28,6 +29,8 @@ _AnyScan = LaserScan | PreparedScan
 _Job = tuple[PreparedScan, PreparedScan, UncertainPose | None]
 
 _FEW = 8  # matches that are not worth a process: one takes some milliseconds to begin
+_PATIENCE = 10  # times as long as the first part, and a second, is waited for another: a lock that a thread of this
+# process holds as it forks stays locked in the child
 
 
 def match_many(
@@ -149,9 +152,11 @@ def _shared_out(matcher: Matcher, jobs: list[_Job], workers: int) -> list[MatchR
     parts = [jobs[low:high] for low, high in itertools.pairwise(bounds)]
     children = [_forked(matcher, part) for part in parts[1:]]
     try:
+        begin = time.monotonic()
         results = _matched(matcher, parts[0])
+        patience = 1.0 + _PATIENCE * (time.monotonic() - begin)
         for (_, pipe), part in zip(children, parts[1:], strict=True):
-            results += _received(pipe, part) or _matched(matcher, part)
+            results += _received(pipe, part, patience) or _matched(matcher, part)
     finally:
         for process, pipe in children:
             process.terminate()
@@ -166,7 +171,7 @@ def _forked(matcher: Matcher, part: list[_Job]) -> tuple[Any, Connection]:
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(theirs, matcher, part), daemon=True)
     with warnings.catch_warnings():
-        # of threads in this process: the child starts none and takes none of their locks
+        # of threads in this process: a child that waits for one of their locks is given up
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     theirs.close()
@@ -178,9 +183,11 @@ def _send(pipe: Connection, matcher: Matcher, part: list[_Job]) -> None:
     pipe.send(_matched(matcher, part, has_scans=False))
 
 
-def _received(pipe: Connection, part: list[_Job]) -> list[MatchResult]:
-    """Return the results of a process, with their scans; none if it ended before it sent them."""
+def _received(pipe: Connection, part: list[_Job], patience: float) -> list[MatchResult]:
+    """Return the results of a process, with their scans; none if it ended or sent none within `patience` seconds."""
     try:
+        if not pipe.poll(patience):
+            return []
         results = pipe.recv()
     except (EOFError, OSError):
         return []
