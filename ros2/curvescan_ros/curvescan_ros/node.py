@@ -28,8 +28,8 @@ import curvescan
 from curvescan import se2
 from curvescan.deskew import middle_of_sweep
 from curvescan.io.config import read_config
+from curvescan.io.files.read_errors import BrokenRecordError
 from curvescan.io.ros.laser_scan import scan_of
-from curvescan.io.ros.messages import BrokenMessageError
 from curvescan.io.ros.transforms import FrameTree, frame_name
 from curvescan.live import Tracker
 from curvescan.live.base_motion import BaseMotion
@@ -281,7 +281,7 @@ class CurvescanNode(LifecycleNode):
             return
         try:
             scan = scan_of(message)
-        except BrokenMessageError as error:
+        except BrokenRecordError as error:
             self._diagnosis.refuse(str(error))
             return
         if self._is_mirrored:
