@@ -319,14 +319,18 @@ def _by_motion(e: Evidence, else_helps: str) -> str:
 
 
 def _largest_sigma(record: RunRecord, engine: Engine) -> float:
-    """Return the greatest standard deviation of a position, metres; 0 where none is known."""
+    """Return the greatest standard deviation of a position, metres; 0 where none is known.
+
+    As many scans are left out as may be without a match.
+    """
     covariances = record.trajectory.covariances
     if covariances is None or not len(covariances):
         return 0.0
     variances = covariances[:, 0, 0] + covariances[:, 1, 1]
     if isinstance(engine, Slam):
         variances = _bridged(variances, record.is_failed, engine.keyframe_scans()[:, 1])
-    return math.sqrt(0.5 * max(float(np.max(variances, where=np.isfinite(variances), initial=0.0)), 0.0))
+    known = variances[np.isfinite(variances)]
+    return math.sqrt(0.5 * max(float(np.quantile(known, 1.0 - MAX_UNMATCHED_SHARE)), 0.0)) if known.size else 0.0
 
 
 def _bridged(variances: Floats, is_failed: Bools, keyframes: Ints) -> Floats:
