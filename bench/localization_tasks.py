@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from curvescan import se2
 from curvescan.evaluation.association import associate
-from curvescan.io.poses import read_poses
-from curvescan.io.reading import read_log
+from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation import World, build_world, simulate

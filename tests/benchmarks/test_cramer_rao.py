@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from curvescan import se2
-from curvescan.benchmarks.cramer_rao import median_error, pair_bound, range_gradient
-from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
+from curvescan.benchmarks.scenarios import (
+    OPEN_WORLDS,
+    SCENARIOS,
+    median_error,
+    pair_bound,
+    range_gradient,
+    score_open,
+    score_scenario,
+)
 from curvescan.simulation import SENSORS, World, build_world, simulate_pairs
 from curvescan.simulation.sensing.sensors import cast_beams
 

@@ -14,11 +14,11 @@ from curvescan import se2
 from curvescan.cli.main import run
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
-from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
-from curvescan.io.ros.writing.log_writer import write_odometry_mcap
-from curvescan.io.trajectories.g2o import information_of, write_g2o
+from curvescan.io.ros.writing.bags import write_odometry_mcap
 from curvescan.io.trajectories.layouts import write_kitti
+from curvescan.io.trajectories.relations import information_of, write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.io.writing import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.odometry import Odometry, Step, run_odometry
 from curvescan.runs import run as runner
 from curvescan.runs.graph_files import edges_of

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from curvescan.cli.commands.convert import FormatName
+from curvescan.cli.commands.info import FormatName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import WRITERS, MemoryLog, log_from_arrays, read_log, write_log
 from curvescan.io.log import Log, ScanAccess

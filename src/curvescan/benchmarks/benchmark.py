@@ -1,17 +1,19 @@
-"""All that `curvescan bench` measures: time, success, accuracy and consistency of every method."""
+"""All that `curvescan bench` measures: time, success, accuracy and consistency of every method, and its tables."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
-from curvescan.benchmarks.profile import StageTime, measure_stages
+import numpy as np
+
 from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
-from curvescan.benchmarks.speed import Speed, measure_many, measure_speed, with_beams
+from curvescan.benchmarks.speed import Speed, measure_speed, with_beams
 from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
 from curvescan.io.log import Log
-from curvescan.matchers import DEFAULT_METHOD, MATCHERS
+from curvescan.matchers import MATCHERS
 from curvescan.paper.experiments import Progress, in_silence
 from curvescan.paper.random_transform import (
     CONDITIONS,
@@ -19,9 +21,11 @@ from curvescan.paper.random_transform import (
     RandomTransformRuns,
     run_random_transforms,
 )
+from curvescan.paper.tables import log_table
+from curvescan.runs.document import ResultTable
+from curvescan.types import Floats
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)  # beams over 180 degrees for which times are taken
-STAGED = (DEFAULT_METHOD, "cfsma")  # methods whose times are measured stage by stage
 EXPERIMENT_1_WORLDS = ("room", "office", "building")  # simulated worlds of experiment 1
 
 EXPERIMENT_1_SENSOR = "sick-lms200"
@@ -36,15 +40,12 @@ class Benchmark:
     n_pairs: int
     n_runs: int
     speeds: tuple[Speed, ...]  # of 361 beams, one a method
-    many: dict[str, float]  # seconds of each of many matches, by how they are called
-    stages: tuple[StageTime, ...]  # of the methods STAGED, stage by stage
     growth: dict[str, tuple[Speed, ...]]  # for each method, one a number of BEAM_COUNTS
     scenarios: tuple[ScenarioScore, ...]  # scenario by scenario, one a method
     open_worlds: tuple[OpenScore, ...]  # world by world, one a method
     # the paper's experiment 1
     experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
     logs: tuple[LogEvaluation, ...]  # log by log, one a method
-    reading: tuple[ReadingSpeed, ...]  # how fast logs are read, one a format
 
 
 def run_benchmark(
@@ -57,8 +58,7 @@ def run_benchmark(
     progress: Progress = in_silence,
 ) -> Benchmark:
     """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
-    speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
-    many = measure_many(50 * min(n_pairs, 200), n_pairs=min(n_pairs, 200), seed=seed)
+    speeds, growth = _times(methods, min(n_pairs, 200), seed, progress)
     scenarios, open_worlds = _scores(methods, n_pairs, seed, progress)
     experiment_1 = _experiment_1(n_runs, seed, progress)
     judged = [
@@ -66,35 +66,27 @@ def run_benchmark(
         for log in logs
         for method in methods
     ]
-    reading = measure_reading(n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS))
     return Benchmark(
         n_pairs=n_pairs,
         n_runs=n_runs,
         speeds=speeds,
-        many=many,
-        stages=stages,
         growth=growth,
         scenarios=scenarios,
         open_worlds=open_worlds,
         experiment_1=experiment_1,
         logs=tuple(judged),
-        reading=reading,
     )
 
 
 def _times(
     methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
-) -> tuple[tuple[Speed, ...], tuple[StageTime, ...], dict[str, tuple[Speed, ...]]]:
-    """Return times of methods: a match, its stages, and how both grow with the beams."""
+) -> tuple[tuple[Speed, ...], dict[str, tuple[Speed, ...]]]:
+    """Return times of methods: a match, and how it grows with the beams."""
     speeds: list[Speed] = []
-    stages: list[StageTime] = []
     growth: dict[str, tuple[Speed, ...]] = {}
     for method in methods:
-        advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
+        advance = progress(f"time of {method}", 1 + len(BEAM_COUNTS))
         speeds.append(measure_speed(method, n_pairs=n_pairs, seed=seed))
-        advance()
-        if method in STAGED:
-            stages += measure_stages(method, n_pairs=n_pairs, seed=seed)
         advance()
         series = []
         for n_beams in BEAM_COUNTS:
@@ -102,7 +94,7 @@ def _times(
             series.append(measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed))
             advance()
         growth[method] = tuple(series)
-    return tuple(speeds), tuple(stages), growth
+    return tuple(speeds), growth
 
 
 def _scores(
@@ -138,3 +130,107 @@ def _experiment_1(
         for condition in CONDITIONS
         if condition.sensor == EXPERIMENT_1_SENSOR
     }
+
+
+def save_benchmark(folder: Path, results: Benchmark) -> None:
+    """Write bench.md into an existing folder."""
+    text = "\n".join(table.markdown() for table in benchmark_tables(results))
+    (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")
+
+
+def benchmark_tables(results: Benchmark) -> list[ResultTable]:
+    """Return the tables of a benchmark, in the order in which it was measured."""
+    parts = (_speed, _growth, _scenario_table, _open_table, _experiment_table)
+    logs = [log_table(results.logs)] if results.logs else []
+    return [*(part(results) for part in parts), *logs]
+
+
+def _speed(results: Benchmark) -> ResultTable:
+    return ResultTable.of(
+        "Time of a scan of 361 beams, one thread: median (99th percentile)",
+        results.speeds,
+        [
+            ("method", lambda one: one.method),
+            ("prepare a scan", lambda one: _milliseconds(one.prepare_seconds)),
+            ("match, no guess", lambda one: _milliseconds(one.match_seconds)),
+            ("match, good guess", lambda one: _milliseconds(one.guess_seconds)),
+        ],
+    )
+
+
+def _growth(results: Benchmark) -> ResultTable:
+    rows = []
+    for method, speeds in results.growth.items():
+        for what, seconds in (
+            ("prepare", [speed.prepare_seconds for speed in speeds]),
+            ("match", [speed.match_seconds for speed in speeds]),
+        ):
+            rows.append((f"{method}, {what}", *(f"{1e3 * np.median(s):.3f} ms" for s in seconds)))
+    return ResultTable(
+        title="Growth with the number of beams over 180 deg: median",
+        columns=("method", *(f"{n:,} beams" for n in BEAM_COUNTS)),
+        rows=rows,
+    )
+
+
+def _scenario_table(results: Benchmark) -> ResultTable:
+    return ResultTable.of(
+        f"Pairs of scans, {results.n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
+        results.scenarios,
+        [
+            ("scenario", lambda one: one.scenario),
+            ("method", lambda one: one.method),
+            ("success", lambda one: f"{100 * one.success:.1f} %"),
+            ("false positives", lambda one: f"{100 * one.false_positives:.1f} %"),
+            ("without a degenerate direction", lambda one: f"{100 * one.unflagged_false_positives:.1f} %"),
+            ("median error", lambda one: f"{1e3 * one.median_error:.2f} mm"),
+            ("over the bound", lambda one: f"{one.median_error / one.bound:.2f}"),
+            ("NEES", lambda one: _figure(one.nees, ".2f")),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
+        ],
+    )
+
+
+def _open_table(results: Benchmark) -> ResultTable:
+    return ResultTable.of(
+        f"Where a direction is unobservable, {results.n_pairs:,} pairs each",
+        results.open_worlds,
+        [
+            ("world", lambda one: one.world),
+            ("method", lambda one: one.method),
+            ("ok", lambda one: f"{100 * one.ok:.1f} %"),
+            ("names the direction", lambda one: _figure(100 * one.flagged, ".1f", " %")),
+            ("NEES, median", lambda one: f"{_figure(one.nees, '.3g')}, {_figure(one.nees_median, '.3g')}"),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
+        ],
+    )
+
+
+def _experiment_table(results: Benchmark) -> ResultTable:
+    return ResultTable(
+        title=f"Experiment 1, cfsma, {results.n_runs:,} runs each: median errors of the matches that did not fail",
+        columns=("world", "condition", "translation", "rotation", "mean N_t", "failed", "within 0.1 m, 2 deg"),
+        rows=[(world, condition.title, *_errors(runs)) for (world, condition), runs in results.experiment_1.items()],
+    )
+
+
+def _errors(runs: RandomTransformRuns) -> tuple[str, ...]:
+    found = runs.n_matched > 0
+    shares = (f"{100 * runs.failed_share:.1f} %", f"{100 * runs.right_share:.1f} %")
+    if not found.any():
+        return ("-", "-", "-", *shares)
+    return (
+        f"{1e3 * np.median(runs.translation_error[found]):.1f} mm",
+        f"{np.degrees(np.median(runs.rotation_error[found])):.2f} deg",
+        f"{runs.n_matched[found].mean():.0f}",
+        *shares,
+    )
+
+
+def _figure(value: float, form: str, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:{form}}{unit}"
+
+
+def _milliseconds(seconds: Floats) -> str:
+    median, p99 = 1e3 * np.percentile(seconds, [50, 99])
+    return f"{median:.3f} ms ({p99:.3f} ms)"

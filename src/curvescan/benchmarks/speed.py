@@ -1,15 +1,13 @@
-"""How long a matcher takes: preparing a scan, matching two prepared ones, and matching many in one call."""
+"""How long a matcher takes: to prepare a scan, to match a pair, to match many pairs, and in which file."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan.matchers import match, prepare
-from curvescan.matchers.many import match_many
 from curvescan.simulation import SENSORS, ScanPair, Sensor, simulate_pairs
 from curvescan.types import Floats, Pose
 
@@ -81,26 +79,3 @@ def with_beams(n_beams: int) -> Sensor:
         n_beams=n_beams,
         angle_increment=base.angle_increment * (base.n_beams - 1) / (n_beams - 1),
     )
-
-
-def measure_many(n_candidates: int = 10_000, *, n_pairs: int = 200, seed: int = 0) -> dict[str, float]:
-    """Return the seconds that each of many matches of prepared scans takes, with a guess as good as odometry's.
-
-    By how they are called: one by one, in one call, and in one call on two processes.
-    """
-    pairs, guesses = easy_pairs("sick-lms200", n_pairs, seed)
-    rows = [k % n_pairs for k in range(n_candidates)]
-    references, candidates = [prepare(p.reference) for p in pairs], [prepare(p.current) for p in pairs]
-    jobs = [references[k] for k in rows], [candidates[k] for k in rows], [guesses[k] for k in rows]
-    calls: dict[str, Callable[[], object]] = {
-        "match, one by one": lambda: [match(ref, cur, guess=guess) for ref, cur, guess in zip(*jobs, strict=True)],
-        "match_many": lambda: match_many(*jobs[:2], guess=jobs[2]),
-        "match_many, two processes": lambda: match_many(*jobs[:2], guess=jobs[2], workers=2),
-    }
-    match_many(references[:20], candidates[:20], guess=guesses[:20])  # compiles
-    seconds = {}
-    for name, call in calls.items():
-        started = time.perf_counter()
-        call()
-        seconds[name] = (time.perf_counter() - started) / n_candidates
-    return seconds

@@ -21,7 +21,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.log import Log, MountedLog
-from curvescan.io.ros.mount import laser_mounts
+from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
 from curvescan.se2.uncertain import UncertainPose

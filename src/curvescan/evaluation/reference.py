@@ -20,7 +20,7 @@ from curvescan.evaluation.trajectory_errors import (
     rpe,
     trajectory_errors,
 )
-from curvescan.io.poses import PoseFile
+from curvescan.io.reading import PoseFile
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
 

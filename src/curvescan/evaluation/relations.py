@@ -15,15 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import shipped_table
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.association import find_stamps
-from curvescan.evaluation.published import BenchmarkLog
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Bools, Floats, Ints
 
 __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_errors"]
+
 
 Which: TypeAlias = Literal["near", "far", "all"]
 """Which relations: between scans less than some seconds apart, the others, or all."""
@@ -106,3 +107,52 @@ def relation_errors(
 def span_of(stamps: Floats) -> str:
     """Return the span of stamps in words."""
     return f"from {stamps.min():.6f} to {stamps.max():.6f} s"
+
+
+SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartographer's"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedError:
+    """What one method reached on one log, over all of its relations."""
+
+    method: str  # in words
+    translation: tuple[float, float]  # mean and standard deviation, metres
+    # mean and standard deviation, degrees, as far as they were published
+    rotation: tuple[float, float | None] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkLog:
+    """A log of the benchmark."""
+
+    name: str  # in words
+    keys: tuple[str, ...]  # A file whose name holds one of these belongs to it
+    errors: tuple[PublishedError, ...]  # what was published
+
+
+def _error(method: str, translation: list[float], rotation: list[float] | None = None) -> PublishedError:
+    mean, std = translation
+    degrees = None if rotation is None else (rotation[0], rotation[1] if len(rotation) > 1 else None)
+    return PublishedError(method=method, translation=(mean, std), rotation=degrees)
+
+
+def _read() -> dict[str, BenchmarkLog]:
+    return {
+        key: BenchmarkLog(name=row["name"], keys=tuple(row["keys"]), errors=tuple(_error(**e) for e in row["errors"]))
+        for key, row in shipped_table(__package__, "published.toml").items()
+    }
+
+
+BENCHMARKS: dict[str, BenchmarkLog] = _read()
+"""The logs of the benchmark by name."""
+
+
+def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
+    """Return the benchmark of that name, or that the name of a file contains; None without one."""
+    if name is not None:
+        if name not in BENCHMARKS:
+            raise InvalidArgumentError(f"there is no benchmark {name!r}; known are {', '.join(BENCHMARKS)}")
+        return BENCHMARKS[name]
+    words = file_name.lower().replace("_", "-")
+    return next((b for b in BENCHMARKS.values() if any(key in words for key in b.keys)), None)

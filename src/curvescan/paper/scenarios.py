@@ -3,6 +3,11 @@
 Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to
 the next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to
 17 degrees, a crowd.
+
+The covariance of Lu and Milios (eqs. 13-18) for a match of any method, as the paper's Tables II to V have it.
+
+The paper gives all four methods this covariance, so that they can be compared. It needs pairs of points; a method that
+matches points to lines or to peaks has none, so each matched reading is paired with the nearest matched one.
 """
 
 from __future__ import annotations
@@ -18,15 +23,26 @@ import numpy as np
 from curvescan import se2
 from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
 from curvescan.mapping.dynamic import dynamic_along
-from curvescan.matchers import MatchResult
 from curvescan.matchers.baselines.iteration import IterationTrace
+from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.registry import MatcherConfig
-from curvescan.matchers.result import Label
+from curvescan.matchers.result import Label, MatchResult
 from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
-from curvescan.paper.lu_milios import lu_milios_covariance
 from curvescan.paper.random_transform import SUCCESS
+from curvescan.scan import LaserScan
 from curvescan.simulation import Drive, Simulation, simulate
-from curvescan.types import Bools, Floats, Pose
+from curvescan.types import Bools, Cov, Floats, Pose
+
+
+def lu_milios_covariance(reference: LaserScan, current: LaserScan, result: MatchResult) -> Cov:
+    """Return (3, 3) the covariance of eq. 16 of a match's pose, from the readings it matched."""
+    cur = current.points[result.labels_current == Label.MATCHED]
+    ref = reference.points[result.labels_reference == Label.MATCHED]
+    placed = se2.transform(result.pose, cur)
+    squared = np.subtract.outer(placed[:, 0], ref[:, 0]) ** 2
+    squared += np.subtract.outer(placed[:, 1], ref[:, 1]) ** 2
+    return pose_covariance(cur, result.pose, float(squared.min(axis=1).sum()))
+
 
 Condition: TypeAlias = Literal["paper", "hard"]  # under which conditions an experiment is done
 

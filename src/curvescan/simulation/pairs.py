@@ -15,8 +15,7 @@ from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe
-from curvescan.simulation.seeds import PAIR, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensing.people import People, crowd
+from curvescan.simulation.sensing.people import PAIR, PATH, PEOPLE, WORLD, People, child, crowd
 from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 from curvescan.types import Bools, Floats, Pose
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.evaluation.published import BENCHMARKS, find_benchmark
-from curvescan.evaluation.relations import relation_errors
+from curvescan.evaluation.relations import BENCHMARKS, find_benchmark, relation_errors
 from curvescan.io import Relations, read_poses, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
 

@@ -76,10 +76,15 @@ def _find_parameters(
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
-    from curvescan.paper.calibration_figure import calibration_tables, draw_calibration
-    from curvescan.paper.drawings import draw_curvature, draw_geometry
-    from curvescan.paper.sweep import SEED, sweep_table
-    from curvescan.paper.sweep import sweep as sweep_parameters
+    from curvescan.paper.calibration_report import (
+        SEED,
+        calibration_tables,
+        draw_calibration,
+        draw_curvature,
+        draw_geometry,
+        sweep_table,
+    )
+    from curvescan.paper.calibration_report import sweep as sweep_parameters
     from curvescan.simulation.sensing.sensors import choose_sensor
 
     if log is None:
@@ -118,7 +123,7 @@ def _show_mounts(log: Path | None) -> int:
     from curvescan.cli.console import OUT, show
     from curvescan.errors import InvalidArgumentError
     from curvescan.evaluation.mounts import check_mounts
-    from curvescan.runs.table import ResultTable
+    from curvescan.runs.document import ResultTable
 
     if log is None:
         raise InvalidArgumentError("--mounts needs the bag: curvescan calibrate LOG --mounts")

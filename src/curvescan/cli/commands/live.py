@@ -209,8 +209,7 @@ def _follow(
 ) -> tuple[LiveReport, Verdict | None]:
     """Run a source, print the summary and write the results; the verdict is None where no scan came."""
     import curvescan.live as live_package
-    from curvescan.cli.console import OUT
-    from curvescan.cli.flags import with_flags
+    from curvescan.cli.console import OUT, with_flags
     from curvescan.live import LogSource, Tracker
 
     results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
@@ -254,11 +253,10 @@ def summary(report: LiveReport, name: str, engine: Engine) -> str:
 
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
-    from curvescan.cli.console import ERR
-    from curvescan.cli.flags import propose_commands
+    from curvescan.cli.console import ERR, propose_commands
     from curvescan.cli.summary import report_preparation
     from curvescan.diagnostics.preparation import prepare_log
-    from curvescan.io.held import HeldLog
+    from curvescan.io.log import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
         prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)

@@ -12,10 +12,9 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
-from curvescan.runs.batch import transfer
+from curvescan.runs.batch import worker as transfer
 from curvescan.runs.batch.logs import _matches, name_folders, unique_name
-from curvescan.runs.batch.storage.claims import Claims
-from curvescan.runs.batch.storage.object_store import Bucket, is_url, split_url
+from curvescan.runs.batch.object_store import Bucket, Claims, is_url, split_url
 from tests.runs.batch.batch_jobs import NamedJob
 
 
