@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from curvescan import se2
-from curvescan.evaluation.association import associate
+from curvescan.evaluation.relations import associate
 from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

@@ -14,13 +14,12 @@ import tyro
 
 from curvescan._version import described
 from curvescan.cli.commands.batch import batch
-from curvescan.cli.commands.calibrate import calibrate
 from curvescan.cli.commands.demo import demo, warm_up
 from curvescan.cli.commands.evaluate import evaluate
-from curvescan.cli.commands.experiments import bench, experiments
 from curvescan.cli.commands.info import convert, info
 from curvescan.cli.commands.live import live
 from curvescan.cli.commands.match import match
+from curvescan.cli.commands.paper import bench, calibrate, experiments
 from curvescan.cli.commands.results import edit_map, view
 from curvescan.cli.commands.slam import localize, odometry, slam
 from curvescan.cli.console import with_flags

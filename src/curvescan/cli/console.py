@@ -1,12 +1,14 @@
-"""What the commands share on the terminal: progress, tables, flags in messages, the notice of the first run."""
+"""What the commands share on the terminal: progress, tables, flags in messages, pages that are served."""
 
 from __future__ import annotations
 
 import os
 import re
 import shlex
+import socket
 import sys
 import time
+import webbrowser
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -17,6 +19,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from curvescan._interrupts import stoppable
 from curvescan.errors import MissingPackageError
 from curvescan.runs.document import ResultTable
 
@@ -228,3 +231,38 @@ def with_options(command: Sequence[str], issues: Sequence[Issue]) -> str:
     wrong = _REVERSING & set(options.values()) & set(command)
     added = [word for option in dict.fromkeys(options.values()) if option not in wrong for word in shlex.split(option)]
     return shlex.join([*(word for word in command if word not in wrong), *added])
+
+
+DEFAULT_PORT = 8765  # default port of the page, unless it is in use
+_POLL_S = 0.2  # time between two looks whether to close the page, seconds
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return the given port; else the default one, or 0, for any, where that is in use."""
+    if port is not None:
+        return port
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((host, DEFAULT_PORT))
+        except OSError:
+            return 0
+    return DEFAULT_PORT
+
+
+def open_browser(url: str) -> None:
+    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
+    has_desktop = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    if sys.stdout.isatty() and has_desktop:
+        webbrowser.open(url)
+
+
+def wait(sentence: str) -> None:
+    """Wait for Ctrl-C, and say so once it is waited for."""
+    with stoppable() as stop:
+        ERR.print(sentence)
+        while not stop.is_asked:
+            time.sleep(_POLL_S)

@@ -72,7 +72,7 @@ class Matcher(Protocol):
     def match(self, reference: Any, current: Any, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` seen from `reference`, both being features of this matcher.
 
-        The prior is what is known of that pose before; None stands for ``curvescan.matchers.prior.WIDE_PRIOR``.
+        The prior is what is known of that pose before; None stands for ``curvescan.matchers.result.WIDE_PRIOR``.
         """
 
 

@@ -118,8 +118,7 @@ class PageFlags:
     def open(self, pages: ExitStack, source: ScanSource, maps: dict[str, Any]) -> tuple[Viewer | None, list[MapSink]]:
         """Return the page, if there is one, and all that shows the run, served until `pages` are closed."""
         import curvescan.live as live_package  # each loads when it is named: the page needs neither plots nor bags
-        from curvescan.cli.console import ERR
-        from curvescan.cli.serving import free_port, open_browser
+        from curvescan.cli.console import ERR, free_port, open_browser
         from curvescan.live import Viewer
         from curvescan.live.server import PageServer
         from curvescan.live.sources import Paced
@@ -170,7 +169,7 @@ def live(
     occupancy
         How to make the occupancy map.
     """
-    from curvescan.cli.serving import wait
+    from curvescan.cli.console import wait
 
     laser = source.open(log, use)
     with ExitStack() as pages:

@@ -159,8 +159,7 @@ def view(
     http_port
         Port of the page; 8765, or a free one if that is in use.
     """
-    from curvescan.cli.console import ERR, OUT
-    from curvescan.cli.serving import free_port, open_browser, wait
+    from curvescan.cli.console import ERR, OUT, free_port, open_browser, wait
     from curvescan.live.finished.site import FinishedSite
     from curvescan.live.finished.view import view as view_runs
     from curvescan.live.server import PageServer
