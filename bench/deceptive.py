@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
+from curvescan.configs import look_up
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD, match
 from curvescan.paper.random_transform import SUCCESS
 from curvescan.runs.document import ResultTable
 from curvescan.scan import LaserScan
-from curvescan.simulation.buildings.catalogue import building, look_up, office
+from curvescan.simulation.buildings.catalogue import building, office
 from curvescan.simulation.buildings.rooms import columns, corridor, room
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from curvescan.benchmarks.speed import easy_pairs
+from curvescan.benchmarks.benchmark import easy_pairs
 from curvescan.matchers import match, prepare
 from curvescan.matchers.many import match_many
 from curvescan.runs.document import ResultTable

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import curvescan
-from curvescan.benchmarks.speed import easy_pairs
+from curvescan.benchmarks.benchmark import easy_pairs
 from curvescan.matchers import PreparedScan, match, prepare
 from curvescan.runs.document import ResultTable
 from curvescan.scan import LaserScan

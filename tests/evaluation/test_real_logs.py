@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.benchmarks.speed import measure_speed
+from curvescan.benchmarks.benchmark import measure_speed
 from curvescan.evaluation.real_logs import assign_relations, evaluate_log
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.io import Relations

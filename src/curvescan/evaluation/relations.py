@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.configs import shipped_table
+from curvescan.configs import look_up, shipped_table
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
@@ -244,8 +244,6 @@ BENCHMARKS: dict[str, BenchmarkLog] = _read()
 def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
     """Return the benchmark of that name, or that the name of a file contains; None without one."""
     if name is not None:
-        if name not in BENCHMARKS:
-            raise InvalidArgumentError(f"there is no benchmark {name!r}; known are {', '.join(BENCHMARKS)}")
-        return BENCHMARKS[name]
+        return look_up(BENCHMARKS, name, "benchmark")
     words = file_name.lower().replace("_", "-")
     return next((b for b in BENCHMARKS.values() if any(key in words for key in b.keys)), None)

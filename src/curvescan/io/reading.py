@@ -6,8 +6,8 @@ A format is one row: a name, a sniff that looks at the first bytes after unpacki
 
 from __future__ import annotations
 
-import importlib
 import os
+import pkgutil
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,8 +50,7 @@ class LogFormat:
 
     def load(self) -> LogReader:
         """Return the reader, importing its module."""
-        module, _, name = self.reader.partition(":")
-        return cast(LogReader, getattr(importlib.import_module(module), name))
+        return cast(LogReader, pkgutil.resolve_name(self.reader))
 
 
 _CARMEN_TAGS = re.compile(

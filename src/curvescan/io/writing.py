@@ -7,8 +7,8 @@ a sentence each.
 
 from __future__ import annotations
 
-import importlib
 import os
+import pkgutil
 import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from typing import Literal, Protocol, TypeAlias, cast
 
 import numpy as np
 
-from curvescan.configs import nearest
+from curvescan.configs import look_up
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.files.output import output_file, output_folder
@@ -46,8 +46,7 @@ class OutputFormat:
 
     def load(self) -> LogWriter:
         """Return the writer, importing its module."""
-        module, _, name = self.writer.partition(":")
-        return cast(LogWriter, getattr(importlib.import_module(module), name))
+        return cast(LogWriter, pkgutil.resolve_name(self.writer))
 
 
 WRITERS: dict[str, OutputFormat] = {
@@ -119,11 +118,9 @@ def write_log(
 
 
 def _choose(path: Path, name: str | None) -> OutputFormat:
-    if name is not None and name not in WRITERS:
-        raise InvalidArgumentError(f"format must be one of {', '.join(WRITERS)}, got {name!r}")
     is_packed = path.suffix == ".gz"
     suffix = (path.with_suffix("") if is_packed else path).suffix.lower()
-    row = WRITERS[name] if name else None
+    row = None if name is None else look_up(WRITERS, name, "format")
     if row is None:
         row = next((row for row in WRITERS.values() if suffix in row.suffixes), None)
     if row is None:
@@ -170,8 +167,7 @@ class ExportFormat:
 
     def write(self, folder: Path, data: RunData) -> None:
         """Write the file into a folder, importing the writer's module."""
-        module, _, name = self.writer.partition(":")
-        function: Callable[..., None] = getattr(importlib.import_module(module), name)
+        function: Callable[..., None] = pkgutil.resolve_name(self.writer)
         function(folder / self.filename, *(getattr(data, field) for field in self.takes))
 
 
@@ -200,10 +196,7 @@ def takes_edges(names: Iterable[str]) -> bool:
 def check_exports(names: Iterable[str]) -> None:
     """Raise InvalidArgumentError when a name is none of EXPORTS."""
     for name in names:
-        if name not in EXPORTS:
-            raise InvalidArgumentError(
-                f"exports must be of {', '.join(EXPORTS)}, got {name!r}: {nearest(name, EXPORTS)}".rstrip(": ")
-            )
+        look_up(EXPORTS, name, "export")
 
 
 def write_exports(folder: Path, names: Iterable[str], data: RunData) -> tuple[str, ...]:

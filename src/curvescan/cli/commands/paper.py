@@ -1,4 +1,4 @@
-"""curvescan calibrate, experiments and bench: the paper's parameters, its experiments, the matchers measured here and now."""
+"""curvescan calibrate, experiments and bench: the paper's parameters, its experiments, matchers measured here."""
 
 from __future__ import annotations
 

@@ -8,15 +8,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError
-from curvescan.io.ros.bags.bag import Bag
+from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import LASER_SCAN, TRANSFORMS
 from curvescan.types import Floats, Pose
 
@@ -190,28 +187,21 @@ def tilt_notes(tilt: float) -> tuple[str, ...]:
 
 def _first_transforms(bag: Bag) -> FrameTree:
     tree = FrameTree()
+
+    def add(_: Message, decoded: Any) -> None:
+        for item in decoded.transforms:
+            edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
+            tree.add(edge, seven(item.transform.translation, item.transform.rotation))
+
     for name, topic in bag.topics.items():
         if topic.msgtype in TRANSFORMS and topic.count:
-            _read_first(bag, name, tree)
+            bag.each([name], add, _N_FIRST)  # broken ones are counted where the odometry is read
     return tree
 
 
 def _from_above(pose: Floats) -> Pose:
     """Return the pose x, y, theta of a (4, 4) pose: theta is where its x axis points."""
     return np.array([pose[0, 3], pose[1, 3], math.atan2(pose[1, 0], pose[0, 0])])
-
-
-def _read_first(bag: Bag, topic: str, tree: FrameTree) -> None:
-    try:
-        for message in islice(bag.messages([topic]), _N_FIRST):
-            try:
-                for item in bag.decode(message).transforms:
-                    edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
-                    tree.add(edge, seven(item.transform.translation, item.transform.rotation))
-            except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
-                continue  # counted where the odometry is read
-    except LogFormatError:
-        pass  # damage from here on: what stands before is used
 
 
 def _from_vertical(up: float) -> float:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
-from curvescan.configs import shipped_table
-from curvescan.errors import InvalidArgumentError
+from curvescan.configs import look_up, shipped_table
 from curvescan.simulation.buildings.floorplan import (
     WALL_THICKNESS,
     Door,
@@ -271,8 +268,6 @@ def _tour(places: Points, links: list[tuple[int, int, Door]]) -> Points:
     return np.array(route[:-1])
 
 
-_T = TypeVar("_T")
-
 Seed = int | np.random.SeedSequence  # what decides a random world: the same seed, the same bits
 
 _PLACED = shipped_table(__package__, "worlds.toml")
@@ -299,11 +294,3 @@ def build_world(world: World | str, seed: Seed = 0) -> World:
     if isinstance(world, World):
         return world
     return look_up(WORLDS, world, "world")(seed)
-
-
-def look_up(table: Mapping[str, _T], name: str, what: str) -> _T:
-    """Return an entry of a table of names, or raise an error that names the nearest one."""
-    if name in table:
-        return table[name]
-    near = difflib.get_close_matches(str(name), table, n=1, cutoff=0.0)
-    raise InvalidArgumentError(f"unknown {what} {name!r}: did you mean {near[0]!r}? known are {', '.join(table)}")
