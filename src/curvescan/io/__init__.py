@@ -1,6 +1,6 @@
 """Bytes to scans, poses and maps, and back: the readers and writers of every format, and nothing else.
 
-``read_log`` opens a log of any format of the table in ``formats.py``; the format is detected from the content of the
+``read_log`` opens a log of any format of the table in ``reading.py``; the format is detected from the content of the
 file, never from its name.
 """
 
