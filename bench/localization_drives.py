@@ -23,6 +23,7 @@ import numpy as np
 import curvescan as cs
 from curvescan import se2
 from curvescan.io.arrays.memory import MemoryLog
+from curvescan.mapping.map_server import read_map, write_map
 from curvescan.odometry import StepOutcome
 from curvescan.types import Bools, Floats, Ints, Pose
 
@@ -117,6 +118,12 @@ def localized(
     )
 
 
+def plain_map_of(drive: Drive, cache: Path) -> cs.OccupancyGrid:
+    """Return the map of a drive as its map.pgm and map.yaml have it: free, occupied or unknown."""
+    write_map(cache, drive.slam_map.occupancy(), drive.log.name)
+    return read_map(cache / f"{drive.log.name}.yaml")
+
+
 def placements(drive: Drive, found: Localized, chosen: Ints) -> Pose:
     """Return (n, 3) poses of the drive's own map in the other map, by some of its scans."""
     placed: Pose = se2.compose(found.poses[chosen], se2.between(drive.poses[chosen], np.zeros(3)))
@@ -162,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("cache", type=Path)
     parser.add_argument("logs", type=Path, nargs="+")
     parser.add_argument("--prior", action="store_true", help="also with an initial pose 1 m and 20 deg off")
-    parser.add_argument("--plain", action="store_true", help="also in the cells of the map alone")
+    parser.add_argument("--plain", action="store_true", help="also in map.pgm and map.yaml alone")
     parser.add_argument("--halves", action="store_true", help="halves of each log in each other's maps")
     parser.add_argument("--only", help="a pair, such as 4,2")
     given = parser.parse_args(arguments)
@@ -186,18 +193,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
         name = f"{i + 1} in {j + 1}"
         sys.stdout.write(line_of(name, drive, found, reference) + "\n")
         sys.stdout.flush()
-        if given.plain:
-            plain = localized(drive, other.slam_map.occupancy())
+        plain_map = plain_map_of(other, given.cache) if given.plain else None
+        if plain_map is not None:
+            plain = localized(drive, plain_map)
             off = np.hypot(*(plain.poses - found.poses)[:, :2].T)
             text = line_of(f"{name}, plain map", drive, plain, reference)
             sys.stdout.write(f"{text} {np.nanmedian(off):.3f} m from the pose in map.csmap\n")
             sys.stdout.flush()
-        if given.prior and reference is not None:
-            begin = se2.compose(reference, drive.poses[0]) + PRIOR_OFF
-            prior = cs.UncertainPose(begin, np.diag(PRIOR_SIGMA**2))
-            started = localized(drive, other.slam_map, prior)
-            sys.stdout.write(line_of(f"{name}, initial pose", drive, started, reference) + "\n")
-            sys.stdout.flush()
+        if not given.prior or reference is None:
+            continue
+        begin = se2.compose(reference, drive.poses[0]) + PRIOR_OFF
+        prior = cs.UncertainPose(begin, np.diag(PRIOR_SIGMA**2))
+        for kind, where in (("initial pose", other.slam_map), ("plain map, initial pose", plain_map)):
+            if where is not None:
+                started = localized(drive, where, prior)
+                sys.stdout.write(line_of(f"{name}, {kind}", drive, started, reference) + "\n")
+                sys.stdout.flush()
 
 
 if __name__ == "__main__":

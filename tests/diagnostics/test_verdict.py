@@ -185,6 +185,14 @@ def test_a_scanner_that_repeats_a_scan_while_the_wheels_drive_is_told(hall, nois
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("seed", "frozen"), [(143, range(144, 204)), (263, range(139, 198))])
+def test_a_frozen_scanner_is_told_by_an_open_direction_or_a_short_leap_at_its_end(seed, frozen):
+    log = cs.simulate("room", sensor="urg-04lx", n_scans=300, seed=seed, n_people=3)
+    sentence = verdict_on(spoilt(log, frozen=frozen, noise=0.005)).sentence
+    assert "show a sensor that stands, while the wheels drive" in sentence
+
+
+@pytest.mark.slow
 def test_parts_that_wheels_alone_tie_are_told_where_the_scans_should_match(hall):
     other = cs.simulate("clutter", sensor="spinning-360", n_scans=100, seed=7)
     assert "wheels alone say how the parts" in verdict_on(spoilt(hall, other=other)).sentence

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,7 @@ from curvescan import se2
 from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
 from curvescan.evaluation.mounts import check_mounts, common_motions, find_mount, find_mounts
-from tests.bags import scan, transform, write_bag
-from tests.odometry.test_rig import MOUNTS, recorded
+from tests.odometry.test_rig import MOUNTS, recorded, rig_bag
 
 
 def motions(rng, mount, n=60, sigma=0.004, sigma_rad=0.002):
@@ -86,19 +87,25 @@ def test_a_bag_with_a_wrong_mount_is_told(tmp_path, capsys):
     logs = recorded(drive.truth.poses, world=drive.world)
     wrong = {"front": MOUNTS["front"], "rear": np.add(MOUNTS["rear"], (0.05, 0.0, np.radians(2.0)))}
     for name, mounts, status in (("right", MOUNTS, 0), ("wrong", wrong, 3)):
-        entries = [transform(1, "base_link", laser, tuple(pose), topic="/tf_static") for laser, pose in mounts.items()]
-        for laser, log in logs.items():
-            for one in log:
-                limits = {
-                    "angle_min": one.angle_min,
-                    "angle_increment": one.angle_increment,
-                    "range_max": one.range_max,
-                }
-                stamp = round(1e9 * (1.0 + one.stamp))
-                entries.append(scan(stamp, one.ranges, topic=f"/{laser}", frame=laser, scan_time=0.2, **limits))
-        bag = write_bag(tmp_path / name, "mcap", sorted(entries, key=lambda entry: entry[2]))
+        bag = rig_bag(tmp_path / name, logs, mounts)
         [check] = check_mounts(bag)
         assert (check.topic, check.base) == ("/rear", "/front")
         assert check.is_wrong == (status == 3)
         assert command(["calibrate", str(bag), "--mounts"]) == status
         assert name in capsys.readouterr().out
+        assert command(["info", str(bag), "--rig", "--json"]) == 0
+        kinds = [issue["kind"] for issue in json.loads(capsys.readouterr().out)["issues"]]
+        assert ("wrong_mount" in kinds) == (name == "wrong")
+        assert command(["info", str(bag), "--rig"]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("the transforms put /rear elsewhere" in said) == (name == "wrong")
+        assert ("the scans agree with the transforms" in said) == (name == "right")
+
+
+def test_poses_that_are_not_known_are_left_out():
+    stamps = 0.1 * np.arange(50)
+    path = se2.exp(stamps[:, None] * np.array([0.5, 0.0, 0.1]))
+    wheels = cs.Trajectory(stamps=stamps, poses=np.where(stamps[:, None] < 0.25, np.nan, path))
+    a, b = common_motions(wheels, cs.Trajectory(stamps=stamps, poses=path))
+    assert len(a) > 5
+    assert np.allclose(a, b)

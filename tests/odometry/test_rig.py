@@ -7,8 +7,10 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.cli.main import run as command
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.catalogue import build_world
+from tests.bags import scan, transform, write_bag
 
 MOUNTS = {"front": (0.35, 0.25, np.pi / 4), "rear": (-0.35, -0.25, -3 * np.pi / 4)}
 
@@ -26,6 +28,17 @@ def recorded(poses, mounts=MOUNTS, world=None, seed=3):
         name: cs.simulate(world, poses=se2.compose(poses, np.array(mount)), seed=seed + k, odometry_noise=None)
         for k, (name, mount) in enumerate(mounts.items())
     }
+
+
+def rig_bag(path, logs, mounts):
+    """A bag of the lasers' scans, and of transforms to those that `mounts` names."""
+    entries = [transform(1, "base_link", laser, tuple(pose), topic="/tf_static") for laser, pose in mounts.items()]
+    for laser, log in logs.items():
+        for one in log:
+            limits = {"angle_min": one.angle_min, "angle_increment": one.angle_increment, "range_max": one.range_max}
+            stamp = round(1e9 * (1.0 + one.stamp))
+            entries.append(scan(stamp, one.ranges, topic=f"/{laser}", frame=laser, scan_time=0.2, **limits))
+    return write_bag(path, "mcap", sorted(entries, key=lambda entry: entry[2]))
 
 
 def test_the_joined_scan_shows_each_reading_where_its_laser_saw_it():
@@ -87,6 +100,35 @@ def test_two_lasers_track_the_base_and_survive_the_loss_of_one():
         # 1.6 m of way, matches of a few millimetres
         assert np.hypot(*error[:2]) < 0.02
         assert abs(error[2]) < 0.01
+
+
+@pytest.mark.slow
+def test_a_bag_of_two_lasers_is_read_as_one_log_and_mapped_by_one_flag(tmp_path, capsys):
+    drive = cs.simulate("office", n_scans=30, seed=3)
+    bag = rig_bag(tmp_path / "rig", recorded(drive.truth.poses, world=drive.world), MOUNTS)
+    rig = cs.Rig.of_bag(bag)
+    assert {name.strip("/"): tuple(np.round(mount, 6)) for name, mount in rig.mounts.items()} == {
+        name: tuple(np.round(mount, 6)) for name, mount in MOUNTS.items()
+    }
+    log = rig.read(bag)
+    assert (len(log), log.odometry) == (30, None)
+    assert log[0].is_full_circle
+    # as the rig tracks it scan by scan
+    live = list(rig.track({name: cs.read_log(bag, topic=name) for name in rig.mounts}, cs.Odometry()))
+    assert np.array_equal(cs.run(log, engine="odometry").trajectory.poses, [step.pose for step in live])
+    assert command(["slam", str(bag), "--rig", "--out", str(tmp_path / "out")]) in (0, 3)
+    assert len(cs.load_map(tmp_path / "out" / "map.csmap")) > 1
+    assert command(["slam", str(bag)]) == 1
+    assert "join them with --rig" in capsys.readouterr().err
+    assert command(["slam", str(bag), "--rig", "--topic", "/front"]) == 1
+    assert "--rig takes the lasers as the bag has them" in capsys.readouterr().err
+
+
+def test_a_bag_whose_transforms_do_not_lead_to_a_laser_is_refused(tmp_path):
+    bag = rig_bag(tmp_path / "rig", recorded(arc(2)), {"front": MOUNTS["front"]})
+    with pytest.raises(InvalidArgumentError, match="do not to /rear: find the mounts"):
+        cs.Rig.of_bag(bag)
+    assert len(cs.Rig({f"/{name}": mount for name, mount in MOUNTS.items()}).read(bag)) == 2
 
 
 @pytest.mark.parametrize(

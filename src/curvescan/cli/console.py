@@ -194,6 +194,7 @@ _WORDS = {
     "odometry_prior=False": "--laser-only",
     "upside_down=True": "--upside-down",
     "upside_down=False": "--upright",
+    "join them with Rig.of_bag": "join them with --rig",
     "read it with read_relations": "give it as --relations",
     "a smaller range_max": "a smaller --range-max",
     "the resolution of OccupancyConfig": "--map.resolution",

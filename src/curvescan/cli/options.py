@@ -168,6 +168,8 @@ class Reading:
     """Upper limit of a valid reading, metres, in place of what the log says."""
     topic: str | None = None
     """Which topic of a ROS bag to read, where it holds laser scans on several."""
+    rig: Flag = False
+    """Join all lasers of a ROS bag into one at the robot's base, by their mounts in its transforms."""
     ignore_beams: Annotated[tuple[int, int], tyro.conf.arg(metavar="FIRST LAST")] = (0, 0)
     """Beams at the beginning and at the end of each sweep that give no reading: they see the robot, say."""
     laser_pose: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y YAW_DEG")] = None
@@ -187,6 +189,8 @@ class Reading:
     def __post_init__(self) -> None:
         if self.upside_down and self.upright:
             raise InvalidArgumentError("--upside-down and --upright exclude each other: give one")
+        if self.rig and replace(self, rig=False) != Reading():
+            raise InvalidArgumentError("--rig takes the lasers as the bag has them: give no other flag of the reading")
 
     def setup(self) -> SensorSetup:
         """Return how the laser is set up, as the library has it."""
@@ -208,6 +212,11 @@ class Reading:
     def open(self, path: Path) -> Log:
         """Return the log that the flags ask for."""
         from curvescan.io.reading import open_log
+
+        if self.rig:
+            from curvescan.odometry.rig import Rig
+
+            return Rig.of_bag(path).read(path)
 
         return open_log(path, range_max=self.range_max, topic=self.topic, setup=self.setup())
 

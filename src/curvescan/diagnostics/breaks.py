@@ -51,7 +51,8 @@ def find_breaks(
         for k in np.flatnonzero(leaps).tolist()
         if record.outcomes[k] is StepOutcome.LOST
     ]
-    for k in (*np.flatnonzero(is_first | (leaps > 0.0)).tolist(), n):
+    opens = record.is_degenerate & ~np.concatenate(([True], record.is_degenerate[:-1]))
+    for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | opens).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
         driven = 0.0 if wheels is None else _farthest(wheels[begin:k])
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))

@@ -8,6 +8,7 @@ a way fixes its direction: a drive needs both.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,12 +19,14 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from curvescan import se2
+from curvescan.diagnostics.issues import Issue
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.log import Log, MountedLog
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
+from curvescan.odometry.rig import poses_at
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Floats, Pose
 
@@ -110,8 +113,21 @@ class MountCheck:
         is_far = float(np.hypot(*error[:2])) > WRONG_M or abs(error[2]) > WRONG_RAD
         return is_far and float(error @ np.linalg.solve(self.found.covariance, error)) > _CHANCE
 
+    def issue(self) -> Issue:
+        """Return what `curvescan info` says of a wrong mount."""
+        assert self.given is not None
+        x, y, yaw = np.abs(self.found.pose - self.given)
+        return Issue(
+            topic="file",
+            kind="wrong_mount",
+            what=f"the transforms put {self.topic} elsewhere, seen from {self.base}, than the scans do, "
+            f"by {math.hypot(x, y):.3f} m and {abs(math.degrees(se2.wrap(yaw))):.1f} deg",
+            consequence="walls are doubled where both lasers see them; curvescan calibrate LOG --mounts gives the "
+            "mount to put into the transforms",
+        )
 
-def check_mounts(path: str | os.PathLike[str]) -> list[MountCheck]:
+
+def check_mounts(path: str | os.PathLike[str], *, uses_wheels: bool = True) -> list[MountCheck]:
     """Return the mounts of the lasers of a bag, from their scans and the wheels, beside those of its transforms.
 
     With wheels each laser is seen from the robot's base, else each from the first one. Raises InvalidArgumentError.
@@ -119,7 +135,7 @@ def check_mounts(path: str | os.PathLike[str]) -> list[MountCheck]:
     given = laser_mounts(Path(path))
     logs = {topic: read_log(path, topic=topic) for topic in given}
     first, laser = next(iter(logs.items()))
-    wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+    wheels = laser.robot_odometry() if uses_wheels and isinstance(laser, MountedLog) else None
     if wheels is None and len(logs) < 2:
         raise InvalidArgumentError(
             f"{path} holds one laser and no wheels: a mount is found from two sensors on one robot"
@@ -154,10 +170,11 @@ def track_of(log: Log) -> Trajectory:
 
 def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
     """Return (n, 3) motions of two sensors over the same pieces of a drive, at the stamps of the first."""
-    stamps = a.stamps[(a.stamps >= b.stamps[0]) & (a.stamps <= b.stamps[-1])] if len(b) else a.stamps[:0]
-    poses_a, poses_b = _at(a, stamps), _at(b, stamps)
+    poses_a, poses_b = poses_at(a, a.stamps), poses_at(b, a.stamps)
+    both = np.isfinite(poses_a).all(axis=1) & np.isfinite(poses_b).all(axis=1)
+    poses_a, poses_b = poses_a[both], poses_b[both]
     ends = [0]
-    for k in range(1, len(stamps)):
+    for k in range(1, len(poses_a)):
         x, y, theta = se2.between(poses_a[ends[-1]], poses_a[k])
         if np.hypot(x, y) >= WAY or abs(theta) >= TURN:
             ends.append(k)
@@ -165,12 +182,6 @@ def common_motions(a: Trajectory, b: Trajectory) -> tuple[Pose, Pose]:
 
 
 _MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
-
-
-def _at(track: Trajectory, stamps: Floats) -> Pose:
-    """Return (n, 3) poses of a track at times within it, by constant velocity between its own."""
-    columns = [np.interp(stamps, track.stamps, column) for column in (*track.poses.T[:2], np.unwrap(track.poses[:, 2]))]
-    return np.stack(columns, axis=-1)
 
 
 def _misclosure(mount: Floats, a: Pose, b: Pose) -> Floats:

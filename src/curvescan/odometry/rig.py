@@ -10,9 +10,10 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,13 @@ from numpy.typing import ArrayLike
 from curvescan import se2
 from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.errors import InvalidArgumentError
+from curvescan.io import read_log
+from curvescan.io.arrays.memory import MemoryLog
+from curvescan.io.files.read_errors import as_path
+from curvescan.io.log import MountedLog
+from curvescan.io.ros.transforms import laser_mounts
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.odometry.odometry import Odometry
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Points, Pose
 
@@ -152,18 +160,12 @@ class Rig:
         unknown = sorted(set(logs) - set(self.mounts))
         if unknown:
             raise InvalidArgumentError(f"logs must be of {', '.join(self.mounts)}, got {', '.join(unknown)}")
-        streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
-        group: dict[str, LaserScan] = {}
-        for name, scan in heapq.merge(*streams, key=lambda item: item[1].stamp):
-            if name in group:
+        groups = _Groups(len(logs))
+        for name, scan in _merged(logs):
+            if (group := groups.add(name, scan)) is not None:
                 yield group
-                group = {}
-            group[name] = scan
-            if len(group) == len(logs):
-                yield group
-                group = {}
-        if group:
-            yield group
+        if groups.begun:
+            yield groups.begun
 
     def track(self, logs: Mapping[str, Iterable[LaserScan]], engine: _Engine[_S]) -> Iterator[_S]:
         """Yield the steps of an odometry, a SLAM or a localizer that is given the joined scans of several lasers.
@@ -180,14 +182,129 @@ class Rig:
         InvalidArgumentError
             When a name is not of this rig.
         """
-        velocity, before = np.zeros(3), math.nan
+        joiner = RigJoiner(self, logs)
         for scans in self.together(logs):
-            scan = self.join(scans, velocity)
+            scan = joiner.join(scans)
             step = engine.add(scan)
-            seconds = scan.stamp - before
-            is_known = 0.0 < seconds < _LONGEST_S and bool(np.isfinite(step.motion).all())
-            velocity, before = se2.log(step.motion) / seconds if is_known else np.zeros(3), scan.stamp
+            joiner.moved(scan, step.motion)
             yield step
+
+    @classmethod
+    def of_bag(cls, path: str | os.PathLike[str], *, body_radius: float = 0.0) -> Self:
+        """Return the lasers of a bag, by their topics, with the mounts that its transforms give.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A ROS bag.
+        body_radius : float
+            See :class:`Rig`.
+
+        Raises
+        ------
+        InvalidArgumentError
+            When the transforms do not lead from the robot's base to each laser.
+        LogFileError, LogFormatError
+            When the bag cannot be read.
+        """
+        mounts = laser_mounts(as_path(path, "a bag"))
+        unknown = [topic for topic, mount in mounts.items() if mount is None]
+        if unknown:
+            raise InvalidArgumentError(
+                f"the transforms of {path} must lead from base_link to each laser, and do not to {', '.join(unknown)}: "
+                "find the mounts by calibrate --mounts, and give them to Rig(mounts).read(path)"
+            )
+        return cls({topic: mount for topic, mount in mounts.items() if mount is not None}, body_radius)
+
+    def read(self, path: str | os.PathLike[str]) -> MemoryLog:
+        """Return the scans of a bag's lasers joined into one at the robot's base, with its wheels, as a log in memory.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A ROS bag whose topics are the names of the lasers.
+
+        Raises
+        ------
+        LogFileError, LogFormatError
+            When the bag cannot be read.
+        InvalidArgumentError
+            When a laser has no topic in it.
+        """
+        logs = {topic: read_log(path, topic=topic) for topic in self.mounts}
+        joiner, odometry, scans = RigJoiner(self, logs), Odometry(), []
+        for group in self.together(logs):
+            scans.append(joiner.join(group))
+            joiner.moved(scans[-1], odometry.add(scans[-1]).motion)
+        laser = next(iter(logs.values()))
+        wheels = laser.robot_odometry() if isinstance(laser, MountedLog) else None
+        stamps = np.array([scan.stamp for scan in scans])
+        return MemoryLog(
+            scans=tuple(scans),
+            odometry=None if wheels is None else Trajectory(stamps=stamps, poses=poses_at(wheels, stamps)),
+            name=laser.name,
+            format=laser.format,
+            notes=(f"of {len(logs)} lasers, joined at the robot's base: {', '.join(logs)}",),
+        )
+
+
+class _Groups:
+    """Sweeps in groups of one time: complete, or begun anew by a laser's second sweep."""
+
+    def __init__(self, n_lasers: int) -> None:
+        self._n_lasers = n_lasers
+        self.begun: dict[str, LaserScan] = {}
+
+    def add(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:
+        """Return a group that this sweep completes or ends; None while it waits for the other lasers."""
+        ended = self.begun if name in self.begun else None
+        if ended is not None:
+            self.begun = {}
+        self.begun[name] = scan
+        if len(self.begun) == self._n_lasers:
+            ended, self.begun = self.begun, {}
+        return ended
+
+
+class RigJoiner:
+    """Joins the sweeps of a rig as they come, each group moved by the velocity that the step before it had."""
+
+    def __init__(self, rig: Rig, lasers: Collection[str]) -> None:
+        self._rig, self._groups = rig, _Groups(len(lasers))
+        self._velocity, self._before = np.zeros(3), math.nan
+
+    def add(self, name: str, scan: LaserScan) -> LaserScan | None:
+        """Return the joined scan of a group that this sweep completes or ends; None while it waits for the others."""
+        group = self._groups.add(name, scan)
+        return None if group is None else self.join(group)
+
+    def join(self, scans: Mapping[str, LaserScan]) -> LaserScan:
+        """Return a group of sweeps as one scan of a sensor at the base."""
+        return self._rig.join(scans, self._velocity)
+
+    def moved(self, scan: LaserScan, motion: Pose) -> None:
+        """Take note of the motion of the base up to a joined scan: the next group is moved by it."""
+        seconds = scan.stamp - self._before
+        is_known = 0.0 < seconds < _LONGEST_S and bool(np.isfinite(motion).all())
+        self._velocity, self._before = se2.log(motion) / seconds if is_known else np.zeros(3), scan.stamp
+
+
+def poses_at(track: Trajectory, stamps: Floats) -> Pose:
+    """Return (n, 3) poses of a track at times, by constant velocity between its known ones; NaN before and after."""
+    known = np.isfinite(track.poses).all(axis=1)
+    if not known.any():
+        return np.full((len(stamps), 3), np.nan)
+    x, y, theta = track.poses[known].T
+    columns = [
+        np.interp(stamps, track.stamps[known], column, left=np.nan, right=np.nan) for column in (x, y, np.unwrap(theta))
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def _merged(logs: Mapping[str, Iterable[LaserScan]]) -> Iterator[tuple[str, LaserScan]]:
+    """Return the sweeps of all lasers by their stamps."""
+    streams = [zip(itertools.repeat(name), log, strict=False) for name, log in logs.items()]
+    return heapq.merge(*streams, key=lambda item: item[1].stamp)
 
 
 def _moved(twist: Floats, seconds: float) -> Pose:

@@ -26,8 +26,8 @@ class KeyframesConfig:
     n_linked: int = 3
     """Preceding keyframes that a new one is matched with."""
     n_lost: int = 8
-    """Scans in a row without a match after which nothing is known of the motion: the next keyframe begins a
-    fragment."""
+    """Scans in a row that neither a match nor wheels place, after which nothing is known of the motion: the next
+    keyframe begins a fragment."""
     n_prepared: int = 3000
     """Keyframes whose features are held in memory; those of others are computed again when they are needed."""
 

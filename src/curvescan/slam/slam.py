@@ -78,7 +78,7 @@ class Slam:
         self._open_drive = OpenDrive()
         self._last: Step | None = None
         self._origin: Step | None = None  # the step of the current keyframe
-        self._n_lost = self._n_most_lost = 0  # scans without a match, now and since the current keyframe
+        self._n_lost = self._n_most_lost = 0  # scans that nothing places, now and since the current keyframe
         self._n_scans = 0
         self._contradictions: tuple[Contradiction, ...] = ()
 
@@ -121,7 +121,7 @@ class Slam:
             self._records.begin(self.backend.keyframes[k].number, None)
             self._origin, seen = step, identity()
         else:
-            is_lost = step.outcome in _UNMEASURED
+            is_lost = step.outcome in _UNMEASURED and not step.is_driven
             self._n_lost = self._n_lost + 1 if is_lost else 0
             self._n_most_lost = max(self._n_most_lost, self._n_lost)
             seen = self._open_drive.known(between_steps(self._origin, step))

@@ -8,8 +8,9 @@ import pytest
 from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
 from curvescan.cli.main import run
 from curvescan.io.writing import write_pcd, write_ply
-from curvescan.slam.editing import operations
+from curvescan.slam.editing import merging, operations
 from curvescan.slam.editing.merging import merged
+from curvescan.slam.pose_graph.graph import EdgeKind
 from tests.slam.editing.ring import N, ring
 
 
@@ -158,3 +159,28 @@ def test_maps_of_one_building_are_joined_where_they_belong_and_of_two_are_refuse
     elsewhere = simulate("office-floor", sensor="spinning-360", n_scans=240, seed=5)
     with pytest.raises(InvalidArgumentError, match="nothing joins the two maps"):
         merged(one, from_log(elsewhere, range(0, 240, 10)))
+
+
+def test_maps_that_bend_are_joined_by_far_matches_once_near_ones_have_joined_them(monkeypatch):
+    straight, truth = ring()
+    one = replace(straight, poses=truth)
+    # the other one drifts by 0.23 degrees a keyframe: a metre at its end
+    steps = se2.between(truth[:-1], truth[1:]) + np.array([0.0, 0.0, 0.004])
+    poses = [truth[0]]
+    for step in steps:
+        poses.append(se2.compose(poses[-1], step))
+    along = straight.kinds == int(EdgeKind.MATCH)
+    other = replace(
+        one, poses=np.array(poses), measured=steps, ends=one.ends[along], kinds=one.kinds[along],
+        edge_covariances=10.0 * one.edge_covariances[along], weights=one.weights[along],
+    )  # fmt: skip
+    pairs = np.array([(k, k) for k in (*range(15), *range(15, N, 8))])
+    sigma = np.tile(1e-5 * np.eye(3), (len(pairs), 1, 1))
+    monkeypatch.setattr(merging, "_matches", lambda *_: (pairs, np.zeros((len(pairs), 3)), sigma))
+    far = np.hypot(*(other.poses - truth)[:, :2].T)
+    assert far.max() > 1.0
+    both = merging.merged(one, other)
+    np.testing.assert_allclose(both.poses[N:, :2], both.poses[:N, :2], atol=0.1)
+    before, after = merging.in_one_frame(one, other)
+    np.testing.assert_array_equal(np.concatenate([before.poses, after.poses]), both.poses)
+    assert len(before.ends) == 0

@@ -6,6 +6,7 @@ import json as json_format
 import math
 import sys
 import textwrap
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -14,6 +15,7 @@ import tyro
 from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 
 if TYPE_CHECKING:
+    from curvescan.diagnostics.issues import Issue
     from curvescan.diagnostics.report import LogReport
 
 
@@ -42,12 +44,15 @@ def info(
     from curvescan.diagnostics.issues import find_issues, report_as_plain
 
     report = inspect_log(reading.open(log))
+    mounts, wrong = _mounts_of(log) if reading.rig or reading.topic is not None else ("", [])
     if json:
-        print(json_format.dumps(report_as_plain(report), indent=2, allow_nan=False))
+        plain = report_as_plain(report)
+        plain["issues"] += map(asdict, wrong)
+        print(json_format.dumps(plain, indent=2, allow_nan=False))
         return 0 if report.is_usable else 1
     OUT.print(report.name, style="bold")
-    issues = find_issues(report)
-    for name, value in _rows(report):
+    issues = (*find_issues(report), *wrong)
+    for name, value in [*_rows(report), ("mounts", mounts)]:
         if value:
             _show(name, value)
     for issue in issues:
@@ -61,6 +66,20 @@ def info(
     proposed = [issue for issue in issues if not issue.mending]  # what is mended needs no option
     OUT.print(f"to map it: {with_options(['curvescan', 'slam', *given], proposed)}")
     return 0
+
+
+def _mounts_of(path: Path) -> tuple[str, list[Issue]]:
+    """Return what the scans say of where the lasers of a bag are to each other, and which mounts they contradict."""
+    from curvescan.errors import InvalidArgumentError
+    from curvescan.evaluation.mounts import check_mounts
+
+    try:
+        checks = check_mounts(path, uses_wheels=False)
+    except InvalidArgumentError as error:
+        return f"not checked: {error}", []
+    wrong = [check.issue() for check in checks if check.is_wrong]
+    right = [check.topic for check in checks if check.given is not None and not check.is_wrong]
+    return f"of {', '.join(right)}: the scans agree with the transforms" if right else "", wrong
 
 
 def _show(name: str, value: str, *, style: str = "") -> None:

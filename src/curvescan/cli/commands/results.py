@@ -80,7 +80,8 @@ def edit_map(
     file
         The map, map.csmap of `curvescan slam`.
     compare
-        A later map in the same frame: what appeared and what is gone, in changes.csv and changes.png.
+        A later map: what appeared and what is gone, in changes.csv and changes.png. It is laid on the other by matches
+        without a guess; where nothing joins them the two are compared as they lie.
     points
         All readings as points.ply or points.pcd.
     export
@@ -94,7 +95,7 @@ def edit_map(
 
     out = results_folder(out, file, "map")
     slam_map = changes.changed(load_map(file))
-    found = None if compare is None else operations.changes(slam_map.occupancy(), load_map(compare).occupancy())
+    found = None if compare is None else _compared(slam_map, load_map(compare))
     inputs = [path for path in (file, changes.merge, compare) if path is not None]
     with map_folder(out, slam_map, inputs=inputs) as folder:
         for name in points:
@@ -113,6 +114,20 @@ def edit_map(
         x0, y0, x1, y1 = change.box
         OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}")
     return 0
+
+
+def _compared(slam_map: SlamMap, later: SlamMap) -> list[Change]:
+    """Return what changed, after the later map has been laid on the other."""
+    from curvescan.cli.console import ERR
+    from curvescan.errors import InvalidArgumentError
+    from curvescan.slam.editing import operations
+    from curvescan.slam.editing.merging import in_one_frame
+
+    try:
+        slam_map, later = in_one_frame(slam_map, later)
+    except InvalidArgumentError as error:
+        ERR.print(f"compared as they lie: {error}")
+    return operations.changes(slam_map.occupancy(), later.occupancy())
 
 
 def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> None:

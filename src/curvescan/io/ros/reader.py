@@ -232,7 +232,7 @@ def _choose_topic(bag: Bag, topic: str | None) -> str:
             return next(iter(lasers))
         raise InvalidArgumentError(
             f"{bag.path} holds laser scans on {len(lasers)} topics: {listed}; choose one with "
-            f"topic={shown(next(iter(lasers)))!r}"
+            f"topic={shown(next(iter(lasers)))!r}, or join them with Rig.of_bag"
         )
     for name in lasers:
         if name.strip("/") == topic.strip("/"):

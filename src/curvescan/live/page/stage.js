@@ -1,7 +1,8 @@
 "use strict";
 // What the pages of `live` and `view` share: a canvas of one or two panes, panning and zooming, and what is drawn on it.
 const $ = (id) => document.getElementById(id);
-const canvas = $("canvas"), pen = canvas.getContext("2d");
+const canvas = $("canvas");
+let pen = canvas.getContext("2d");
 const view = { x: 0, y: 0, scale: 40, isFitted: true, isFollowing: false };
 // a page says how many panes there are, draws one, names the places that are to be seen, and the one to follow
 const stage = { n: 1, draw: (k) => {}, places: (take) => {}, target: () => null, panes: [], onPick: null };
@@ -114,6 +115,32 @@ function draw() {
   const step = niceStep((innerWidth > 640 ? 70 : 40) / view.scale);
   $("scale-bar").style.width = `${step * view.scale}px`;
   $("scale-label").textContent = step < 1 ? `${Math.round(100 * step)} cm` : `${step} m`;
+}
+
+// What stays from scan to scan is painted once. Where that takes longer than a frame should, the picture is moved along
+// while the view moves, and painted anew a few times a second and when the view rests.
+const SLOW_MS = 8, ANEW_MS = 200, REST_MS = 60;
+const stills = [];
+let resting = 0;
+function drawStill(k, key, paint) {
+  const s = (stills[k] = stills[k] || { canvas: document.createElement("canvas"), key: null, cost: 0, at: 0 });
+  const all = [...key, canvas.width, canvas.height, pane.cx, pane.cy, isDark.matches];
+  const isOld = !s.key || all.some((v, i) => v !== s.key[i]) || all.length !== s.key.length;
+  const isMoved = s.x !== view.x || s.y !== view.y || s.scale !== view.scale, now = performance.now();
+  if (isOld || (isMoved && (s.cost < SLOW_MS || s.isDue || now - s.at > Math.max(ANEW_MS, 4 * s.cost)))) {
+    const shown = pen, ratio = devicePixelRatio || 1;
+    s.canvas.width = canvas.width; s.canvas.height = canvas.height;
+    pen = s.canvas.getContext("2d"); pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    try { paint(); } finally { pen = shown; }
+    Object.assign(s, { key: all, x: view.x, y: view.y, scale: view.scale, isDue: false });
+    s.at = performance.now(); s.cost = s.at - now;
+  } else if (isMoved) {
+    clearTimeout(resting);
+    resting = setTimeout(() => { for (const one of stills) one.isDue = true; redraw(); }, REST_MS);
+  }
+  const times = view.scale / s.scale, left = pane.cx + (s.x - view.x) * view.scale - pane.cx * times;
+  const top = pane.cy - (s.y - view.y) * view.scale - pane.cy * times;
+  pen.drawImage(s.canvas, left, top, innerWidth * times, innerHeight * times);
 }
 
 function niceStep(least) {

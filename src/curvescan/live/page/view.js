@@ -119,13 +119,8 @@ stage.draw = (k) => {
   const run = runs[k];
   if (!run) return;
   const i = indexIn(run, at), pose = run.stamps.length ? poseOf(run, i) : null;
-  if (shown.has("map")) drawMap(run.map);
-  for (const name of ["wheels", "odometry"]) if (shown.has(name) && run[name]) drawPath(run[name], 3, colours[name], { width: 1.5, dash: [6, 4] });
-  if (run.closures) drawClosures(run);
-  if (shown.has("path")) drawTrack(run);
-  if (shown.has("ellipses") && run.keyframes) drawEllipses(run.keyframes, run.keyframe_covariances);
-  else if (shown.has("ellipses")) drawEllipses(run.poses, run.covariances);
-  if (shown.has("keyframes") && run.keyframes) drawKeyframes(run);
+  const isChosen = chosen && chosen.run === run ? chosen.m : -1;
+  drawStill(k, [run.poses, run.map && run.map.image, isChosen, $("colour").value, ...shown], () => drawRun(run));
   if (pose && shown.has("scan")) drawScan(pose, pointsOf(run, i), 0.01);
   if (pose) drawRobot(pose, run.covariances.subarray(4 * i, 4 * i + 4), k === 0);
   if (k === 0 && mending) drawMending(run);
@@ -134,6 +129,16 @@ stage.draw = (k) => {
     pen.fillText(`${run.name} (${run.mode})`, pane.cx, pane.cy - 0.5 * pane.h + 4);
   }
 };
+
+function drawRun(run) {
+  if (shown.has("map")) drawMap(run.map);
+  for (const name of ["wheels", "odometry"]) if (shown.has(name) && run[name]) drawPath(run[name], 3, colours[name], { width: 1.5, dash: [6, 4] });
+  if (run.closures) drawClosures(run);
+  if (shown.has("path")) drawTrack(run);
+  if (shown.has("ellipses") && run.keyframes) drawEllipses(run.keyframes, run.keyframe_covariances);
+  else if (shown.has("ellipses")) drawEllipses(run.poses, run.covariances);
+  if (shown.has("keyframes") && run.keyframes) drawKeyframes(run);
+}
 
 function drawTrack(run) {
   const kind = $("colour").value;

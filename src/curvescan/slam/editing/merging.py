@@ -27,6 +27,8 @@ _AGREES_M, _AGREES_RAD = 0.5, 0.1
 _LEAST, _MARGIN = 5, 3.0
 """Keyframes whose matches must agree, and how many times as many as agree on any other place."""
 
+_OF_EDGES = ("ends", "measured", "edge_covariances", "kinds", "weights")
+
 
 def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> SlamMap:
     """Return two maps as one, in the frame of the first.
@@ -36,18 +38,32 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
     config = config or SlamConfig()
     pairs, measured, covariances = _matches(one, other, config)
     chosen = _agreed(one, other, pairs, measured)
-    i, j = pairs[chosen, 0], pairs[chosen, 1]
     places = _places(one, other, pairs[chosen], measured[chosen])
     place = places[np.argmax([_near(places, k).sum() for k in range(len(places))])]
-    n = len(one)
+    placed = replace(other, poses=se2.compose(place, other.poses))
+    while True:
+        both = _joined(one, placed, pairs[chosen], measured[chosen], covariances[chosen], config)
+        # where maps bend, farther matches agree once nearer ones have joined them
+        i, j = pairs[:, 0], pairs[:, 1] + len(one)
+        agrees = chosen | _are_near(se2.between(measured, se2.between(both.poses[i], both.poses[j])))
+        if (agrees == chosen).all():
+            return both
+        chosen = agrees
+
+
+def _joined(
+    one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose, covariances: Cov, config: SlamConfig
+) -> SlamMap:
+    """Return two maps in one frame with closures between them, optimized."""
+    n, k = len(one), len(pairs)
     graph = MapGraph(
-        poses=np.concatenate([one.poses, se2.compose(place, other.poses)]),
-        ends=np.concatenate([one.ends, other.ends + n, np.stack([i, j + n], axis=1)]),
-        measured=np.concatenate([one.measured, other.measured, measured[chosen]]),
-        covariances=np.concatenate([one.edge_covariances, other.edge_covariances, covariances[chosen]]),
-        kinds=np.concatenate([one.kinds, other.kinds, np.full(len(i), EdgeKind.CLOSURE)]),
-        weights=np.concatenate([one.weights, other.weights, np.ones(len(i))]),
-        is_trusted=np.zeros(len(one.ends) + len(other.ends) + len(i), dtype=np.bool_),
+        poses=np.concatenate([one.poses, other.poses]),
+        ends=np.concatenate([one.ends, other.ends + n, pairs + np.array([0, n])]),
+        measured=np.concatenate([one.measured, other.measured, measured]),
+        covariances=np.concatenate([one.edge_covariances, other.edge_covariances, covariances]),
+        kinds=np.concatenate([one.kinds, other.kinds, np.full(k, EdgeKind.CLOSURE)]),
+        weights=np.concatenate([one.weights, other.weights, np.ones(k)]),
+        is_trusted=np.zeros(len(one.ends) + len(other.ends) + k, dtype=np.bool_),
     )
     both = replace(
         one,
@@ -57,6 +73,20 @@ def merged(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> Sl
         sessions=np.concatenate([one.sessions, other.sessions + one.n_sessions]),
     )
     return solved(both, graph, config)
+
+
+def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None) -> tuple[SlamMap, SlamMap]:
+    """Return two maps in the frame of the first, bent to lie on each other as :func:`merged` has them, without edges.
+
+    Raises InvalidArgumentError where nothing joins them.
+    """
+    both = merged(one, other, config)
+    parts = []
+    for rows in (slice(None, len(one)), slice(len(one), None)):
+        of_poses = {name: getattr(both, name)[rows] for name in ("poses", "covariances", "indices", "sessions")}
+        no_edges = {name: getattr(both, name)[:0] for name in _OF_EDGES}
+        parts.append(replace(both, scans=both.scans[rows], grid=None, **of_poses, **no_edges))
+    return parts[0], parts[1]
 
 
 def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[np.ndarray, Pose, Cov]:
@@ -104,5 +134,8 @@ def _places(one: SlamMap, other: SlamMap, pairs: np.ndarray, measured: Pose) -> 
 
 
 def _near(places: Pose, k: int) -> Bools:
-    off = se2.between(places[k], places)
+    return _are_near(se2.between(places[k], places))
+
+
+def _are_near(off: Pose) -> Bools:
     return np.asarray((np.hypot(off[:, 0], off[:, 1]) < _AGREES_M) & (np.abs(off[:, 2]) < _AGREES_RAD))
