@@ -82,7 +82,7 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
     Raises
     ------
     InvalidArgumentError
-        When `base` is no laser of the logs, or the drive is too short or too straight to tell.
+        When `base` is not the name of a log, or when the drive is too short or too straight to find a mount.
     """
     if isinstance(base, str) and base not in logs:
         raise InvalidArgumentError(f"base must be one of {', '.join(logs)}, or wheels as a Trajectory, got {base!r}")

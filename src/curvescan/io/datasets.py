@@ -41,7 +41,7 @@ def fetch(name: str) -> Path:
     """Return the path of a public file, downloaded on its first use.
 
     The file is kept in the user's cache folder, or in the folder that the environment variable CURVESCAN_DATASETS
-    names. Its licence and whom to cite are printed once, with the download.
+    names. The download prints the licence of the file and what to cite.
 
     Parameters
     ----------

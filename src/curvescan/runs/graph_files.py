@@ -38,7 +38,7 @@ def save_graph(folder: Path, slam_map: SlamMap) -> None:
 
 
 def write_closures(path: Path, closures: Sequence[Closure]) -> None:
-    """Write the candidates for loop closures and matches of neighbours: scan, pose, outcome and reason of each."""
+    """Write one row for each candidate of a loop closure and each match of neighbours: scan, pose, outcome, reason."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CLOSURE_HEADER)

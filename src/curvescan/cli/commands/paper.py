@@ -28,12 +28,14 @@ def calibrate(
 ) -> int:
     """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
 
-    sigma_rho keeps a wall beside the sensor whole. U_k is the least tolerance at which planes show no peak. U_c lies
-    just above the correlation that the functions of planes, which are noise, still have. U_p is the least at which
-    planes show no peak, n the smallest that matches simulated consecutive scans as well as any, S_min the largest that
-    rejects no right pair of their corners; walls, corners and pairs are always simulated, with the noise that the
-    planes show. Writes cfsma.toml, which --config takes, calibration.png and calibration.md, and drawings of what the
-    equations mean; with --sweep also sweep.md.
+    sigma_rho keeps a wall beside the sensor in one segment. U_k and U_p are the smallest values at which the curvature
+    of a plane shows no peak. The curvature of a plane is noise, and U_c lies just above the correlation that such noise
+    has. n is the smallest number of neighbours that matches simulated consecutive scans as well as any other. S_min is
+    the largest similarity that rejects no right pair of corners. Walls, corners and pairs are always simulated, with
+    the noise that the planes show.
+
+    Writes cfsma.toml for --config, calibration.png and calibration.md, and drawings of what the equations mean; with
+    --sweep also sweep.md.
 
     With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels, and says which
     mounts of the bag's transforms are wrong.

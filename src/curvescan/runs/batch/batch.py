@@ -23,7 +23,7 @@ TIMEOUT_S = 3600.0  # time that a log may take unless the caller says otherwise,
 
 
 class BatchDisplay(Protocol):
-    """What shows how far a batch has come."""
+    """The progress display of a batch."""
 
     def begin(self, stage: str, n_logs: int) -> None:
         """Begin a stage over so many logs; 0: its length is not known."""

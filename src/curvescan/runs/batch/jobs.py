@@ -51,7 +51,7 @@ class Job(Protocol):
 
 
 def digest_of(job: Job) -> str:
-    """Return a digest of what a job is and of its options, as 16 hexadecimal digits."""
+    """Return a digest of the kind and the options of a job, 16 hexadecimal digits."""
     kind = type(job)
     fields = {
         name for name, f in getattr(kind, "__dataclass_fields__", {}).items() if not f.metadata.get("is_option", True)
