@@ -66,7 +66,7 @@ def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
 
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return ``"did you mean 'x'? "`` where a known name is like the given one, else an empty string."""
-    near = difflib.get_close_matches(str(name), list(known), n=1)
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}? " if near else ""
 
 

@@ -239,7 +239,7 @@ def _island(half: float, rng: np.random.Generator) -> World:
 
 
 def _against_wall(room: Room, length: float, depth: float, side: int, share: float) -> tuple[Floats, Floats] | None:
-    """Return the pose of a piece of furniture with its back at a wall, and the rectangle it takes; None if it does not fit.
+    """Return the pose of a piece of furniture with its back at a wall, and the space it takes; None if it does not fit.
 
     `side` counts bottom, right, top, left; `share` in [0, 1) says where along the wall.
     """
