@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from curvescan.benchmarks.benchmark import benchmark_tables, run_benchmark
+from curvescan.benchmarks.benchmark import run_benchmark
 from curvescan.cli.console import load_usable_methods, progress_bars
 from curvescan.io import read_log
 from curvescan.matchers import DEFAULT_METHOD
@@ -44,10 +44,9 @@ def main() -> None:
     logs, seed = [read_log(path) for path in given.logs], given.seed
     methods = load_usable_methods()
     with progress_bars() as progress:
-        results = run_benchmark(
+        tables = run_benchmark(
             methods=methods, n_pairs=given.pairs, n_runs=given.runs, logs=logs, seed=seed, progress=progress
         )
-    tables = benchmark_tables(results)
     deceptions = [score_deception(world, n_pairs=given.deceptive, seed=seed + 3) for world in DECEPTIONS]
     spreads = [
         measure_jitter(log, name=log.name, jitter=jitter, n_runs=N_JITTERED, seed=seed)

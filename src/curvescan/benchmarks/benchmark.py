@@ -6,21 +6,15 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
-from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
+from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
+from curvescan.evaluation.real_logs import evaluate_log
 from curvescan.io.log import Log
 from curvescan.matchers import MATCHERS, match, prepare
 from curvescan.paper.experiments import Progress, in_silence
-from curvescan.paper.random_transform import (
-    CONDITIONS,
-    RandomTransformCondition,
-    RandomTransformRuns,
-    run_random_transforms,
-)
+from curvescan.paper.random_transform import CONDITIONS, RandomTransformRuns, run_random_transforms
 from curvescan.paper.tables import log_table
 from curvescan.runs.document import ResultTable
 from curvescan.simulation import SENSORS, ScanPair, Sensor, simulate_pairs
@@ -103,22 +97,6 @@ EXPERIMENT_1_SENSOR = "sick-lms200"
 """Conditions of experiment 1 with this sensor are run, the one of all other benchmarks: 10 mm of noise."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Benchmark:
-    """What was measured."""
-
-    # pairs of a scenario, and runs of experiment 1
-    n_pairs: int
-    n_runs: int
-    speeds: tuple[Speed, ...]  # of 361 beams, one a method
-    growth: dict[str, tuple[Speed, ...]]  # for each method, one a number of BEAM_COUNTS
-    scenarios: tuple[ScenarioScore, ...]  # scenario by scenario, one a method
-    open_worlds: tuple[OpenScore, ...]  # world by world, one a method
-    # the paper's experiment 1
-    experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
-    logs: tuple[LogEvaluation, ...]  # log by log, one a method
-
-
 def run_benchmark(
     *,
     methods: Sequence[str] = tuple(MATCHERS),
@@ -127,99 +105,34 @@ def run_benchmark(
     logs: Sequence[Log] = (),
     seed: int = 0,
     progress: Progress = in_silence,
-) -> Benchmark:
-    """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
-    speeds, growth = _times(methods, min(n_pairs, 200), seed, progress)
-    scenarios, open_worlds = _scores(methods, n_pairs, seed, progress)
-    experiment_1 = _experiment_1(n_runs, seed, progress)
+) -> list[ResultTable]:
+    """Return tables of time, success, accuracy and consistency of methods on simulated pairs and real logs."""
+    n_timed = min(n_pairs, 200)
+    tables = [
+        _time_table(methods, n_timed, seed, progress),
+        _growth_table(methods, min(n_timed, 10), seed, progress),
+        _scenario_table(methods, n_pairs, seed + 1, progress),
+        _open_world_table(methods, n_pairs, seed + 1, progress),
+        _experiment_1_table(n_runs, seed, progress),
+    ]
     judged = [
         evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
         for log in logs
         for method in methods
     ]
-    return Benchmark(
-        n_pairs=n_pairs,
-        n_runs=n_runs,
-        speeds=speeds,
-        growth=growth,
-        scenarios=scenarios,
-        open_worlds=open_worlds,
-        experiment_1=experiment_1,
-        logs=tuple(judged),
-    )
+    return [*tables, log_table(judged)] if judged else tables
 
 
-def _times(
-    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
-) -> tuple[tuple[Speed, ...], dict[str, tuple[Speed, ...]]]:
-    """Return times of methods: a match, and how it grows with the beams."""
-    speeds: list[Speed] = []
-    growth: dict[str, tuple[Speed, ...]] = {}
-    for method in methods:
-        advance = progress(f"time of {method}", 1 + len(BEAM_COUNTS))
-        speeds.append(measure_speed(method, n_pairs=n_pairs, seed=seed))
+def _time_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    def measured(method: str) -> Speed:
+        advance = progress(f"time of {method}", 1)
+        speed = measure_speed(method, n_pairs=n_pairs, seed=seed)
         advance()
-        series = []
-        for n_beams in BEAM_COUNTS:
-            sensor = with_beams(n_beams)
-            series.append(measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed))
-            advance()
-        growth[method] = tuple(series)
-    return tuple(speeds), growth
+        return speed
 
-
-def _scores(
-    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
-) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...]]:
-    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction."""
-    scenarios = [
-        score
-        for one in SCENARIOS
-        for score in score_scenario(one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs))
-    ]
-    open_worlds = [
-        score
-        for world in OPEN_WORLDS
-        for score in score_open(world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs))
-    ]
-    return tuple(scenarios), tuple(open_worlds)
-
-
-def _experiment_1(
-    n_runs: int, seed: int, progress: Progress
-) -> dict[tuple[str, RandomTransformCondition], RandomTransformRuns]:
-    """Return the paper's experiment 1 in several worlds."""
-    return {
-        (world, condition): run_random_transforms(
-            condition,
-            n_runs=n_runs,
-            world=world,
-            seed=seed,
-            on_run=progress(f"experiment 1, {world}, {condition.title}", n_runs),
-        )[0]
-        for world in EXPERIMENT_1_WORLDS
-        for condition in CONDITIONS
-        if condition.sensor == EXPERIMENT_1_SENSOR
-    }
-
-
-def save_benchmark(folder: Path, results: Benchmark) -> None:
-    """Write bench.md into an existing folder."""
-    text = "\n".join(table.markdown() for table in benchmark_tables(results))
-    (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")
-
-
-def benchmark_tables(results: Benchmark) -> list[ResultTable]:
-    """Return the tables of a benchmark, in the order in which it was measured."""
-    parts = (_speed, _growth, _scenario_table, _open_table, _experiment_table)
-    logs = [log_table(results.logs)] if results.logs else []
-    return [*(part(results) for part in parts), *logs]
-
-
-def _speed(results: Benchmark) -> ResultTable:
     return ResultTable.of(
         "Time of a scan of 361 beams, one thread: median (99th percentile)",
-        results.speeds,
+        map(measured, methods),
         [
             ("method", lambda one: one.method),
             ("prepare a scan", lambda one: _milliseconds(one.prepare_seconds)),
@@ -229,14 +142,17 @@ def _speed(results: Benchmark) -> ResultTable:
     )
 
 
-def _growth(results: Benchmark) -> ResultTable:
+def _growth_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
     rows = []
-    for method, speeds in results.growth.items():
-        for what, seconds in (
-            ("prepare", [speed.prepare_seconds for speed in speeds]),
-            ("match", [speed.match_seconds for speed in speeds]),
-        ):
-            rows.append((f"{method}, {what}", *(f"{1e3 * np.median(s):.3f} ms" for s in seconds)))
+    for method in methods:
+        advance = progress(f"time of {method} by beams", len(BEAM_COUNTS))
+        medians = []
+        for n_beams in BEAM_COUNTS:
+            speed = measure_speed(method, sensor=with_beams(n_beams), n_pairs=n_pairs, repeats=3, seed=seed)
+            medians.append((np.median(speed.prepare_seconds), np.median(speed.match_seconds)))
+            advance()
+        for what, seconds in zip(("prepare", "match"), zip(*medians, strict=True), strict=True):
+            rows.append((f"{method}, {what}", *(f"{1e3 * s:.3f} ms" for s in seconds)))
     return ResultTable(
         title="Growth with the number of beams over 180 deg: median",
         columns=("method", *(f"{n:,} beams" for n in BEAM_COUNTS)),
@@ -244,10 +160,15 @@ def _growth(results: Benchmark) -> ResultTable:
     )
 
 
-def _scenario_table(results: Benchmark) -> ResultTable:
+def _scenario_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    scores = [
+        score
+        for one in SCENARIOS
+        for score in score_scenario(one, methods, n_pairs=n_pairs, seed=seed, on_pair=progress(one.name, n_pairs))
+    ]
     return ResultTable.of(
-        f"Pairs of scans, {results.n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
-        results.scenarios,
+        f"Pairs of scans, {n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
+        scores,
         [
             ("scenario", lambda one: one.scenario),
             ("method", lambda one: one.method),
@@ -262,10 +183,15 @@ def _scenario_table(results: Benchmark) -> ResultTable:
     )
 
 
-def _open_table(results: Benchmark) -> ResultTable:
+def _open_world_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    scores = [
+        score
+        for world in OPEN_WORLDS
+        for score in score_open(world, methods, n_pairs=n_pairs, seed=seed, on_pair=progress(world, n_pairs))
+    ]
     return ResultTable.of(
-        f"Where a direction is unobservable, {results.n_pairs:,} pairs each",
-        results.open_worlds,
+        f"Where a direction is unobservable, {n_pairs:,} pairs each",
+        scores,
         [
             ("world", lambda one: one.world),
             ("method", lambda one: one.method),
@@ -277,11 +203,17 @@ def _open_table(results: Benchmark) -> ResultTable:
     )
 
 
-def _experiment_table(results: Benchmark) -> ResultTable:
+def _experiment_1_table(n_runs: int, seed: int, progress: Progress) -> ResultTable:
+    rows = []
+    for world in EXPERIMENT_1_WORLDS:
+        for condition in (one for one in CONDITIONS if one.sensor == EXPERIMENT_1_SENSOR):
+            on_run = progress(f"experiment 1, {world}, {condition.title}", n_runs)
+            (runs,) = run_random_transforms(condition, n_runs=n_runs, world=world, seed=seed, on_run=on_run)
+            rows.append((world, condition.title, *_errors(runs)))
     return ResultTable(
-        title=f"Experiment 1, cfsma, {results.n_runs:,} runs each: median errors of the matches that did not fail",
+        title=f"Experiment 1, cfsma, {n_runs:,} runs each: median errors of the matches that did not fail",
         columns=("world", "condition", "translation", "rotation", "mean N_t", "failed", "within 0.1 m, 2 deg"),
-        rows=[(world, condition.title, *_errors(runs)) for (world, condition), runs in results.experiment_1.items()],
+        rows=rows,
     )
 
 

@@ -172,23 +172,12 @@ def table(title: str, *columns: str) -> Table:
     return result
 
 
-_FLAGS = {
-    "as_is": "--as-is",
-    "backwards": "--backwards",
-    "clockwise": "--clockwise",
-    "drop_stale": "--drop-stale",
-    "exports": "--export",
-    "ignore_beams": "--ignore-beams",
-    "laser_pose": "--laser-pose",
-    "odometry_prior": "--odometry-prior",
-    "out": "--out",
-    "range_max": "--range-max",
-    "reference": "--reference",
-    "relations": "--relations",
-    "timeout": "--timeout",
-    "topic": "--topic",
-}
-"""Arguments that messages name, and their flags."""
+_ARGUMENTS = (
+    "as_is", "backwards", "clockwise", "drop_stale", "exports", "ignore_beams", "laser_pose", "odometry_prior", "out",
+    "range_max", "reference", "relations", "timeout", "topic",
+)  # fmt: skip
+"""Arguments that messages name; their flags have the same names, but for those renamed."""
+_RENAMED = {"exports": "export"}
 
 _WORDS = {
     "odometry_prior=False": "--laser-only",
@@ -200,7 +189,7 @@ _WORDS = {
     "the resolution of OccupancyConfig": "--map.resolution",
 }
 
-_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=('[^']*'|\([^)]*\)|[^\s,;:)]+)?")
+_ARGUMENT = re.compile(rf"\b({'|'.join(_ARGUMENTS)})=('[^']*'|\([^)]*\)|[^\s,;:)]+)?")
 
 
 def with_flags(message: str) -> str:
@@ -211,8 +200,8 @@ def with_flags(message: str) -> str:
 
 
 def _as_flag(found: re.Match[str]) -> str:
-    flag, value = _FLAGS[found[1]], found[2] or ""
-    values = value.strip("()'").replace(",", "")
+    flag = "--" + _RENAMED.get(found[1], found[1]).replace("_", "-")
+    values = (found[2] or "").strip("()'").replace(",", "")
     return flag if values in ("", "True") else f"{flag} {values}"
 
 

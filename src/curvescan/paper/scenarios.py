@@ -79,46 +79,31 @@ class DriveExperiment:
         )
 
 
-def _experiment(
-    number: int, drives: dict[Condition, Drive], n_people: dict[Condition, int]
-) -> tuple[DriveExperiment, ...]:
-    title, n_scans = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}[number]
-    return tuple(
-        DriveExperiment(
-            number=number,
-            title=title,
-            n_scans=n_scans,
-            n_people=n_people.get(condition, 0),
-            drive=drive,
-            condition=condition,
-            sensor=_SENSORS[condition],
-            path="home" if number == 2 else "route",
-        )
-        for condition, drive in drives.items()
-    )
-
-
-_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 _GENTLE = math.radians(4.0) / 0.2  # rad/s: 4 degrees from a scan to the next
+_TITLES = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}
+_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 
-DRIVES: tuple[DriveExperiment, ...] = (
-    *_experiment(2, {"paper": Drive(speed=0.3, turn_rate=_GENTLE), "hard": Drive(speed=0.3)}, {}),
-    *_experiment(
-        3,
-        {
-            "paper": Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0),
-            "hard": Drive(speed=1.25, turn_rate=1.5, acceleration=2.0),
-        },
-        {},
-    ),
-    *_experiment(
-        4,
-        {
-            "paper": Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5),
-            "hard": Drive(speed=0.95, turn_rate=1.5, acceleration=1.5),
-        },
-        {"paper": 3, "hard": 20},
-    ),
+_DRIVES: tuple[tuple[int, Condition, Drive, int], ...] = (  # experiment, condition, how the robot drives, people
+    (2, "paper", Drive(speed=0.3, turn_rate=_GENTLE), 0),
+    (2, "hard", Drive(speed=0.3), 0),
+    (3, "paper", Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0), 0),
+    (3, "hard", Drive(speed=1.25, turn_rate=1.5, acceleration=2.0), 0),
+    (4, "paper", Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5), 3),
+    (4, "hard", Drive(speed=0.95, turn_rate=1.5, acceleration=1.5), 20),
+)
+
+DRIVES = tuple(
+    DriveExperiment(
+        number=number,
+        title=_TITLES[number][0],
+        n_scans=_TITLES[number][1],
+        n_people=n_people,
+        drive=drive,
+        condition=condition,
+        sensor=_SENSORS[condition],
+        path="home" if number == 2 else "route",
+    )
+    for number, condition, drive, n_people in _DRIVES
 )
 """Experiments 2 to 4, each under the paper's conditions and under hard ones, with the paper's numbers of scans."""
 

@@ -246,7 +246,7 @@ def bench(
     """
     from contextlib import nullcontext
 
-    from curvescan.benchmarks.benchmark import benchmark_tables, run_benchmark, save_benchmark
+    from curvescan.benchmarks.benchmark import run_benchmark
     from curvescan.cli.console import OUT, load_usable_methods, progress_bars, show
     from curvescan.io import output_folder, read_log
 
@@ -254,12 +254,13 @@ def bench(
     with nullcontext() if out is None else output_folder(out) as folder:
         methods = load_usable_methods()
         with progress_bars() as progress:
-            results = run_benchmark(
+            tables = run_benchmark(
                 methods=methods, n_pairs=pairs, n_runs=runs, logs=sources, seed=seed, progress=progress
             )
         if folder is not None:
-            save_benchmark(folder, results)
-    for table in benchmark_tables(results):
+            text = "\n".join(table.markdown() for table in tables)
+            (folder / "bench.md").write_text(text, encoding="utf-8", newline="\n")
+    for table in tables:
         show(table)
     if out is not None:
         OUT.print(f"wrote {out}/bench.md")
