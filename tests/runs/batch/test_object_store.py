@@ -12,7 +12,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
-from curvescan.runs.batch import worker as transfer
+from curvescan.runs.batch import worker
 from curvescan.runs.batch.logs import _matches, name_folders, unique_name
 from curvescan.runs.batch.object_store import Bucket, Claims, is_url, split_url
 from tests.runs.batch.batch_jobs import NamedJob
@@ -142,30 +142,30 @@ def test_a_claim_of_another_job_is_an_error(bucket):
 
 def test_no_room_for_a_log_is_a_sentence(bucket, tmp_path, monkeypatch):
     bucket.write("logs/a.log", b"x" * 5_000_000)
-    monkeypatch.setattr(transfer, "Bucket", lambda address: bucket)
-    monkeypatch.setattr(transfer.shutil, "disk_usage", lambda path: SimpleNamespace(free=1_000_000))
+    monkeypatch.setattr(worker, "Bucket", lambda address: bucket)
+    monkeypatch.setattr(worker.shutil, "disk_usage", lambda path: SimpleNamespace(free=1_000_000))
     with (
-        transfer.scratch_folder() as scratch,
+        worker.scratch_folder() as scratch,
         pytest.raises(cs.StorageError, match=r"has 5 MB, and .* has room for 1 MB: set TMPDIR"),
     ):
-        transfer.download("s3://fleet/logs/a.log", scratch / "log")
+        worker.download("s3://fleet/logs/a.log", scratch / "log")
 
 
 def test_names_of_objects_lead_out_of_no_folder(bucket, tmp_path, monkeypatch):
     bucket.write("logs/bag/metadata.yaml", b"x")
     bucket.write("logs/bag/..\\..\\evil.db3", b"x")
-    monkeypatch.setattr(transfer, "Bucket", lambda address: bucket)
-    found = transfer.download("s3://fleet/logs/bag", tmp_path / "log")
+    monkeypatch.setattr(worker, "Bucket", lambda address: bucket)
+    found = worker.download("s3://fleet/logs/bag", tmp_path / "log")
     assert {path.name for path in found.iterdir()} == {"metadata.yaml", ".._.._evil.db3"}
 
 
 def test_temporary_folders_of_the_dead_are_removed(tmp_path, monkeypatch):
-    monkeypatch.setattr(transfer.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(worker.tempfile, "tempdir", str(tmp_path))
     dead = tmp_path / "curvescan-batch-dead"
     dead.mkdir()
     (dead / ".in-use").touch()
     (tmp_path / "curvescan-batch-unlocked").mkdir()  # about to be locked by its owner
-    with transfer.scratch_folder() as one, transfer.scratch_folder() as other:
+    with worker.scratch_folder() as one, worker.scratch_folder() as other:
         names = {path.name for path in tmp_path.iterdir()}
         assert names == {one.name, other.name, "curvescan-batch-unlocked"}
     assert [path.name for path in tmp_path.iterdir()] == ["curvescan-batch-unlocked"]
