@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.map_server import read_map
@@ -63,6 +62,8 @@ def with_field(found: SlamMap | OccupancyGrid, config: SlamConfig) -> tuple[Slam
 
 def field_of_grid(grid: OccupancyGrid) -> DistanceField:
     """Return the field of a plain map: what it calls occupied and free."""
+    from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
     occupied = grid.is_occupied
     distance = (
         distance_transform_edt(~occupied) * grid.resolution if occupied.any() else np.full(occupied.shape, np.inf)
