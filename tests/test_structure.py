@@ -198,7 +198,7 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 """Floats that nobody tunes; neither are those of 1e-6 and smaller, which guard divisions."""
 
 BUDGET: dict[str, tuple[int, int, int]] = {
-    "(ground)": (1692, 32, 0),
+    "(ground)": (1690, 32, 0),
     "benchmarks": (554, 23, 0),
     "cli": (2695, 15, 0),
     "diagnostics": (2596, 58, 0),
@@ -217,7 +217,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "runs/batch": (2022, 5, 0),
     "se2": (451, 0, 0),
     "simulation": (2227, 154, 0),
-    "slam": (6300, 147, 44),
+    "slam": (6299, 147, 44),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 
