@@ -18,8 +18,7 @@ from curvescan.diagnostics.prior.gyroscope import straightened
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.held import HeldLog
-from curvescan.io.log import Log, LogView
+from curvescan.io.log import HeldLog, Log, LogView
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats

@@ -9,21 +9,25 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
-from curvescan.paper.figures import draw_both_maps, draw_discarded, draw_end, draw_errors, draw_maps, draw_trajectories
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
     covariance_table,
+    draw_both_maps,
+    draw_discarded,
+    draw_end,
+    draw_errors,
+    draw_maps,
+    draw_trajectories,
     drive_table,
     dynamic_table,
     log_relation_table,
     log_table,
     random_transform_table,
 )
-from curvescan.runs.document import Part, save_document
-from curvescan.runs.evaluation import relation_record
+from curvescan.runs.document import Part, ResultTable, save_document
+from curvescan.runs.evaluation import number_or_null, relation_record
 from curvescan.runs.results import write_record
-from curvescan.runs.table import ResultTable
 
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}  # table VI of the paper
 
@@ -101,16 +105,12 @@ def _drive_record(result: ScenarioResult) -> dict[str, object]:
         "mean_variance": result.variances.mean(axis=0).tolist() if len(result.variances) else None,
         "largest_variance": result.variances.max(axis=0).tolist() if len(result.variances) else None,
         "mean_lu_milios": result.lu_milios.mean(axis=0).tolist() if len(result.lu_milios) else None,
-        "people_matched": _or_none(result.discarded.people_matched),
-        "static_matched": _or_none(result.discarded.static_matched),
-        "moved_precision": _or_none(result.moved.precision),
-        "moved_recall": _or_none(result.moved.recall),
+        "people_matched": number_or_null(result.people_matched.value),
+        "static_matched": number_or_null(result.static_matched.value),
+        "moved_precision": number_or_null(result.moved_precision.value),
+        "moved_recall": number_or_null(result.moved_recall.value),
         "milliseconds": float(1e3 * np.median(result.run.seconds)),
     }
-
-
-def _or_none(value: float) -> float | None:
-    return None if np.isnan(value) else value
 
 
 def _parts(folder: Path, results: Experiments) -> Iterator[Part]:
