@@ -11,6 +11,8 @@ import curvescan as cs
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamConfig
+from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of
 
 
@@ -21,6 +23,11 @@ def result() -> MatchResult:
     assert found.ok
     assert found.degenerate_direction is None
     return dataclasses.replace(found, confidence=0.95)
+
+
+@pytest.fixture(scope="module")
+def hall() -> cs.Log:
+    return cs.simulate("bare-corridor", sensor="spinning-360", seed=1, n_scans=2, odometry_noise=None)
 
 
 def _tested(
@@ -61,6 +68,28 @@ def test_the_odometry_may_slip_along_its_way_and_not_turn(result: MatchResult) -
 def test_a_match_that_is_likely_wrong_is_refused(result: MatchResult) -> None:
     doubtful = dataclasses.replace(result, confidence=0.3)
     assert _tested(doubtful).outcome is ClosureOutcome.LOW_CONFIDENCE
+
+
+def test_what_is_seen_from_afar_confirms_the_graph_where_it_is_sure(result: MatchResult) -> None:
+    far = dataclasses.replace(result, pose=np.array([5.0, 0.3, np.pi]))
+    assert _tested(far).outcome is ClosureOutcome.ACCEPTED
+    for pose, outcome in ((far.pose, ClosureOutcome.LOW_CONFIDENCE), (result.pose, ClosureOutcome.ACCEPTED)):
+        doubtful = dataclasses.replace(result, pose=pose, confidence=0.85)
+        assert _tested(doubtful).outcome is outcome
+    # keyframes that follow each other are far apart in some logs, and close no loop
+    assert _tested(dataclasses.replace(far, confidence=0.85), j=3).outcome is ClosureOutcome.ACCEPTED
+
+
+def test_opposite_views_are_candidates_up_to_six_metres_where_the_graph_knows_them(hall: cs.Log) -> None:
+    keyframes = Keyframes("curvescan", None, 10)
+    scan = hall[0]
+    for k in range(20):
+        keyframes.add(scan, k)
+    for distance, sigma, is_chosen in ((5.0, 0.05, True), (7.0, 0.05, False), (5.0, 0.5, False)):
+        relative = np.tile([30.0, 0.0, 0.0], (19, 1))
+        relative[2] = distance, 0.0, np.pi
+        covariances = np.tile(np.diag(np.square([sigma, sigma, 0.02])), (19, 1, 1))
+        assert (2 in choose_candidates(relative, covariances, SlamConfig(), keyframes)) is is_chosen
 
 
 def test_a_matcher_without_a_confidence_is_judged_by_its_score(result: MatchResult) -> None:

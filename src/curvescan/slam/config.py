@@ -84,6 +84,11 @@ class NoiseConfig:
         """(3, 3) covariance that each match has besides its own."""
         return np.diag(np.square([self.floor_m, self.floor_m, self.floor_rad]))
 
+    @cached_property
+    def spread(self) -> Cov:
+        """(3, 3) covariance that the difference of two estimates of one pose has besides theirs."""
+        return 4.0 * self.floor
+
     def slipped(self, motion: UncertainPose, way: float) -> UncertainPose:
         """Return a motion of the odometry with what it may slip; way: metres since a match measured all of it.
 
@@ -111,7 +116,8 @@ class ClosuresConfig:
     """Loop closures: where they are searched, and which are accepted."""
 
     reach: float = 2.5
-    """Keyframes farther from each other than this are not matched, metres."""
+    """Keyframes farther from each other than this are matched only where the graph knows their relative pose, metres:
+    up to 6 m, where what they see should overlap."""
     sigmas: float = 3.0
     """A keyframe may lie this many standard deviations from where the graph has it."""
     certain_m: float = 0.25

@@ -20,7 +20,7 @@ from curvescan.slam.loops.agreement import best_group, log_odds_of
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
 from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
-from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop
+from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.types import Bools
 
 
@@ -99,7 +99,7 @@ class LoopSearch:
         for k in range(1, graph.n_poses):
             relative = se2.between(poses[:k], poses[k])
             relative[fragments[:k] != fragments[k], 0] = np.inf
-            cov = np.broadcast_to(4.0 * self.config.noise.floor, (k, 3, 3))
+            cov = np.broadcast_to(self.config.noise.spread, (k, 3, 3))
             for i in choose_candidates(relative, cov, self.config, self._map.keyframes):
                 self._try(Candidate(i, k, UncertainPose(relative[i], cov[i])), index, is_known=True)
 
@@ -152,7 +152,7 @@ class LoopSearch:
         if not self._is_new(i, j):
             return []
         poses = self._map.graph.poses
-        cov = candidate.expected.cov + 4.0 * self.config.noise.floor
+        cov = candidate.expected.cov + self.config.noise.spread
         expected = UncertainPose(se2.between(poses[i], poses[j]), cov)
         prior = expected if is_certain(expected, self.config) else None
         result = self._map.keyframes.match(i, j, prior)
@@ -165,7 +165,7 @@ class LoopSearch:
                 self._remember(closure)
             return [self._accept(closure)]
         if closure.outcome is ClosureOutcome.WAITING:
-            if is_known or self.n_withdrawals > 0:
+            if is_known or self.n_withdrawals > 0 or not is_near(expected, self.config):
                 closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             else:
                 return self._wait(closure)

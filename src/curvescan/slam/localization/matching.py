@@ -165,7 +165,7 @@ class MapMatcher:
 
     def in_map(self, here: UncertainPose, keyframe: int) -> tuple[UncertainPose, Cov]:
         """Return a pose with what the map errs around it, and its covariance seen from the first keyframe."""
-        around = UncertainPose(here.pose, here.cov + 4.0 * self._config.noise.floor)
+        around = UncertainPose(here.pose, here.cov + self._config.noise.spread)
         origin = UncertainPose(self._map.poses[keyframe], self._map.covariances[keyframe])
         seen = UncertainPose(se2.between(origin.pose, here.pose), np.zeros((3, 3)))
         return around, around.cov + compose(origin, seen).cov

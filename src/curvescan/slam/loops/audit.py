@@ -105,7 +105,7 @@ def groups_against(tried: list[Closure], poses: Pose, config: SlamConfig) -> lis
 def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure | None:
     """Return a match that a map contradicts by no more than a way may have slipped: else it shows another place."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
-    cov = closure.covariance + 4.0 * config.noise.floor
+    cov = closure.covariance + config.noise.spread
     gate = config.closures.gate
     is_off = off @ np.linalg.solve(cov, off) > gate
     if not (is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate):

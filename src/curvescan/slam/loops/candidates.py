@@ -13,6 +13,10 @@ from curvescan.types import Cov, Floats, Pose
 if TYPE_CHECKING:
     from curvescan.slam.keyframes import Keyframes
 
+_FARTHEST = 6.0
+"""Keyframes whose relative pose is known are matched up to here, metres: opposite views share least where they meet.
+With 2.5 m the error of Acapulco is 0.44 m in place of 0.13, and of a building's floor 14 mm in place of 5."""
+
 
 def choose_candidates(
     relative: Pose, covariances: Cov, config: SlamConfig, keyframes: Keyframes, similarity: Floats | None = None
@@ -21,13 +25,12 @@ def choose_candidates(
 
     relative (n, 3); covariances (n, 3, 3); similarity (n,).
     """
-    rules, noise = config.closures, config.noise
-    variance = np.diagonal(covariances, axis1=1, axis2=2)
-    variance = variance + 4.0 * np.square([noise.floor_m, noise.floor_m, noise.floor_rad])
+    rules = config.closures
+    variance = np.diagonal(covariances, axis1=1, axis2=2) + np.diagonal(config.noise.spread)
     sigma = np.sqrt(variance[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
-    is_near = distance - rules.sigmas * sigma < rules.reach
     is_certain = (sigma < rules.certain_m) & (variance[:, 2] < rules.certain_rad**2)
+    is_near = (distance - rules.sigmas * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
     cost = distance + 0.7 * np.abs(relative[:, 2])
     newest = len(relative)
     is_near[max(newest - 1 - config.keyframes.n_linked, 0) :] = False

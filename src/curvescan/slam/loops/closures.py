@@ -32,6 +32,9 @@ def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
 _OPEN = 100.0
 """Standard deviation of a way that is not measured, metres."""
 
+_SURE = 0.9
+"""A match of this confidence is right in 99.9 %."""
+
 _MOST_ODDS = math.log(99.0)
 """Most that one match says for itself: of matches of a confidence of 0.99 one in a hundred is wrong."""
 
@@ -109,6 +112,13 @@ def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     return bool(max(x, y) < rules.certain_m**2 and theta < rules.certain_rad**2)
 
 
+def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
+    """Return whether two keyframes may lie so near to each other that a match can dispute where the graph has them."""
+    rules = config.closures
+    away = math.hypot(expected.pose[0], expected.pose[1])
+    return away < rules.reach + rules.sigmas * math.sqrt(expected.cov[0, 0] + expected.cov[1, 1])
+
+
 def measured(result: MatchResult) -> UncertainPose:
     """Return the pose of a match; what the scans leave open, a way or a turn, is not measured at all.
 
@@ -139,7 +149,9 @@ def closure_of(
     distance = fuse(expected, found)[1]
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
-    if not is_confident(result, config):
+    # what is seen from afar and is not sure is often the room beside, which the graph's guess led to
+    is_doubtful = is_loop(i, j) and result.confidence < _SURE and not is_near(expected, config)
+    if is_doubtful or not is_confident(result, config):
         return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
     if expectation + log_odds(tried) > config.closures.log_odds and distance < config.closures.gate:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
