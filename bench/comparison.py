@@ -18,8 +18,7 @@ from datetime import date
 from pathlib import Path
 
 import curvescan as cs
-from curvescan.evaluation.published import BENCHMARKS
-from curvescan.evaluation.relations import relation_errors
+from curvescan.evaluation.relations import BENCHMARKS, relation_errors
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS
 from kept_rows import markdown, read_rows, write_rows
 

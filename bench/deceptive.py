@@ -15,19 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
+from curvescan.configs import look_up
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import DEFAULT_METHOD, match
 from curvescan.paper.random_transform import SUCCESS
-from curvescan.runs.table import ResultTable
+from curvescan.runs.document import ResultTable
 from curvescan.scan import LaserScan
-from curvescan.simulation.buildings.catalogue import look_up
-from curvescan.simulation.buildings.floor import building
-from curvescan.simulation.buildings.offices import office
+from curvescan.simulation.buildings.catalogue import building, office
 from curvescan.simulation.buildings.rooms import columns, corridor, room
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe
-from curvescan.simulation.seeds import PAIR, child
-from curvescan.simulation.sensing.people import People, crowd
+from curvescan.simulation.sensing.people import PAIR, People, child, crowd
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor
 from curvescan.types import Floats, Pose
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from curvescan.plots.canvas import DARK, FAILED, LIGHT, drawing
+from curvescan.plots.map import DARK, FAILED, LIGHT, drawing
 from curvescan.types import Bools, Floats
 from localization_runs import Checked
 from localization_tasks import PARTS, LocalizationTask

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from curvescan import se2
-from curvescan.evaluation.association import associate
-from curvescan.io.poses import read_poses
-from curvescan.io.reading import read_log
+from curvescan.evaluation.relations import associate
+from curvescan.io.reading import read_log, read_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.simulation import World, build_world, simulate

@@ -20,7 +20,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.cli.flags import with_flags
+from curvescan.cli.console import with_flags
 from curvescan.evaluation.relations import relation_errors
 from curvescan.evaluation.trajectory_errors import ate, travelled
 from curvescan.odometry.step import StepOutcome

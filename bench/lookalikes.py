@@ -9,8 +9,7 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError
 from curvescan.scan import LaserScan
-from curvescan.simulation.buildings.floorplan import Door, Room, walls_of
-from curvescan.simulation.buildings.furniture import furnish
+from curvescan.simulation.buildings.floorplan import Door, Room, furnish, walls_of
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.driving.motion import drive_route
 from curvescan.simulation.driving.pursuit import Drive

@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.odometry import Odometry, run_odometry
-from curvescan.runs.table import ResultTable
+from curvescan.runs.document import ResultTable
 from curvescan.scan import LaserScan
 from curvescan.simulation import SENSORS, Simulation, simulate
 from curvescan.types import Floats, Pose

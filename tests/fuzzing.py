@@ -26,7 +26,7 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.diagnostics.issues import find_issues
 from curvescan.errors import CurvescanError
 from curvescan.io import Log, read_config, read_csv, read_log, read_poses, read_relations, read_tum, write_config
-from curvescan.io.formats import FORMATS
+from curvescan.io.reading import FORMATS
 from tests import bags, carmen_files
 
 MAX_SENTENCE = 1000

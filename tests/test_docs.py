@@ -13,7 +13,7 @@ import pytest
 import curvescan as cs
 from curvescan.cli.command_line import COMMANDS
 from curvescan.cli.main import run as command
-from curvescan.evaluation.published import BENCHMARKS
+from curvescan.evaluation.relations import BENCHMARKS
 from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"

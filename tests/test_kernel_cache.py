@@ -309,6 +309,13 @@ def test_folders_of_other_versions_are_swept_when_unused_for_a_day(tmp_path, tin
     assert len(left) == 4
 
 
+def test_code_that_is_found_loads_no_part_of_the_compiler(tiny):
+    """Numba's own way of loading takes in all it can compile, and SciPy with it: half a second of processor."""
+    compiler = "numba.np.linalg"
+    ask(tiny, ASK + f"assert {compiler!r} in sys.modules\n")
+    assert ask(tiny, ASK + f"assert {compiler!r} not in sys.modules\n")[1] == 0
+
+
 def test_every_kernel_of_the_package_is_cached_under_the_digest():
     for name in kernel_modules():
         importlib.import_module(name)

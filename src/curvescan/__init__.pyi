@@ -31,9 +31,9 @@ from .io import write_tum as write_tum
 from .io.files.read_errors import ReadError as ReadError
 from .io.log import Log as Log
 from .io.log import LogSlice as LogSlice
-from .io.ros.writing.log_writer import write_odometry_mcap as write_odometry_mcap
-from .io.trajectories.g2o import write_g2o as write_g2o
+from .io.ros.writing.bags import write_odometry_mcap as write_odometry_mcap
 from .io.trajectories.layouts import write_kitti as write_kitti
+from .io.trajectories.relations import write_g2o as write_g2o
 from .io.trajectories.trajectory import Trajectory as Trajectory
 from .io.trajectories.trajectory import read_kitti as read_kitti
 from .live.finished.view import view as view

@@ -47,8 +47,7 @@ def n_compiled() -> int:
 
     Always 0 with NUMBA_DISABLE_JIT=1.
     """
-    compiled = [k for k in _kernels if isinstance(k, CPUDispatcher)]
-    return sum(sum(k.stats.cache_misses.values()) for k in compiled)
+    return sum(sum(k.stats.cache_misses.values()) for k in _kernels if isinstance(k, CPUDispatcher))
 
 
 def _compiled(function: Callable[_P, _R], **flags: str) -> Callable[_P, _R]:

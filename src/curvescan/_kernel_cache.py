@@ -30,6 +30,7 @@ from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.runtime.nrt import rtsys
 
 _numba_config: Any = numba.config
 _ROOT = Path(__file__).parent
@@ -142,7 +143,7 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code kept for argument types `sig`, or None."""
-        target_context.refresh()
+        rtsys.initialize(target_context)  # all that this needs of what Numba's refresh() does in half a second
         own = self._index_key(sig, target_context.codegen())
         for key in (own, (sig, (own[1][0], *_ANY_PROCESSOR), own[2])):
             for file in self._files:

@@ -1,10 +1,11 @@
-"""Processes of this Python: how many there are cores for, and how one begins that imports what this one can."""
+"""Cores, processes that import what this one can, and a lock on a file that ends with the process that holds it."""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
+from typing import BinaryIO
 
 
 def n_usable_cores() -> int:
@@ -28,3 +29,16 @@ def python_command(module: str, call: str) -> list[str]:
     name = call.partition("(")[0]
     code = f"import sys; sys.path[:] = {paths}; from {module} import {name}; {call}"
     return [sys.executable, "-c", code]
+
+
+def lock(file: BinaryIO) -> None:
+    """Lock an open file for this process. Raises OSError."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: a byte far behind the end, so that the file can be read meanwhile
+        import msvcrt
+
+        file.seek(1 << 40)
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+    else:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -19,6 +19,7 @@ from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 from curvescan.errors import InvalidArgumentError
 
 Config = TypeVar("Config")
+_T = TypeVar("_T")
 
 
 def as_config(
@@ -65,8 +66,15 @@ def changed(default: Config, given: Mapping[str, Any], where: str) -> Config:
 
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return ``"did you mean 'x'? "`` where a known name is like the given one, else an empty string."""
-    near = difflib.get_close_matches(str(name), list(known), n=1)
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}? " if near else ""
+
+
+def look_up(table: Mapping[str, _T], name: object, what: str) -> _T:
+    """Return an entry of a table by its name; a name that it does not have is an error with the nearest one."""
+    if isinstance(name, str) and name in table:
+        return table[name]
+    raise InvalidArgumentError(f"unknown {what} {name!r:.80}: {nearest(name, table)}known are {', '.join(table)}")
 
 
 def check_names(given: Mapping[str, Any], known: Mapping[str, Any], where: str) -> None:

@@ -1,11 +1,11 @@
-"""Deskew: a sweep taken on the move as it would have been seen from one place, at the middle of the sweep.
+"""Deskew: turn a sweep that was taken on the move into one that is seen from the middle of the sweep.
 
-Each beam is cast from where the sensor is at its own time. With the sensor's velocity known each reading is moved to
-where the sensor sees it at the middle of the sweep: there an error of the velocity displaces the first half of the
-readings one way and the second half the other way, so that most of it cancels in a match, and no reading is moved by
-more than half a sweep. The beams keep their order and their number: labels and masks by beam fit both scans.
+A moving sensor measures each beam from another place. If its velocity is known, each reading is moved to where the
+sensor would see it from its place at the middle of the sweep. No reading is moved by more than half a sweep. An error
+of the velocity moves the first half of the readings one way and the second half the other way, and most of it cancels
+in a match. The beams keep their order and their number: labels and masks by beam fit both scans.
 
-What comes to lie behind something nearer is no reading of the deskewed scan: from there it cannot be seen.
+A reading that comes to lie behind a nearer one is dropped: it could not be seen from there.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
 def n_periods(stamps: Sequence[float], period: float) -> int:
     """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
 
-    0 where how long the motion took is not known: at a pause, and at the step after one, of which the motion during the
-    pause is expected again. A whole number, so that the jitter of a stamp changes nothing.
+    Return 0 at a pause and at the step after it: it is not known how long the motion took. The result is a whole
+    number, so that a stamp that jitters changes nothing.
     """
     steps = [after - before for before, after in pairwise(stamps[-3:])]
     if any(_MOST_PERIODS + 0.5 < step / period <= _LEAP for step in steps):
@@ -151,9 +151,9 @@ def _from_the_middle(
 
 @kernel
 def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
-    """Return (n,) the readings in sight: those left when of two that are out of order the farther goes.
+    """Return (n,) which readings stay in sight: of two that are out of order the farther one is dropped.
 
-    `bearings` should rise by at least `least` from a reading to the next.
+    Readings are in order if each bearing is at least `least` larger than the one before.
     """
     n = bearings.size
     stack = np.empty(n, dtype=np.int64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from curvescan.cli.command_line import COMMANDS, run
-from curvescan.cli.flags import with_flags
+from curvescan.cli.console import with_flags
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])

@@ -21,8 +21,7 @@ from rich.console import Console
 from curvescan._version import described
 from curvescan.cli import console
 from curvescan.cli.command_line import COMMANDS, run
-from curvescan.cli.console import load_usable_methods
-from curvescan.cli.flags import with_flags
+from curvescan.cli.console import load_usable_methods, with_flags
 from curvescan.cli.options import (
     BenchmarkName,
     MatcherFlags,
@@ -33,7 +32,7 @@ from curvescan.cli.options import (
     results_folder,
 )
 from curvescan.diagnostics.beam_order import BeamOrder
-from curvescan.evaluation.published import BENCHMARKS
+from curvescan.evaluation.relations import BENCHMARKS
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig
 from curvescan.simulation import WORLDS

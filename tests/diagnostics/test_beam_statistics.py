@@ -59,23 +59,34 @@ def test_beams_on_the_robot_are_found_while_it_moves():
         rows[:, beams] = body
     rows[:, :4] = np.nan
     counters = statistics(rows)
-    assert counters.fixed_beams == ((4, 11), (170, 179))
+    assert counters.fixed_beams == (((4, 11), (170, 179)), N_BEAMS)
     assert counters.n_blind == 4
 
 
 def test_walls_and_bodies_of_a_standing_sensor_are_no_robot():
     rng = np.random.default_rng(4)
     rows = 1.0 + 0.005 * rng.normal(size=(60, N_BEAMS))
-    assert statistics(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams is None
     # half of the beams look over a street, where everything moves
     rows[:, 90:] = moving()[:, 90:]
-    assert statistics(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams is None
 
 
 def test_a_wall_that_follows_at_a_distance_is_no_robot():
     rows = moving()
     rows[:, 10:14] = 5.0
-    assert statistics(rows).fixed_beams == ()
+    assert statistics(rows).fixed_beams is None
+
+
+def test_a_wall_that_is_passed_straight_on_is_no_robot():
+    rows = moving()
+    angles = np.linspace(-0.5, 0.5, 40)
+    rows[:, 60:100] = 1.0 / np.cos(angles) + np.linspace(-0.05, 0.05, len(rows))[:, np.newaxis] * np.abs(angles)
+    fixed = rows[:, 60:100].std(axis=0) < 0.03
+    assert fixed.sum() > 20
+    assert statistics(rows).fixed_beams is not None
+    rows[:, [57, 58, 59, 100, 101, 102]] = 1.3 + np.linspace(-0.1, 0.1, len(rows))[:, np.newaxis]
+    assert statistics(rows).fixed_beams is None
 
 
 def test_readings_of_any_size_and_sweeps_without_beams():
@@ -83,6 +94,6 @@ def test_readings_of_any_size_and_sweeps_without_beams():
     rows[5] = 1e200
     statistics(rows, range_max=math.inf)
     nothing = statistics([np.empty(0)] * 3)
-    assert (nothing.fixed_beams, nothing.n_blind) == ((), 0)
+    assert (nothing.fixed_beams, nothing.n_blind) == (None, 0)
     assert math.isnan(nothing.stale_share)
-    assert BeamStatistics().fixed_beams == ()
+    assert BeamStatistics().fixed_beams is None

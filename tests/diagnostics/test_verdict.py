@@ -10,7 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
-from curvescan.cli.flags import propose_commands
+from curvescan.cli.console import propose_commands
 from curvescan.diagnostics.issues import Issue, Remedy
 from curvescan.diagnostics.verdict import MAX_OPEN_SHARE, Evidence, judge, verdict_of
 from curvescan.io.arrays.memory import MemoryLog

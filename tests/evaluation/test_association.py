@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.evaluation.association import associate, find_stamps
+from curvescan.evaluation.relations import associate, find_stamps
 from tests.reference import trajectory_errors as slow
 
 STAMPS = st.lists(st.integers(0, 60).map(lambda k: k / 8), min_size=1, max_size=25, unique=True)

@@ -6,7 +6,6 @@ import json
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,15 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import curvescan as cs
-from curvescan.benchmarks.profile import REST, measure_stages
-from curvescan.benchmarks.speed import measure_speed
+from curvescan.benchmarks.benchmark import measure_speed
 from curvescan.evaluation.real_logs import assign_relations, evaluate_log
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.io import Relations
 from curvescan.matchers.cfsma.config import CfSmaConfig
 from curvescan.odometry import run_odometry
+from curvescan.paper.calibration import wall_scans
 from curvescan.paper.experiments import count_parameters, run_experiments
-from curvescan.paper.planes import wall_scans
 from curvescan.paper.random_transform import (
     CONDITIONS,
     N_BATCHES,
@@ -122,17 +120,6 @@ def test_speed_is_measured_for_each_scan_and_pair():
     assert speed.match_seconds.shape == (6,)
     assert (speed.match_seconds > 0).all()
     assert speed.guess_seconds.shape == (6,)
-
-
-def test_the_time_of_each_stage_is_that_of_its_file():
-    stages = {one.stage: one for one in measure_stages("cfsma", n_pairs=2)}
-    assert list(stages)[-1] == REST
-    package = Path(cs.__file__).parent
-    assert all((package / stage).is_file() for stage in stages if stage != REST)
-    # a scan's curvature belongs to it alone, its landmarks are found in it and paired with another's
-    curvature, landmarks = (stages["matchers/cfsma/curvature.py"], stages["matchers/cfsma/landmarks.py"])
-    assert curvature.prepare_seconds > 0 == curvature.match_seconds == curvature.guess_seconds
-    assert min(landmarks.prepare_seconds, landmarks.match_seconds, landmarks.guess_seconds) > 0
 
 
 @pytest.fixture(scope="module")

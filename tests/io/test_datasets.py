@@ -105,7 +105,7 @@ def test_a_cache_that_cannot_be_written_is_one_sentence(server, tmp_path, monkey
 
 
 def test_an_unknown_name_is_met_with_the_nearest():
-    with pytest.raises(InvalidArgumentError, match="got 'intle'; did you mean 'intel'"):
+    with pytest.raises(InvalidArgumentError, match="unknown data set 'intle': did you mean 'intel'"):
         datasets.fetch("intle")
     assert run(["demo", "--log", "intle"]) == 1
 

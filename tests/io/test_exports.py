@@ -14,11 +14,11 @@ from curvescan import se2
 from curvescan.cli.main import run
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import log_from_arrays, read_log, write_log, write_tum
-from curvescan.io.exports import EXPORTS, ExportName, RunData, takes_edges, write_exports
-from curvescan.io.ros.writing.log_writer import write_odometry_mcap
-from curvescan.io.trajectories.g2o import information_of, write_g2o
+from curvescan.io.ros.writing.bags import write_odometry_mcap
 from curvescan.io.trajectories.layouts import write_kitti
+from curvescan.io.trajectories.relations import information_of, write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.io.writing import EXPORTS, ExportName, RunData, takes_edges, write_exports
 from curvescan.odometry import Odometry, Step, run_odometry
 from curvescan.runs import run as runner
 from curvescan.runs.graph_files import edges_of
@@ -278,7 +278,7 @@ def test_each_row_writes_its_file(tmp_path: Path, name: str) -> None:
 
 def test_an_unknown_name(tmp_path: Path) -> None:
     data = RunData(trajectory=trajectory(), edges=(), scans=())
-    with pytest.raises(InvalidArgumentError, match="must be of kitti, g2o, mcap, got 'ply'"):
+    with pytest.raises(InvalidArgumentError, match="unknown export 'ply': known are kitti, g2o, mcap"):
         write_exports(tmp_path, ["ply"], data)
 
 

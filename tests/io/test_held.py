@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.io.held import HeldLog
-from curvescan.io.log import GyroLog, Log, MountedLog
+from curvescan.io.log import GyroLog, HeldLog, Log, MountedLog
 from tests.carmen_files import flaser
 
 N = 20

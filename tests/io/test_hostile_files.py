@@ -163,8 +163,8 @@ def _index_at(content: bytearray) -> int:
 
 def test_file_that_is_read_again_and_again(tmp_path: Path, monkeypatch: Any) -> None:
     path = bags.write_bag(tmp_path / "a.bag", "ros1", [bags.scan(i) for i in range(9)])
-    monkeypatch.setattr("curvescan.io.ros.bags.hardening.checked_path.MIN_READ_LIMIT", 0)
-    monkeypatch.setattr("curvescan.io.ros.bags.hardening.checked_path.MAX_READ_RATIO", 0)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.limits.MIN_READ_LIMIT", 0)
+    monkeypatch.setattr("curvescan.io.ros.bags.hardening.limits.MAX_READ_RATIO", 0)
     with pytest.raises(LogFormatError, match="leads to the same bytes again and again"):
         read_log(path)
 

@@ -25,7 +25,7 @@ import sys
 import time
 import numpy as np
 from curvescan.io import log_from_arrays, output_folder, write_log, write_tum
-from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 
 folder, rng = sys.argv[1], random.Random(11)

@@ -170,7 +170,7 @@ def test_a_scan_of_a_large_file_is_found_without_reading_what_stands_before(tmp_
     path.write_text("\n".join(line for _ in range(4000)))
     log = cs.read_log(path)
     parsed = []
-    from curvescan.io.carmen import reader
+    from curvescan.io.carmen import log as reader
 
     parse = reader.SCAN_PARSERS[b"FLASER"]
     monkeypatch.setitem(reader.SCAN_PARSERS, b"FLASER", lambda line: parsed.append(1) or parse(line))

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
 from curvescan.io.files.lines import BROKEN_GZIP, GZIP_MAGIC, read_head
-from curvescan.io.formats import FORMATS, LogFormat, find_format
+from curvescan.io.reading import FORMATS, LogFormat, find_format
 from tests.bags import scan, storage, write_bag
 from tests.carmen_files import configured, flaser, odom, write
 
@@ -63,7 +63,7 @@ def test_each_row_sniffs_its_sample_and_gives_a_log(row: LogFormat, tmp_path: Pa
 
 
 def test_reader_is_imported_only_when_a_file_of_its_format_is_met() -> None:
-    code = "import curvescan.io, sys; assert not {'curvescan.io.carmen.reader', 'rosbags'} & {*sys.modules}"
+    code = "import curvescan.io, sys; assert not {'curvescan.io.carmen.log', 'rosbags'} & {*sys.modules}"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from curvescan.cli.commands.convert import FormatName
+from curvescan.cli.commands.info import FormatName
 from curvescan.errors import InvalidArgumentError, OutputError
 from curvescan.io import WRITERS, MemoryLog, log_from_arrays, read_log, write_log
 from curvescan.io.log import Log, ScanAccess
@@ -251,7 +251,7 @@ def test_the_ending_chooses_and_format_overrides(tmp_path: Path) -> None:
     ("name", "options", "sentence"),
     [
         ("a.xyz", {}, r"no format is known by the ending '.xyz' of a.xyz: give one of .clf"),
-        ("a.csv", {"format": "pcd"}, "format must be one of carmen, csv, npz, .*, got 'pcd'"),
+        ("a.csv", {"format": "pcd"}, "unknown format 'pcd': known are carmen, csv, npz, "),
         ("a.bag.gz", {}, "only text is written gzip-compressed"),
     ],
 )

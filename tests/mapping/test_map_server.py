@@ -12,7 +12,7 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError,
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.map_server import map_pixels, read_map, write_map
 from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
-from curvescan.plots.occupancy import draw_occupancy
+from curvescan.plots.map import draw_occupancy
 
 yaml = pytest.importorskip("yaml", reason="needs PyYAML")
 Image = pytest.importorskip("PIL.Image", reason="needs Pillow")
@@ -93,7 +93,7 @@ def test_a_map_without_cells_and_a_folder_that_is_not_there_are_told(tmp_path, g
 
 @pytest.mark.parametrize("share", [0.8, 0.01])
 def test_the_picture_shows_the_map_upright(tmp_path, grid, monkeypatch, share):
-    monkeypatch.setattr("curvescan.plots.occupancy._SHARE", share)
+    monkeypatch.setattr("curvescan.plots.map._SHARE", share)
     draw_occupancy(tmp_path / "a.png", grid, np.array([[0.51, -0.26, 0.0]]), title="room")
     with Image.open(tmp_path / "a.png") as image:
         grey = np.array(image.convert("L"))

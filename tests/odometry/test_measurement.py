@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import find_matcher
+from curvescan.matchers.result import prior_of
 from curvescan.odometry import MotionConfig
 from curvescan.odometry.measurement import as_measurement, decided_by_expectation, unguided_measurement
 from curvescan.se2.uncertain import UncertainPose

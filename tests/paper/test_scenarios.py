@@ -8,8 +8,7 @@ import pytest
 import curvescan as cs
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import Label
-from curvescan.paper.lu_milios import lu_milios_covariance
-from curvescan.paper.scenarios import DRIVES, run_scenario
+from curvescan.paper.scenarios import DRIVES, lu_milios_covariance, run_scenario
 from curvescan.simulation import simulate
 from tests.scenes import room_scan
 

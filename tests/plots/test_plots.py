@@ -17,7 +17,7 @@ from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.matchers import MATCHERS
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
-from curvescan.plots.canvas import as_place, drawing
+from curvescan.plots.map import as_place, drawing
 from curvescan.plots.match import save_match
 from curvescan.simulation import simulate
 from tests.runs.test_run import FILES

@@ -5,8 +5,7 @@ from __future__ import annotations
 import base64
 import html.parser
 
-from curvescan.runs.document import save_document
-from curvescan.runs.table import ResultTable
+from curvescan.runs.document import ResultTable, save_document
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="

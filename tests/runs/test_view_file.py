@@ -3,7 +3,7 @@
 import numpy as np
 
 from curvescan import LaserScan, Slam, simulate
-from curvescan.runs.view_file import MAX_BEAMS, beams_of, read_view_file, write_view_file
+from curvescan.runs.graph_files import MAX_BEAMS, beams_of, read_view_file, write_view_file
 
 
 def test_ranges_come_back_to_the_centimetre_with_their_angles(tmp_path):

@@ -1,50 +1,100 @@
-"""All that `curvescan bench` measures: time, success, accuracy and consistency of every method."""
+"""All that `curvescan bench` measures: time, success, accuracy and consistency of every method, and its tables."""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from curvescan.benchmarks.io_speed import N_FORMATS, ReadingSpeed, measure_reading
-from curvescan.benchmarks.profile import StageTime, measure_stages
-from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, OpenScore, ScenarioScore, score_open, score_scenario
-from curvescan.benchmarks.speed import Speed, measure_many, measure_speed, with_beams
-from curvescan.evaluation.real_logs import LogEvaluation, evaluate_log
+import numpy as np
+
+from curvescan.benchmarks.scenarios import OPEN_WORLDS, SCENARIOS, score_open, score_scenario
+from curvescan.evaluation.real_logs import evaluate_log
 from curvescan.io.log import Log
-from curvescan.matchers import DEFAULT_METHOD, MATCHERS
+from curvescan.matchers import MATCHERS, match, prepare
 from curvescan.paper.experiments import Progress, in_silence
-from curvescan.paper.random_transform import (
-    CONDITIONS,
-    RandomTransformCondition,
-    RandomTransformRuns,
-    run_random_transforms,
-)
+from curvescan.paper.random_transform import CONDITIONS, RandomTransformRuns, run_random_transforms
+from curvescan.paper.tables import log_table
+from curvescan.runs.document import ResultTable
+from curvescan.simulation import SENSORS, ScanPair, Sensor, simulate_pairs
+from curvescan.types import Floats, Pose
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Speed:
+    """Times of one matcher over many pairs of scans."""
+
+    method: str  # name of the matcher
+    n_beams: int  # beams of a scan
+    prepare_seconds: Floats  # (2 m,): time of each preparation of a scan
+    match_seconds: Floats  # (m,): time of each match of two prepared scans, without a guess
+    guess_seconds: Floats  # (m,): the same with a guess as good as odometry's: 2 cm and 1 degree off
+
+
+def easy_pairs(sensor: str | Sensor, n_pairs: int, seed: int) -> tuple[list[ScanPair], list[Pose]]:
+    """Return pairs of scans 0.1 m and 5 deg apart at most, each of another office, and for each a guess.
+
+    The guesses are as good as odometry's: 2 cm and 1 degree off, standard deviations.
+    """
+    turn = np.radians(5.0)
+    pairs = simulate_pairs("office", sensor=sensor, n_pairs=n_pairs, translation_max=0.1, rotation_max=turn, seed=seed)
+    rng = np.random.default_rng(seed)
+    listed = list(pairs)
+    return listed, [pair.pose + rng.normal(0.0, [0.02, 0.02, np.radians(1.0)]) for pair in listed]
+
+
+def measure_speed(
+    method: str, *, sensor: str | Sensor = "sick-lms200", n_pairs: int = 200, repeats: int = 5, seed: int = 0
+) -> Speed:
+    """Return the times of a matcher on simulated pairs, one thread."""
+    pairs, guesses = easy_pairs(sensor, n_pairs, seed)
+    for pair in pairs[:20]:
+        match(pair.reference, pair.current, method=method)  # compiles
+    prepare_seconds: list[float] = []
+    match_seconds: list[float] = []
+    guess_seconds: list[float] = []
+    for _ in range(repeats):
+        for pair, guess in zip(pairs, guesses, strict=True):
+            # a new scan, which has not yet found out which of its readings are valid
+            reference, current = replace(pair.reference), replace(pair.current)
+            started = time.perf_counter()
+            prepared_ref = prepare(reference, method=method)
+            after_ref = time.perf_counter()
+            prepared_cur = prepare(current, method=method)
+            after_cur = time.perf_counter()
+            match(prepared_ref, prepared_cur, method=method)
+            without = time.perf_counter()
+            match(prepared_ref, prepared_cur, method=method, guess=guess)
+            ended = time.perf_counter()
+            prepare_seconds += [after_ref - started, after_cur - after_ref]
+            match_seconds.append(without - after_cur)
+            guess_seconds.append(ended - without)
+    return Speed(
+        method=method,
+        n_beams=len(pairs[0].reference),
+        prepare_seconds=np.array(prepare_seconds),
+        match_seconds=np.array(match_seconds),
+        guess_seconds=np.array(guess_seconds),
+    )
+
+
+def with_beams(n_beams: int) -> Sensor:
+    """Return the LMS200 with another number of beams over the same 180 degrees."""
+    base = SENSORS["sick-lms200"]
+    return replace(
+        base,
+        name=f"{n_beams} beams",
+        n_beams=n_beams,
+        angle_increment=base.angle_increment * (base.n_beams - 1) / (n_beams - 1),
+    )
+
 
 BEAM_COUNTS = (181, 361, 721, 1441, 2881, 4001)  # beams over 180 degrees for which times are taken
-STAGED = (DEFAULT_METHOD, "cfsma")  # methods whose times are measured stage by stage
 EXPERIMENT_1_WORLDS = ("room", "office", "building")  # simulated worlds of experiment 1
 
 EXPERIMENT_1_SENSOR = "sick-lms200"
 """Conditions of experiment 1 with this sensor are run, the one of all other benchmarks: 10 mm of noise."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Benchmark:
-    """What was measured."""
-
-    # pairs of a scenario, and runs of experiment 1
-    n_pairs: int
-    n_runs: int
-    speeds: tuple[Speed, ...]  # of 361 beams, one a method
-    many: dict[str, float]  # seconds of each of many matches, by how they are called
-    stages: tuple[StageTime, ...]  # of the methods STAGED, stage by stage
-    growth: dict[str, tuple[Speed, ...]]  # for each method, one a number of BEAM_COUNTS
-    scenarios: tuple[ScenarioScore, ...]  # scenario by scenario, one a method
-    open_worlds: tuple[OpenScore, ...]  # world by world, one a method
-    # the paper's experiment 1
-    experiment_1: dict[tuple[str, RandomTransformCondition], RandomTransformRuns]
-    logs: tuple[LogEvaluation, ...]  # log by log, one a method
-    reading: tuple[ReadingSpeed, ...]  # how fast logs are read, one a format
 
 
 def run_benchmark(
@@ -55,86 +105,135 @@ def run_benchmark(
     logs: Sequence[Log] = (),
     seed: int = 0,
     progress: Progress = in_silence,
-) -> Benchmark:
-    """Return time, success, accuracy and consistency of methods on simulated pairs and real logs."""
-    speeds, stages, growth = _times(methods, min(n_pairs, 200), seed, progress)
-    many = measure_many(50 * min(n_pairs, 200), n_pairs=min(n_pairs, 200), seed=seed)
-    scenarios, open_worlds = _scores(methods, n_pairs, seed, progress)
-    experiment_1 = _experiment_1(n_runs, seed, progress)
+) -> list[ResultTable]:
+    """Return tables of time, success, accuracy and consistency of methods on simulated pairs and real logs."""
+    n_timed = min(n_pairs, 200)
+    tables = [
+        _time_table(methods, n_timed, seed, progress),
+        _growth_table(methods, min(n_timed, 10), seed, progress),
+        _scenario_table(methods, n_pairs, seed + 1, progress),
+        _open_world_table(methods, n_pairs, seed + 1, progress),
+        _experiment_1_table(n_runs, seed, progress),
+    ]
     judged = [
         evaluate_log(log, method, on_step=progress(f"{log.name}, {method}", len(log) - 1))
         for log in logs
         for method in methods
     ]
-    reading = measure_reading(n_scans=min(n_runs, 500), seed=seed, on_format=progress("reading of logs", N_FORMATS))
-    return Benchmark(
-        n_pairs=n_pairs,
-        n_runs=n_runs,
-        speeds=speeds,
-        many=many,
-        stages=stages,
-        growth=growth,
-        scenarios=scenarios,
-        open_worlds=open_worlds,
-        experiment_1=experiment_1,
-        logs=tuple(judged),
-        reading=reading,
+    return [*tables, log_table(judged)] if judged else tables
+
+
+def _time_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    def measured(method: str) -> Speed:
+        advance = progress(f"time of {method}", 1)
+        speed = measure_speed(method, n_pairs=n_pairs, seed=seed)
+        advance()
+        return speed
+
+    return ResultTable.of(
+        "Time of a scan of 361 beams, one thread: median (99th percentile)",
+        map(measured, methods),
+        [
+            ("method", lambda one: one.method),
+            ("prepare a scan", lambda one: _milliseconds(one.prepare_seconds)),
+            ("match, no guess", lambda one: _milliseconds(one.match_seconds)),
+            ("match, good guess", lambda one: _milliseconds(one.guess_seconds)),
+        ],
     )
 
 
-def _times(
-    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
-) -> tuple[tuple[Speed, ...], tuple[StageTime, ...], dict[str, tuple[Speed, ...]]]:
-    """Return times of methods: a match, its stages, and how both grow with the beams."""
-    speeds: list[Speed] = []
-    stages: list[StageTime] = []
-    growth: dict[str, tuple[Speed, ...]] = {}
+def _growth_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    rows = []
     for method in methods:
-        advance = progress(f"time of {method}", 2 + len(BEAM_COUNTS))
-        speeds.append(measure_speed(method, n_pairs=n_pairs, seed=seed))
-        advance()
-        if method in STAGED:
-            stages += measure_stages(method, n_pairs=n_pairs, seed=seed)
-        advance()
-        series = []
+        advance = progress(f"time of {method} by beams", len(BEAM_COUNTS))
+        medians = []
         for n_beams in BEAM_COUNTS:
-            sensor = with_beams(n_beams)
-            series.append(measure_speed(method, sensor=sensor, n_pairs=min(n_pairs, 10), repeats=3, seed=seed))
+            speed = measure_speed(method, sensor=with_beams(n_beams), n_pairs=n_pairs, repeats=3, seed=seed)
+            medians.append((np.median(speed.prepare_seconds), np.median(speed.match_seconds)))
             advance()
-        growth[method] = tuple(series)
-    return tuple(speeds), tuple(stages), growth
+        for what, seconds in zip(("prepare", "match"), zip(*medians, strict=True), strict=True):
+            rows.append((f"{method}, {what}", *(f"{1e3 * s:.3f} ms" for s in seconds)))
+    return ResultTable(
+        title="Growth with the number of beams over 180 deg: median",
+        columns=("method", *(f"{n:,} beams" for n in BEAM_COUNTS)),
+        rows=rows,
+    )
 
 
-def _scores(
-    methods: Sequence[str], n_pairs: int, seed: int, progress: Progress
-) -> tuple[tuple[ScenarioScore, ...], tuple[OpenScore, ...]]:
-    """Return how methods do on simulated pairs: scenarios, worlds with an unobservable direction."""
-    scenarios = [
+def _scenario_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    scores = [
         score
         for one in SCENARIOS
-        for score in score_scenario(one, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(one.name, n_pairs))
+        for score in score_scenario(one, methods, n_pairs=n_pairs, seed=seed, on_pair=progress(one.name, n_pairs))
     ]
-    open_worlds = [
+    return ResultTable.of(
+        f"Pairs of scans, {n_pairs:,} a scenario, no guess; success: within 0.1 m and 2 deg",
+        scores,
+        [
+            ("scenario", lambda one: one.scenario),
+            ("method", lambda one: one.method),
+            ("success", lambda one: f"{100 * one.success:.1f} %"),
+            ("false positives", lambda one: f"{100 * one.false_positives:.1f} %"),
+            ("without a degenerate direction", lambda one: f"{100 * one.unflagged_false_positives:.1f} %"),
+            ("median error", lambda one: f"{1e3 * one.median_error:.2f} mm"),
+            ("over the bound", lambda one: f"{one.median_error / one.bound:.2f}"),
+            ("NEES", lambda one: _figure(one.nees, ".2f")),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
+        ],
+    )
+
+
+def _open_world_table(methods: Sequence[str], n_pairs: int, seed: int, progress: Progress) -> ResultTable:
+    scores = [
         score
         for world in OPEN_WORLDS
-        for score in score_open(world, methods, n_pairs=n_pairs, seed=seed + 1, on_pair=progress(world, n_pairs))
+        for score in score_open(world, methods, n_pairs=n_pairs, seed=seed, on_pair=progress(world, n_pairs))
     ]
-    return tuple(scenarios), tuple(open_worlds)
+    return ResultTable.of(
+        f"Where a direction is unobservable, {n_pairs:,} pairs each",
+        scores,
+        [
+            ("world", lambda one: one.world),
+            ("method", lambda one: one.method),
+            ("ok", lambda one: f"{100 * one.ok:.1f} %"),
+            ("names the direction", lambda one: _figure(100 * one.flagged, ".1f", " %")),
+            ("NEES, median", lambda one: f"{_figure(one.nees, '.3g')}, {_figure(one.nees_median, '.3g')}"),
+            ("in 95 %", lambda one: _figure(100 * one.inside_95, ".1f", " %")),
+        ],
+    )
 
 
-def _experiment_1(
-    n_runs: int, seed: int, progress: Progress
-) -> dict[tuple[str, RandomTransformCondition], RandomTransformRuns]:
-    """Return the paper's experiment 1 in several worlds."""
-    return {
-        (world, condition): run_random_transforms(
-            condition,
-            n_runs=n_runs,
-            world=world,
-            seed=seed,
-            on_run=progress(f"experiment 1, {world}, {condition.title}", n_runs),
-        )[0]
-        for world in EXPERIMENT_1_WORLDS
-        for condition in CONDITIONS
-        if condition.sensor == EXPERIMENT_1_SENSOR
-    }
+def _experiment_1_table(n_runs: int, seed: int, progress: Progress) -> ResultTable:
+    rows = []
+    for world in EXPERIMENT_1_WORLDS:
+        for condition in (one for one in CONDITIONS if one.sensor == EXPERIMENT_1_SENSOR):
+            on_run = progress(f"experiment 1, {world}, {condition.title}", n_runs)
+            (runs,) = run_random_transforms(condition, n_runs=n_runs, world=world, seed=seed, on_run=on_run)
+            rows.append((world, condition.title, *_errors(runs)))
+    return ResultTable(
+        title=f"Experiment 1, cfsma, {n_runs:,} runs each: median errors of the matches that did not fail",
+        columns=("world", "condition", "translation", "rotation", "mean N_t", "failed", "within 0.1 m, 2 deg"),
+        rows=rows,
+    )
+
+
+def _errors(runs: RandomTransformRuns) -> tuple[str, ...]:
+    found = runs.n_matched > 0
+    shares = (f"{100 * runs.failed_share:.1f} %", f"{100 * runs.right_share:.1f} %")
+    if not found.any():
+        return ("-", "-", "-", *shares)
+    return (
+        f"{1e3 * np.median(runs.translation_error[found]):.1f} mm",
+        f"{np.degrees(np.median(runs.rotation_error[found])):.2f} deg",
+        f"{runs.n_matched[found].mean():.0f}",
+        *shares,
+    )
+
+
+def _figure(value: float, form: str, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:{form}}{unit}"
+
+
+def _milliseconds(seconds: Floats) -> str:
+    median, p99 = 1e3 * np.percentile(seconds, [50, 99])
+    return f"{median:.3f} ms ({p99:.3f} ms)"

@@ -1,12 +1,17 @@
-"""What the commands share on the terminal: progress, tables, the notice of the first run."""
+"""What the commands share on the terminal: progress, tables, flags in messages, pages that are served."""
 
 from __future__ import annotations
 
 import os
+import re
+import shlex
+import socket
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+import webbrowser
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -14,8 +19,12 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from curvescan._interrupts import stoppable
 from curvescan.errors import MissingPackageError
-from curvescan.runs.table import ResultTable
+from curvescan.runs.document import ResultTable
+
+if TYPE_CHECKING:
+    from curvescan.diagnostics.issues import Issue
 
 
 class _PrintableConsole(Console):
@@ -161,3 +170,89 @@ def table(title: str, *columns: str) -> Table:
     for k, column in enumerate(columns):
         result.add_column(column, justify="left" if k == 0 else "right")
     return result
+
+
+_ARGUMENTS = (
+    "as_is", "backwards", "clockwise", "drop_stale", "exports", "ignore_beams", "laser_pose", "odometry_prior", "out",
+    "range_max", "reference", "relations", "timeout", "topic",
+)  # fmt: skip
+"""Arguments that messages name; their flags have the same names, but for those renamed."""
+_RENAMED = {"exports": "export"}
+
+_WORDS = {
+    "odometry_prior=False": "--laser-only",
+    "upside_down=True": "--upside-down",
+    "upside_down=False": "--upright",
+    "join them with Rig.of_bag": "join them with --rig",
+    "read it with read_relations": "give it as --relations",
+    "a smaller range_max": "a smaller --range-max",
+    "the resolution of OccupancyConfig": "--map.resolution",
+}
+
+_ARGUMENT = re.compile(rf"\b({'|'.join(_ARGUMENTS)})=('[^']*'|\([^)]*\)|[^\s,;:)]+)?")
+
+
+def with_flags(message: str) -> str:
+    """Return a message of the library with flags for arguments: ``--topic /scan`` for ``topic='/scan'``."""
+    for words, flag in _WORDS.items():
+        message = message.replace(words, flag)
+    return _ARGUMENT.sub(_as_flag, message)
+
+
+def _as_flag(found: re.Match[str]) -> str:
+    flag = "--" + _RENAMED.get(found[1], found[1]).replace("_", "-")
+    values = (found[2] or "").strip("()'").replace(",", "")
+    return flag if values in ("", "True") else f"{flag} {values}"
+
+
+_REVERSING = frozenset({"--backwards", "--clockwise", "--upright"})
+"""Options that turn the beams round: one that was given, and is asked for all the same, is to be left out."""
+
+
+def propose_commands(command: Sequence[str], issues: Sequence[Issue]) -> tuple[str, ...]:
+    """Return all issues that an option handles in one sentence, with the whole command to copy; empty without any."""
+    what = [issue.what for issue in issues if issue.remedy]
+    return (f"{'; '.join(what)}; try: {with_options(command, issues)}",) if what else ()
+
+
+def with_options(command: Sequence[str], issues: Sequence[Issue]) -> str:
+    """Return a command with the options that handle issues, to copy."""
+    options = {issue.what: with_flags(issue.argument) for issue in issues if issue.remedy}
+    wrong = _REVERSING & set(options.values()) & set(command)
+    added = [word for option in dict.fromkeys(options.values()) if option not in wrong for word in shlex.split(option)]
+    return shlex.join([*(word for word in command if word not in wrong), *added])
+
+
+DEFAULT_PORT = 8765  # default port of the page, unless it is in use
+_POLL_S = 0.2  # time between two looks whether to close the page, seconds
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return the given port; else the default one, or 0, for any, where that is in use."""
+    if port is not None:
+        return port
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((host, DEFAULT_PORT))
+        except OSError:
+            return 0
+    return DEFAULT_PORT
+
+
+def open_browser(url: str) -> None:
+    """Open the page where somebody sits at a desktop; a text browser would take the terminal."""
+    has_desktop = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    if sys.stdout.isatty() and has_desktop:
+        webbrowser.open(url)
+
+
+def wait(sentence: str) -> None:
+    """Wait for Ctrl-C, and say so once it is waited for."""
+    with stoppable() as stop:
+        ERR.print(sentence)
+        while not stop.is_asked:
+            time.sleep(_POLL_S)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from curvescan.cli.console import ERR, OUT, table
-from curvescan.cli.flags import propose_commands, with_flags
+from curvescan.cli.console import ERR, OUT, propose_commands, table, with_flags
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.evaluation.trajectory_errors import trajectory_errors
 from curvescan.odometry import StepOutcome

@@ -8,7 +8,8 @@ else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,12 +28,29 @@ _MIN_PAIRS = 10
 _FIXED = 0.03  # largest standard deviation of a beam that keeps its reading, metres
 
 _MOVING = 0.2
-"""Standard deviation that nine of ten other beams exceed when the sensor moves, metres: where it stands, walls
+"""Standard deviation that half of the other beams exceed when the sensor moves, metres: where it stands, walls
 stand."""
 
 _MAX_FIXED_SHARE = 0.3
 _FAR = 1e6  # deviations count up to this many metres, so that a reading of 1e300 has a square
 _BODY = 1.5  # how far from its laser a robot may reach, metres
+_EDGE = 3  # beams from those that see the robot to those that see past it; between them are some that see both
+
+
+class FixedBeams(NamedTuple):
+    """Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot."""
+
+    runs: tuple[tuple[int, int], ...]
+    n_beams: int  # of the scans that have them
+
+    def without(self, scan: LaserScan) -> LaserScan:
+        """Return a scan in which they are no readings."""
+        if len(scan) != self.n_beams:
+            return scan
+        ranges = scan.ranges.copy()
+        for first, last in self.runs:
+            ranges[first : last + 1] = np.nan
+        return replace(scan, ranges=ranges)
 
 
 @dataclass
@@ -72,11 +90,15 @@ class BeamStatistics:
         return int(np.count_nonzero(self._counts == 0.0))
 
     @property
-    def fixed_beams(self) -> tuple[tuple[int, int], ...]:
-        """Runs (first, last) of beams that keep their reading while the sensor moves; empty where it stands."""
+    def fixed_beams(self) -> FixedBeams | None:
+        """Beams that keep their reading while the sensor moves; None without any, or where it stands.
+
+        Beside the robot the room begins at once. A wall that is passed straight on keeps its readings too, but beams
+        change little by little along it.
+        """
         well_seen = 2 * self._counts > self._n_scans
         if not well_seen.any():
-            return ()
+            return None
         counts = np.maximum(self._counts, 1.0)
         means = self._sums / counts
         deviations = np.sqrt(np.maximum(self._squares / counts - means**2, 0.0))
@@ -84,10 +106,13 @@ class BeamStatistics:
         fixed = well_seen & is_near & (deviations < _FIXED)
         others = deviations[well_seen & ~fixed]
         if np.count_nonzero(fixed) > _MAX_FIXED_SHARE * np.count_nonzero(well_seen):
-            return ()
-        if not others.size or np.percentile(others, 10) < _MOVING:
-            return ()
-        return _runs(fixed)
+            return None
+        if not others.size or np.median(others) < _MOVING:
+            return None
+        is_wall = well_seen & ~fixed & (deviations < _MOVING)
+        beside = np.concatenate((np.zeros(_EDGE, dtype=np.bool_), is_wall, np.zeros(_EDGE, dtype=np.bool_)))
+        runs = tuple((a, b) for a, b in _runs(fixed) if not (beside[a] or beside[b + 2 * _EDGE]))
+        return FixedBeams(runs, fixed.size) if runs else None
 
     def add(self, scan: LaserScan) -> None:
         """Count one sweep."""

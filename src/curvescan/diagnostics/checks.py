@@ -104,10 +104,16 @@ def _ring(r: LogReport) -> str:
 
 def _fixed_ends(r: LogReport) -> tuple[int, int]:
     """Return how many beams to ignore at either end: a fixed one nearer to the beginning is cut off there."""
-    n = max(r.beam_counts, key=lambda n: r.beam_counts[n])
-    first = max((b + 1 for _, b in r.fixed_beams if b < n // 4), default=0)
-    last = max((n - a for a, _ in r.fixed_beams if a >= 3 * n // 4), default=0)
+    assert r.fixed_beams is not None
+    runs, n = r.fixed_beams
+    first = max((b + 1 for _, b in runs if b < n // 4), default=0)
+    last = max((n - a for a, _ in runs if a >= 3 * n // 4), default=0)
     return first, last
+
+
+def _fixed(r: LogReport) -> str:
+    assert r.fixed_beams is not None
+    return "beams " + ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in r.fixed_beams.runs)
 
 
 def _is_missing(r: LogReport) -> bool:
@@ -171,13 +177,11 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "beams",
         "fixed_beams",
-        lambda r: bool(r.fixed_beams),
-        lambda r: (
-            f"beams {', '.join(str(a) if a == b else f'{a} to {b}' for a, b in r.fixed_beams)} "
-            "keep their reading within 3 cm while the others change"
-        ),
+        lambda r: r.fixed_beams is not None,
+        lambda r: f"{_fixed(r)} keep their reading within 3 cm while the others change",
         "they see the robot itself, which moves along and is no part of the room",
         lambda r: Remedy("ignore_beams", _fixed_ends(r)) if any(_fixed_ends(r)) else None,
+        lambda r: f"left out: {_fixed(r)}, which see the robot itself and keep their reading while the others change",
     ),
     Check(
         "beams",

@@ -7,7 +7,7 @@ proposed. What a user has set up by hand is left as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,15 +17,13 @@ from curvescan.diagnostics.issues import Issue, find_issues
 from curvescan.diagnostics.prior.gyroscope import straightened
 from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
-from curvescan.diagnostics.top_of_range import Ring
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.held import HeldLog
-from curvescan.io.log import Log, LogView
+from curvescan.io.log import HeldLog, Log, LogView
 from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
-_DROPS = ("stale_beams", "undeclared_codes", "ring")  # kinds of issues whose mending leaves readings out
+_DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams")  # kinds of issues whose mending leaves readings out
 _JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
 _ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
 
@@ -76,14 +74,14 @@ def _is_set(given: SensorSetup, fault: Issue) -> bool:
     name = "" if fault.remedy is None else fault.remedy.argument
     if name in ("clockwise", "upside_down"):
         return given.clockwise or given.upside_down is not None
-    return bool(getattr(given, name, False))
+    return bool(np.any(getattr(given, name, False)))
 
 
 def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
     """Return a log without its faults."""
     kinds = {fault.kind for fault in faults}
-    if "ring" in kinds and report.ring is not None:
-        log = _Ringless(log, report.ring)
+    for without in _filters(kinds, report):
+        log = _Filtered(log, without)
     remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
     range_max = remedies.get("range_max", math.inf)
     gyroscope = report.gyroscope
@@ -104,8 +102,18 @@ def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
     return apply_setup(log, setup)
 
 
+def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserScan], LaserScan]]:
+    """Return what leaves out the readings of a ring, and of beams that see the robot."""
+    filters: list[Callable[[LaserScan], LaserScan]] = []
+    if "ring" in kinds and report.ring is not None:
+        filters.append(report.ring.without)
+    if "fixed_beams" in kinds and report.fixed_beams is not None:
+        filters.append(report.fixed_beams.without)
+    return filters
+
+
 class StreamMender:
-    """Mends the scans of a running laser by what the first of them show: codes for no return, a ring, stale beams.
+    """Mends the scans of a running laser by what the first of them show: codes, a ring, stale beams, the robot itself.
 
     It judges after some seconds and once more after a minute or two; what it says then stands.
 
@@ -117,7 +125,7 @@ class StreamMender:
         self._first: list[LaserScan] = []
         self._done: dict[str, Issue] = {}
         self._before, self._range_max = np.empty(0), math.inf
-        self._ring: Ring | None = None
+        self._filters: list[Callable[[LaserScan], LaserScan]] = []
 
     def add(self, scan: LaserScan) -> LaserScan:
         """Return the next scan, mended."""
@@ -130,7 +138,9 @@ class StreamMender:
             scan = replace(scan, range_max=self._range_max)
         if "stale_beams" in self._done and len(before) == len(scan):
             scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
-        return scan if self._ring is None else self._ring.without(scan)
+        for without in self._filters:
+            scan = without(scan)
+        return scan
 
     def _judge(self) -> None:
         report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
@@ -141,22 +151,22 @@ class StreamMender:
         for kind in self._done.keys() - found.keys():
             self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
         limits = dict(i.remedy for i in found.values() if i.remedy)
-        self._ring = report.ring if "ring" in found else None
+        self._filters = _filters(found, report)
         self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
 
 
-class _Ringless(LogView):
-    """A Log without the readings that stay at one range in all directions."""
+class _Filtered(LogView):
+    """A Log without some readings of each scan."""
 
-    def __init__(self, log: Log, ring: Ring) -> None:
+    def __init__(self, log: Log, without: Callable[[LaserScan], LaserScan]) -> None:
         super().__init__(log)
-        self._ring = ring
+        self._without = without
 
     def __iter__(self) -> Iterator[LaserScan]:
-        return map(self._ring.without, self._log)
+        return map(self._without, self._log)
 
     def _scan_at(self, i: int) -> LaserScan:
-        return self._ring.without(self._log[i])
+        return self._without(self._log[i])
 
 
 class _Corrected(LogView):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from curvescan.diagnostics.beam_order import BeamOrder
+from curvescan.diagnostics.beam_statistics import FixedBeams
 from curvescan.diagnostics.rotation_direction import RotationDirection
 from curvescan.diagnostics.top_of_range import Ring
 from curvescan.io.files.read_errors import ReadError
@@ -84,8 +85,7 @@ class LogReport:
     # value; NaN where the scene does not change enough
     stale_share: float
     stale_run: float  # share of the readings that repeat the sweep before whose next beam does too; NaN without any
-    # runs of beams, first and last, that keep their reading while the sensor moves: they see the robot
-    fixed_beams: tuple[tuple[int, int], ...]
+    fixed_beams: FixedBeams | None  # beams that see the robot itself; None without
     largest_reading: float  # largest valid reading, metres; NaN without
     # values that are no reading and make up at least 0.1 % of the readings, most frequent first, 8 at most
     codes: tuple[ReadingCode, ...]

@@ -108,7 +108,7 @@ def _densest(counts: NDArray[np.int32], widths: tuple[int, ...], total: int) -> 
         inside = sums[low + n] - sums[low]
         beside = np.maximum(sums[low] - sums[low - side], sums[low + n + side] - sums[low + n]) / side
         times = inside / n / np.maximum(beside, 1.0 / side)
-        for k in np.flatnonzero((inside * _ONE_IN >= total) & (2 * inside <= total) & (times >= best)):
+        for k in np.flatnonzero((inside * _ONE_IN >= total) & (5 * inside <= 2 * total) & (times >= best)):
             of_beams = cumulated[low[k] + n] - cumulated[low[k]]
             # a beam that sees nothing else looks at what stands where the sensor stands
             tells = (2 * n_seeing * of_beams >= inside[k]) & (10 * of_beams <= 9 * cumulated[-1])

@@ -23,7 +23,7 @@ from curvescan.diagnostics.issues import Issue
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.log import Log, MountedLog
-from curvescan.io.ros.mount import laser_mounts
+from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Odometry
 from curvescan.odometry.rig import poses_at
@@ -82,7 +82,7 @@ def find_mounts(logs: Mapping[str, Log], *, base: str | Trajectory) -> dict[str,
     Raises
     ------
     InvalidArgumentError
-        When `base` is no laser of the logs, or the drive is too short or too straight to tell.
+        When `base` is not the name of a log, or when the drive is too short or too straight to find a mount.
     """
     if isinstance(base, str) and base not in logs:
         raise InvalidArgumentError(f"base must be one of {', '.join(logs)}, or wheels as a Trajectory, got {base!r}")

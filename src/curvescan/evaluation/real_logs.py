@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.association import find_stamps
-from curvescan.evaluation.relations import RelationErrors, relation_errors
+from curvescan.evaluation.relations import RelationErrors, find_stamps, relation_errors
 from curvescan.io.log import Log
 from curvescan.io.trajectories.relations import Relations
 from curvescan.matchers import match, prepare

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.association import Association, associate
-from curvescan.evaluation.relations import span_of
+from curvescan.evaluation.relations import Association, associate, span_of
 from curvescan.evaluation.trajectory_errors import (
     RelativeErrors,
     Spread,
@@ -20,7 +19,7 @@ from curvescan.evaluation.trajectory_errors import (
     rpe,
     trajectory_errors,
 )
-from curvescan.io.poses import PoseFile
+from curvescan.io.reading import PoseFile
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Floats, Pose
 

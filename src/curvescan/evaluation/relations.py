@@ -1,4 +1,4 @@
-"""Errors of a trajectory against relations: the measure of the Freiburg SLAM benchmark.
+"""Errors of a trajectory against relations, the measure of the Freiburg SLAM benchmark; stamps that are matched.
 
 R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009): the error of relation
 (i, j) is the motion from the true relative pose to the estimated one; its translation and its rotation are reported
@@ -8,6 +8,7 @@ place, measure what has added up in between, which a trajectory without loop clo
 
 from __future__ import annotations
 
+from collections import defaultdict, deque
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -15,15 +16,108 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import look_up, shipped_table
 from curvescan.errors import InvalidArgumentError
-from curvescan.evaluation.association import find_stamps
-from curvescan.evaluation.published import BenchmarkLog
 from curvescan.evaluation.trajectory_errors import Spread, travelled
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Bools, Floats, Ints
 
 __all__ = ["RelationErrors", "Relations", "Which", "read_relations", "relation_errors"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Association:
+    """Pairs of poses taken at the same time, each pose in at most one pair."""
+
+    # (n,): indices into the two trajectories, in the order of the first
+    first: Ints
+    second: Ints
+    n_exact: int  # pairs whose stamps are equal to the last digit
+    by: Literal["stamp", "order"]  # by what they were associated
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Association:
+    """Return the pairs of two lists of stamps, equal stamps first, then the nearest within a tolerance.
+
+    Equal stamps that repeat are paired in their order. Of the others, each pair of stamps within the tolerance is a
+    candidate, and the nearest are taken first. Where more than half of the stamps of a list repeat, stamps say
+    nothing: the lists are then paired in their order, if they are equally long.
+
+    first, second (n,). Raises InvalidArgumentError.
+    """
+    if _says_nothing(first) or _says_nothing(second):
+        if len(first) != len(second):
+            raise InvalidArgumentError(
+                "most time stamps repeat, so poses can only be paired in their order, which needs equally many: "
+                f"got {len(first):,} and {len(second):,}"
+            )
+        order = np.arange(len(first))
+        n_exact = int(np.count_nonzero(first == second))
+        return Association(first=order, second=order, n_exact=n_exact, by="order")
+    pairs = _equal_pairs(first, second)
+    n_exact = len(pairs)
+    pairs += _near_pairs(first, second, pairs, tolerance)
+    table = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
+    return Association(first=table[:, 0], second=table[:, 1], n_exact=n_exact, by="stamp")
+
+
+def find_stamps(stamps: Floats, wanted: Floats, *, tolerance: float = 1e-4) -> Ints:
+    """Return where each wanted stamp stands: an equal one first, else the nearest within a tolerance.
+
+    stamps (n,); wanted (m,); result (m,): Indices into `stamps`; -1 where there is no such stamp, or several equal
+    ones: no telling which is meant.
+    """
+    if len(stamps) == 0:
+        return np.full(len(wanted), -1)
+    order = np.argsort(stamps, kind="stable")
+    ordered = stamps[order]
+    right = np.clip(np.searchsorted(ordered, wanted), 0, len(ordered) - 1)
+    left = np.maximum(right - 1, 0)
+    nearest = np.where(wanted - ordered[left] < ordered[right] - wanted, left, right)
+    off = np.abs(ordered[nearest] - wanted)
+    value = ordered[nearest]
+    n_equal = np.searchsorted(ordered, value, "right") - np.searchsorted(ordered, value, "left")
+    found: Ints = np.where((off <= tolerance) & (n_equal == 1), order[nearest], -1)
+    return found
+
+
+def _says_nothing(stamps: Floats) -> bool:
+    return len(np.unique(stamps)) * 2 < len(stamps)
+
+
+def _equal_pairs(first: Floats, second: Floats) -> list[tuple[int, int]]:
+    places: dict[float, deque[int]] = defaultdict(deque)
+    for j, stamp in enumerate(second.tolist()):
+        places[stamp].append(j)
+    return [(i, places[stamp].popleft()) for i, stamp in enumerate(first.tolist()) if places.get(stamp)]
+
+
+def _near_pairs(first: Floats, second: Floats, taken: list[tuple[int, int]], tolerance: float) -> list[tuple[int, int]]:
+    """Return pairs of what is not taken yet, nearest first."""
+    free = np.setdiff1d(np.arange(len(first)), [i for i, _ in taken])
+    others = np.setdiff1d(np.arange(len(second)), [j for _, j in taken])
+    others = others[np.argsort(second[others], kind="stable")]
+    low = np.searchsorted(second[others], first[free] - tolerance, "left")
+    high = np.searchsorted(second[others], first[free] + tolerance, "right")
+    candidates = sorted(
+        (abs(first[i] - second[j]), int(i), int(j))
+        for i, start, stop in zip(free, low, high, strict=True)
+        for j in others[start:stop]
+    )
+    pairs: list[tuple[int, int]] = []
+    used_first: set[int] = set()
+    used_second: set[int] = set()
+    for _, i, j in candidates:
+        if i not in used_first and j not in used_second:
+            used_first.add(i)
+            used_second.add(j)
+            pairs.append((i, j))
+    return pairs
+
 
 Which: TypeAlias = Literal["near", "far", "all"]
 """Which relations: between scans less than some seconds apart, the others, or all."""
@@ -106,3 +200,50 @@ def relation_errors(
 def span_of(stamps: Floats) -> str:
     """Return the span of stamps in words."""
     return f"from {stamps.min():.6f} to {stamps.max():.6f} s"
+
+
+SOURCE = "Kümmerle et al., Autonomous Robots 27 (2009) 387-407, but for Cartographer's"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedError:
+    """What one method reached on one log, over all of its relations."""
+
+    method: str  # in words
+    translation: tuple[float, float]  # mean and standard deviation, metres
+    # mean and standard deviation, degrees, as far as they were published
+    rotation: tuple[float, float | None] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkLog:
+    """A log of the benchmark."""
+
+    name: str  # in words
+    keys: tuple[str, ...]  # A file whose name holds one of these belongs to it
+    errors: tuple[PublishedError, ...]  # what was published
+
+
+def _error(method: str, translation: list[float], rotation: list[float] | None = None) -> PublishedError:
+    mean, std = translation
+    degrees = None if rotation is None else (rotation[0], rotation[1] if len(rotation) > 1 else None)
+    return PublishedError(method=method, translation=(mean, std), rotation=degrees)
+
+
+def _read() -> dict[str, BenchmarkLog]:
+    return {
+        key: BenchmarkLog(name=row["name"], keys=tuple(row["keys"]), errors=tuple(_error(**e) for e in row["errors"]))
+        for key, row in shipped_table(__package__, "published.toml").items()
+    }
+
+
+BENCHMARKS: dict[str, BenchmarkLog] = _read()
+"""The logs of the benchmark by name."""
+
+
+def find_benchmark(name: str | None, file_name: str = "") -> BenchmarkLog | None:
+    """Return the benchmark of that name, or that the name of a file contains; None without one."""
+    if name is not None:
+        return look_up(BENCHMARKS, name, "benchmark")
+    words = file_name.lower().replace("_", "-")
+    return next((b for b in BENCHMARKS.values() if any(key in words for key in b.keys)), None)

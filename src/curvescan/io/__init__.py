@@ -1,6 +1,6 @@
 """Bytes to scans, poses and maps, and back: the readers and writers of every format, and nothing else.
 
-``read_log`` opens a log of any format of the table in ``formats.py``; the format is detected from the content of the
+``read_log`` opens a log of any format of the table in ``reading.py``; the format is detected from the content of the
 file, never from its name.
 """
 
@@ -12,13 +12,12 @@ from curvescan.io.config import read_config, write_config
 from curvescan.io.files.output import output_folder
 from curvescan.io.files.read_errors import ReadError
 from curvescan.io.log import Log, pick_scans
-from curvescan.io.poses import PoseFile, read_poses
-from curvescan.io.reading import read_log
+from curvescan.io.reading import PoseFile, read_log, read_poses
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.io.trajectories.layouts import write_csv, write_tum
 from curvescan.io.trajectories.relations import Relations, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
-from curvescan.io.writers import WRITERS, write_log
+from curvescan.io.writing import WRITERS, write_log
 
 __all__ = [
     "WRITERS",

@@ -7,13 +7,12 @@ same name is the same bytes for everybody. Of a file that is published compresse
 from __future__ import annotations
 
 import bz2
-import difflib
 import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from curvescan.configs import shipped_table
-from curvescan.errors import InvalidArgumentError, SourceError
+from curvescan.configs import look_up, shipped_table
+from curvescan.errors import SourceError
 
 __all__ = ["DATASETS", "Dataset", "fetch"]
 
@@ -42,7 +41,7 @@ def fetch(name: str) -> Path:
     """Return the path of a public file, downloaded on its first use.
 
     The file is kept in the user's cache folder, or in the folder that the environment variable CURVESCAN_DATASETS
-    names. Its licence and whom to cite are printed once, with the download.
+    names. The download prints the licence of the file and what to cite.
 
     Parameters
     ----------
@@ -62,13 +61,9 @@ def fetch(name: str) -> Path:
     SourceError
         When it is not yet here and cannot be downloaded, or when the content is not the expected one.
     """
-    if name not in DATASETS:
-        near = difflib.get_close_matches(str(name), DATASETS, n=1)
-        meant = f"; did you mean {near[0]!r}?" if near else ""
-        raise InvalidArgumentError(f"a data set must be one of {', '.join(DATASETS)}, got {name!r}{meant}")
+    row = look_up(DATASETS, name, "data set")
     import pooch
 
-    row = DATASETS[name]
     url = f"{_HOST}/{row.path}"
     file = name if "." in name else name + Path(row.path.removesuffix(".bz2")).suffix
     store = pooch.create(

@@ -10,7 +10,7 @@ from pathlib import Path
 from curvescan.errors import CurvescanError, OutputError
 from curvescan.io.files.output import output_file
 from curvescan.io.ros.bags.bag_files import BagKind
-from curvescan.io.ros.writing.bag_writer import BagWriter, mcap_in_file
+from curvescan.io.ros.writing.bags import BagWriter, mcap_in_file
 from curvescan.live.ros_messages import TOPICS, LiveMessages
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan

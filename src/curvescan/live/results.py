@@ -134,7 +134,7 @@ class _Passed(ScanAccess):
 
 
 def record_of(report: LiveReport) -> dict[str, object]:
-    """Return how a live run went, as run.json holds it."""
+    """Return the part of run.json that tells how a live run went: scans, drops, times."""
     return {
         "scans": report.n_scans,
         "dropped": report.n_dropped,

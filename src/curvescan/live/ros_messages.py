@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from curvescan.io.ros.messages import LASER_SCAN, OCCUPANCY_GRID, ODOMETRY, TRANSFORMS
-from curvescan.io.ros.writing.bag_writer import ODOM_TOPIC, SCAN_TOPIC, TF_TOPIC
+from curvescan.io.ros.writing.bags import ODOM_TOPIC, SCAN_TOPIC, TF_TOPIC
 from curvescan.io.ros.writing.message_building import LASER_FRAME, MAP_FRAME, ODOM_FRAME, MessageBuilder
 from curvescan.live.base_motion import BaseMotion
 from curvescan.live.tracker import TrackedScan

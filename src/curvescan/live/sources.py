@@ -17,8 +17,7 @@ from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
 from curvescan.simulation.driving.motion import drive_route
 from curvescan.simulation.driving.pursuit import Drive
-from curvescan.simulation.seeds import NOISE, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensing.people import People, walk
+from curvescan.simulation.sensing.people import NOISE, PATH, PEOPLE, WORLD, People, child, walk
 from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 
 if TYPE_CHECKING:

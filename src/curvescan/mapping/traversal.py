@@ -33,7 +33,7 @@ def mark_scan(
     Parameters
     ----------
     log_odds : (n_rows, n_columns) float32
-        Of occupancy; row j holds the cells of y in [j, j + 1).
+        Log odds of occupancy; row j holds the cells of y in [j, j + 1).
     marks, mark : (n_rows, n_columns) int32, int
         Number of the scan that changed a cell last, and of this scan.
     start : (2,) float64
@@ -41,7 +41,7 @@ def mark_scan(
     ends : (n, 2) float64
         Where the beams end, in the same unit; all inside the grid.
     is_hit, is_fully_observed : (n,) bool
-        Whether the last cell of a beam is a hit, or passed like the others; one that is neither is left as it is.
+        Whether the last cell of a beam is a hit, and whether the beam passed it; a cell that is neither stays as it is.
     steps : (4,) float64
         Log-odds to add for a hit and for a miss, lowest and highest log-odds.
     """

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
-from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import DEFAULT_METHOD, MATCHERS, Matcher, MatcherConfig, Method, find_matcher
-from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome
+from curvescan.matchers.result import Candidate, Label, MatchResult, Outcome, prior_of
 from curvescan.scan import LaserScan
 from curvescan.types import UncertainPose
 

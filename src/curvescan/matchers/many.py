@@ -19,9 +19,8 @@ from numpy.typing import ArrayLike
 from curvescan._compilation import watch
 from curvescan.errors import InvalidArgumentError
 from curvescan.matchers import PreparedScan, prepared
-from curvescan.matchers.prior import prior_of
 from curvescan.matchers.registry import DEFAULT_METHOD, Matcher, MatcherConfig, Method, find_matcher
-from curvescan.matchers.result import MatchResult
+from curvescan.matchers.result import MatchResult, prior_of
 from curvescan.scan import LaserScan
 from curvescan.types import UncertainPose
 

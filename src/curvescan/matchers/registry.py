@@ -5,13 +5,12 @@ A row is all it takes to add one; nothing is imported until its name is used.
 
 from __future__ import annotations
 
-import importlib
+import pkgutil
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, Union, cast
 
-from curvescan.configs import as_config, nearest
-from curvescan.errors import InvalidArgumentError
+from curvescan.configs import as_config, look_up
 from curvescan.matchers.result import MatchResult
 from curvescan.scan import LaserScan
 from curvescan.types import UncertainPose
@@ -72,13 +71,13 @@ class Matcher(Protocol):
     def match(self, reference: Any, current: Any, prior: UncertainPose | None) -> MatchResult:
         """Return the pose of `current` seen from `reference`, both being features of this matcher.
 
-        The prior is what is known of that pose before; None stands for ``curvescan.matchers.prior.WIDE_PRIOR``.
+        The prior is what is known of that pose before; None stands for ``curvescan.matchers.result.WIDE_PRIOR``.
         """
 
 
 def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Matcher:
     """Return the matcher of a name with a configuration, or with its defaults. Raises InvalidArgumentError."""
-    _check_method(method)
+    look_up(MATCHERS, method, "method")
     if config is None:  # not left to _build: the hash of a configuration takes a while
         return _with_defaults(method)
     return _build(method, config_of(method, config, name=name))
@@ -86,21 +85,14 @@ def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, n
 
 def config_of(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Any:
     """Return the whole configuration that :func:`find_matcher` uses; the arguments are the same."""
-    _check_method(method)
+    look_up(MATCHERS, method, "method")
     return as_config(config, default_config(method), name=name, hint=f"method {method!r} takes no other")
-
-
-def _check_method(method: object) -> None:
-    if not isinstance(method, str) or method not in MATCHERS:
-        raise InvalidArgumentError(
-            f"unknown method {method!r}: {nearest(method, MATCHERS)}known are {', '.join(sorted(MATCHERS))}"
-        )
 
 
 @lru_cache(maxsize=len(MATCHERS))
 def default_config(method: str) -> Any:
     """Return the configuration of a method that holds where none is given."""
-    return _load(MATCHERS[method][1])()
+    return pkgutil.resolve_name(MATCHERS[method][1])()
 
 
 @lru_cache(maxsize=len(MATCHERS))
@@ -110,9 +102,4 @@ def _with_defaults(method: str) -> Matcher:
 
 @lru_cache(maxsize=64)
 def _build(method: str, config: object) -> Matcher:
-    return cast(Matcher, _load(MATCHERS[method][0])(config))
-
-
-def _load(address: str) -> Any:
-    module, _, name = address.partition(":")
-    return getattr(importlib.import_module(module), name)
+    return cast(Matcher, pkgutil.resolve_name(MATCHERS[method][0])(config))

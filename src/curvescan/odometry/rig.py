@@ -23,9 +23,9 @@ from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
-from curvescan.io.files.paths import as_path
+from curvescan.io.files.read_errors import as_path
 from curvescan.io.log import MountedLog
-from curvescan.io.ros.mount import laser_mounts
+from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry.odometry import Odometry
 from curvescan.scan import LaserScan
@@ -270,8 +270,7 @@ class RigJoiner:
     """Joins the sweeps of a rig as they come, each group moved by the velocity that the step before it had."""
 
     def __init__(self, n_lasers: int, rig: Rig | None = None) -> None:
-        self.rig = rig
-        self._groups = _Groups(n_lasers)
+        self.rig, self._groups = rig, _Groups(n_lasers)
         self._velocity, self._before = np.zeros(3), math.nan
 
     def collect(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:

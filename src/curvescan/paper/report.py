@@ -9,21 +9,25 @@ import numpy as np
 
 from curvescan._version import __version__
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
-from curvescan.paper.figures import draw_both_maps, draw_discarded, draw_end, draw_errors, draw_maps, draw_trajectories
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
 from curvescan.paper.tables import (
     covariance_table,
+    draw_both_maps,
+    draw_discarded,
+    draw_end,
+    draw_errors,
+    draw_maps,
+    draw_trajectories,
     drive_table,
     dynamic_table,
     log_relation_table,
     log_table,
     random_transform_table,
 )
-from curvescan.runs.document import Part, save_document
+from curvescan.runs.document import Part, ResultTable, save_document
 from curvescan.runs.evaluation import relation_record
 from curvescan.runs.results import write_record
-from curvescan.runs.table import ResultTable
 
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}  # table VI of the paper
 

@@ -3,6 +3,11 @@
 Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to
 the next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to
 17 degrees, a crowd.
+
+The covariance of Lu and Milios (eqs. 13-18) for a match of any method, as the paper's Tables II to V have it.
+
+The paper gives all four methods this covariance, so that they can be compared. It needs pairs of points; a method that
+matches points to lines or to peaks has none, so each matched reading is paired with the nearest matched one.
 """
 
 from __future__ import annotations
@@ -18,15 +23,26 @@ import numpy as np
 from curvescan import se2
 from curvescan.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
 from curvescan.mapping.dynamic import dynamic_along
-from curvescan.matchers import MatchResult
 from curvescan.matchers.baselines.iteration import IterationTrace
+from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.registry import MatcherConfig
-from curvescan.matchers.result import Label
+from curvescan.matchers.result import Label, MatchResult
 from curvescan.odometry import Odometry, OdometryConfig, RunRecord, Step, run_odometry
-from curvescan.paper.lu_milios import lu_milios_covariance
 from curvescan.paper.random_transform import SUCCESS
+from curvescan.scan import LaserScan
 from curvescan.simulation import Drive, Simulation, simulate
-from curvescan.types import Bools, Floats, Pose
+from curvescan.types import Bools, Cov, Floats, Pose
+
+
+def lu_milios_covariance(reference: LaserScan, current: LaserScan, result: MatchResult) -> Cov:
+    """Return (3, 3) the covariance of eq. 16 of a match's pose, from the readings it matched."""
+    cur = current.points[result.labels_current == Label.MATCHED]
+    ref = reference.points[result.labels_reference == Label.MATCHED]
+    placed = se2.transform(result.pose, cur)
+    squared = np.subtract.outer(placed[:, 0], ref[:, 0]) ** 2
+    squared += np.subtract.outer(placed[:, 1], ref[:, 1]) ** 2
+    return pose_covariance(cur, result.pose, float(squared.min(axis=1).sum()))
+
 
 Condition: TypeAlias = Literal["paper", "hard"]  # under which conditions an experiment is done
 
@@ -63,46 +79,31 @@ class DriveExperiment:
         )
 
 
-def _experiment(
-    number: int, drives: dict[Condition, Drive], n_people: dict[Condition, int]
-) -> tuple[DriveExperiment, ...]:
-    title, n_scans = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}[number]
-    return tuple(
-        DriveExperiment(
-            number=number,
-            title=title,
-            n_scans=n_scans,
-            n_people=n_people.get(condition, 0),
-            drive=drive,
-            condition=condition,
-            sensor=_SENSORS[condition],
-            path="home" if number == 2 else "route",
-        )
-        for condition, drive in drives.items()
-    )
-
-
-_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 _GENTLE = math.radians(4.0) / 0.2  # rad/s: 4 degrees from a scan to the next
+_TITLES = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic comparison", 525)}
+_SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 
-DRIVES: tuple[DriveExperiment, ...] = (
-    *_experiment(2, {"paper": Drive(speed=0.3, turn_rate=_GENTLE), "hard": Drive(speed=0.3)}, {}),
-    *_experiment(
-        3,
-        {
-            "paper": Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0),
-            "hard": Drive(speed=1.25, turn_rate=1.5, acceleration=2.0),
-        },
-        {},
-    ),
-    *_experiment(
-        4,
-        {
-            "paper": Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5),
-            "hard": Drive(speed=0.95, turn_rate=1.5, acceleration=1.5),
-        },
-        {"paper": 3, "hard": 20},
-    ),
+_DRIVES: tuple[tuple[int, Condition, Drive, int], ...] = (  # experiment, condition, how the robot drives, people
+    (2, "paper", Drive(speed=0.3, turn_rate=_GENTLE), 0),
+    (2, "hard", Drive(speed=0.3), 0),
+    (3, "paper", Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0), 0),
+    (3, "hard", Drive(speed=1.25, turn_rate=1.5, acceleration=2.0), 0),
+    (4, "paper", Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5), 3),
+    (4, "hard", Drive(speed=0.95, turn_rate=1.5, acceleration=1.5), 20),
+)
+
+DRIVES = tuple(
+    DriveExperiment(
+        number=number,
+        title=_TITLES[number][0],
+        n_scans=_TITLES[number][1],
+        n_people=n_people,
+        drive=drive,
+        condition=condition,
+        sensor=_SENSORS[condition],
+        path="home" if number == 2 else "route",
+    )
+    for number, condition, drive, n_people in _DRIVES
 )
 """Experiments 2 to 4, each under the paper's conditions and under hard ones, with the paper's numbers of scans."""
 

@@ -12,7 +12,7 @@ from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors
 from curvescan.evaluation.trajectory_errors import travelled
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.plots.canvas import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, drawing_places
+from curvescan.plots.map import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, drawing_places
 from curvescan.types import Floats
 
 _N_WORST = 10

@@ -1,36 +1,106 @@
-"""The map of a run, that of its wheels alone (the paper's figure 7), the same scans mapped twice, and the graph."""
+"""Maps as pictures: of a run, of wheels alone (the paper's figure 7), of occupancy and graphs; what figures share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from curvescan import se2
+from curvescan.io.files.read_errors import printable
 from curvescan.io.log import Log
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.occupied_cells import occupied_cells
 from curvescan.mapping.run_maps import RunMaps
 from curvescan.odometry import RunRecord
-from curvescan.plots.canvas import (
-    DARK,
-    FAILED,
-    GREY,
-    LIGHT,
-    PAIRED,
-    PATH,
-    WHEELS,
-    as_place,
-    draw_truth,
-    drawing_places,
-    mark_ends,
-)
 from curvescan.slam.loops.closures import is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
 from curvescan.types import Bools, Points, Pose
+
+DARK = "#1b2a41"
+LIGHT = "#e3a76f"
+GREY = "#b5b9c0"
+PATH = "#c1272d"
+WHEELS = "#b06a1f"
+TRUTH = "#2e7d32"
+FAILED = "#7b1fa2"
+PAIRED = "#00796b"
+FIRST, SECOND = "#0072b2", "#d55e00"
+"""Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
+SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
+
+_STYLE = Path(__file__).with_name("curvescan.mplstyle")
+_DPI = 150
+_MAX_TITLE = 160
+
+
+@contextmanager
+def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """Yield an empty figure of that many inches and save it as `path` when the block ends."""
+    with mpl.rc_context(fname=_STYLE):
+        figure = Figure(figsize=(width, height))
+        yield figure
+        with warnings.catch_warnings():
+            # names of files may be in any script; a box stands for what the font does not have
+            warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
+            figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+
+
+@contextmanager
+def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure of `n_places` maps of the same size that shows all points, and their axes.
+
+    Wide places stand one above the other, high ones side by side.
+    """
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    margin = 0.03 * float(max(high - low)) + 0.1
+    low, high = low - margin, high + margin
+    span = high - low
+    ratio = float(np.clip(span[1] / span[0], 0.2, 2.0))
+    is_wide = n_places > 1 and ratio < 0.6
+    rows, columns = (n_places, 1) if is_wide else (1, n_places)
+    width = 11.0 / columns if n_places > 1 else min(10.0, max(7.0, 9.0 / ratio))
+    with drawing(path, columns * width, rows * ((width - 0.5) * ratio + 0.5) + 1.0) as figure:
+        places = np.ravel(figure.subplots(rows, columns)).tolist()
+        for axes in places:
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        yield figure, places
+
+
+def as_place(axes: Axes, title: str = "") -> None:
+    """Make axes a map: metres on both, at the same scale."""
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    if title:  # often the name of a file, in which a $ begins no formula
+        axes.set_title(printable(title, _MAX_TITLE), parse_math=False)
+
+
+def draw_truth(axes: Axes, poses: Pose) -> None:
+    """Draw the true path, (n, 3) poses."""
+    axes.plot(*poses[:, :2].T, color=TRUTH, lw=1.0, ls="--", label="truth")
+
+
+def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
+    """Mark where a path of (n, 3) poses starts and ends; nothing where it has none."""
+    for mark, end, label in (("o", poses[:1], "start"), ("s", poses[-1:], "end")):
+        axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
+
+
+def segment_colour(k: int) -> tuple[float, float, float]:
+    """Return the colour of segment k; ten colours in turn."""
+    colour: tuple[float, float, float] = SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)]
+    return colour
 
 
 def draw_map(path: Path, run: RunRecord, place: RunMaps, *, title: str, truth: Pose | None = None) -> None:
@@ -134,3 +204,53 @@ def _draw_edges(axes: Axes, slam_map: SlamMap, chosen: Bools, colour: str, label
     lines = slam_map.poses[slam_map.ends[chosen], :2]
     axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4))
     axes.plot([], [], color=colour, lw=1.0, label=label)
+
+
+_COLOURS = {"unknown": "#c4c7cc", "free": "#ffffff", "occupied": DARK}
+"""From what gives way to what shows, where many cells are drawn as one."""
+
+_SHARE = 0.8  # share of the pixels along the axes that blocks of cells may take: axes are smaller than their place
+
+
+def draw_occupancy(path: Path, grid: OccupancyGrid, poses: Pose, *, title: str) -> None:
+    """Save an occupancy map as a picture, and the path of its poses (n, 3)."""
+    low = grid.origin
+    high = low + grid.resolution * np.array(grid.log_odds.shape[::-1])
+    with drawing_places(path, np.stack([low, high])) as (figure, [axes]):
+        as_place(axes, f"{title}, cells of {grid.resolution:g} m")
+        draw_grid(axes, grid)
+        axes.plot(*poses[:, :2].T, color=PATH, lw=0.7, label="path of the sensor")
+        figure.legend(loc="outside lower center", ncols=4)
+
+
+def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
+    """Draw the cells of an occupancy map of at least one cell on axes, whose limits become the map's."""
+    ranks, side = _merged_ranks(grid, int(_SHARE * max(axes.get_window_extent().size)))
+    left, bottom = grid.origin
+    right, top = grid.origin + side * np.array(ranks.shape[::-1])
+    axes.grid(visible=False)
+    axes.imshow(
+        ranks,
+        extent=(left, right, bottom, top),
+        origin="lower",
+        cmap=ListedColormap(list(_COLOURS.values())),
+        vmin=0,
+        vmax=2,
+        interpolation="nearest",  # a block is a pixel or more: none is left out
+    )
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    for label, colour in _COLOURS.items():
+        axes.plot([], [], "s", color=colour, mec="black", mew=0.4, ms=6, label=label)
+
+
+def _merged_ranks(grid: OccupancyGrid, n_pixels: int) -> tuple[NDArray[np.uint8], float]:
+    """Return blocks of cells, 0 unknown, 1 free, 2 occupied as its darkest cell, and a block's side in metres."""
+    ranks = grid.is_free.astype(np.uint8)
+    ranks[grid.is_occupied] = 2
+    n = -(-max(ranks.shape) // max(n_pixels, 1))
+    if n > 1:
+        n_rows, n_columns = (-(-size // n) for size in ranks.shape)
+        missing = [(0, n * n_rows - ranks.shape[0]), (0, n * n_columns - ranks.shape[1])]
+        blocks = np.pad(ranks, missing).reshape(n_rows, n, n_columns, n)
+        ranks = blocks.max(axis=(1, 3))
+    return ranks, n * grid.resolution

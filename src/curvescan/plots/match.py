@@ -17,7 +17,7 @@ from curvescan.matchers.cfsma.features import CfSmaFeatures
 from curvescan.matchers.cfsma.landmarks import Verdict
 from curvescan.matchers.cfsma.trace import CfSmaTrace, count_gates
 from curvescan.matchers.result import Label, MatchResult
-from curvescan.plots.canvas import (
+from curvescan.plots.map import (
     DARK,
     FIRST,
     GREY,

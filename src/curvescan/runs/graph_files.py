@@ -1,23 +1,29 @@
-"""Files of SLAM beside poses and maps: the graph, its loop-closure candidates, the figures of both."""
+"""Files of a run beside poses and maps: the graph, its loop-closure candidates, and view.npz for `curvescan view`."""
 
 from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from curvescan import se2
-from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.arrays.npz_file import NpzFile
+from curvescan.io.log import Log
+from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.odometry import Step, StepOutcome
+from curvescan.scan import LaserScan
 from curvescan.slam import ClosureOutcome, Slam
 from curvescan.slam.loops.closures import Closure
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
-from curvescan.types import Cov, Pose, PoseEdge
+from curvescan.types import Cov, Ints, Pose, PoseEdge
 
 CLOSURE_HEADER = (
     "scan", "keyframe_i", "keyframe_j", "score", "confidence", "squared_mahalanobis",
@@ -32,7 +38,7 @@ def save_graph(folder: Path, slam_map: SlamMap) -> None:
 
 
 def write_closures(path: Path, closures: Sequence[Closure]) -> None:
-    """Write the candidates for loop closures and matches of neighbours: scan, pose, outcome and reason of each."""
+    """Write one row for each candidate of a loop closure and each match of neighbours: scan, pose, outcome, reason."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(CLOSURE_HEADER)
@@ -89,3 +95,70 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
             join(step.index - 1, step, se2.between(last, step.pose_odom), np.diag(np.square(GUESS_SIGMAS)))
         last = step.pose_odom
     return edges
+
+
+VIEW_FILE = "view.npz"
+
+MAX_BEAMS = 240  # beams of a scan that are kept at most: every second or third of one that has more
+
+_CENTIMETRES = 100.0
+_FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
+
+
+def write_view_file(
+    folder: Path,
+    log: Log,
+    n_scans: int,
+    *,
+    odometry: Pose | None = None,
+    keyframe_numbers: Ints | None = None,
+    keyframe_scans: Ints | None = None,
+) -> None:
+    """Write view.npz into a results folder.
+
+    odometry (n, 3); keyframe_numbers (k,): number of each keyframe of the map; keyframe_scans (m, 2): number and scan
+    of each keyframe that there ever was.
+    """
+    arrays: dict[str, Any] = beams_of(islice(log, n_scans))
+    if odometry is not None:
+        arrays["odometry"] = odometry.astype(np.float32)
+    if log.odometry is not None:
+        arrays["wheels"] = log.odometry.poses[:n_scans].astype(np.float32)
+    if keyframe_numbers is not None:
+        arrays["keyframe_numbers"] = keyframe_numbers
+    if keyframe_scans is not None:
+        arrays["keyframe_scans"] = keyframe_scans
+    np.savez_compressed(folder / VIEW_FILE, **arrays)
+
+
+def beams_of(scans: Iterable[LaserScan]) -> dict[str, Any]:
+    """Return scans to the centimetre: ranges, beams of each scan, its layout, and the layouts' angles."""
+    rows: list[NDArray[np.uint16]] = []
+    layouts: dict[bytes, int] = {}
+    angles: list[NDArray[np.float32]] = []
+    layout_of: list[int] = []
+    for scan in scans:
+        step = -(-len(scan) // MAX_BEAMS) or 1
+        seen = np.where(scan.valid, scan.ranges, 0.0)[::step] * _CENTIMETRES
+        rows.append(np.rint(seen.clip(0, _FARTHEST)).astype(np.uint16))
+        one = scan.angles[::step].astype(np.float32)
+        key = one.tobytes()
+        if key not in layouts:
+            layouts[key] = len(angles)
+            angles.append(one)
+        layout_of.append(layouts[key])
+    return {
+        "ranges": np.concatenate([np.empty(0, np.uint16), *rows]),
+        "layout": np.array(layout_of, dtype=np.uint32),
+        "angles": np.concatenate([np.empty(0, np.float32), *angles]),
+        "n_angles": np.array([len(one) for one in angles], dtype=np.uint32),
+    }
+
+
+def read_view_file(folder: Path) -> Mapping[str, Any]:
+    """Return the arrays of view.npz; none where a folder has no such file."""
+    path = folder / VIEW_FILE
+    if not path.is_file():
+        return {}
+    file = NpzFile(path)
+    return {name: file.read(name) for name in file.headers}

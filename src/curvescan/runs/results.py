@@ -26,11 +26,9 @@ from curvescan.mapping.run_maps import RunMaps, build_maps
 from curvescan.odometry import Odometry, RunRecord, StepOutcome
 from curvescan.odometry.deskewing import deskewed_along
 from curvescan.odometry.step import IN_MAP
-from curvescan.plots.map import draw_graph, draw_map, draw_wheels
-from curvescan.plots.occupancy import draw_occupancy
-from curvescan.runs.graph_files import describe_graph, save_graph, write_closures
+from curvescan.plots.map import draw_graph, draw_map, draw_occupancy, draw_wheels
+from curvescan.runs.graph_files import describe_graph, save_graph, write_closures, write_view_file
 from curvescan.runs.odometry_process import OdometryProcess
-from curvescan.runs.view_file import write_view_file
 from curvescan.slam import Localizer, Slam
 from curvescan.slam.map import SlamMap
 from curvescan.slam.run import is_deskewed, odometry_of

@@ -20,11 +20,10 @@ from curvescan.diagnostics.preparation import prepare_log
 from curvescan.diagnostics.verdict import judge
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.arrays.memory import as_log
-from curvescan.io.exports import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.io.files.output import output_folder
-from curvescan.io.held import HeldLog
-from curvescan.io.log import Log
+from curvescan.io.log import HeldLog, Log
 from curvescan.io.reading import read_log
+from curvescan.io.writing import ExportName, RunData, check_exports, takes_edges, write_exports
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from curvescan.simulation.buildings.catalogue import WORLDS, build_world
 from curvescan.simulation.buildings.world import World
-from curvescan.simulation.driving.pursuit import Drive
-from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
+from curvescan.simulation.driving.pursuit import Drive, OdometryNoise, wheel_odometry
 from curvescan.simulation.pairs import ScanPair, ScanPairs, simulate_pairs
 from curvescan.simulation.recording import Simulation, simulate
 from curvescan.simulation.sensing.people import People

@@ -15,8 +15,7 @@ from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.recording import as_scan, observe
-from curvescan.simulation.seeds import PAIR, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensing.people import People, crowd
+from curvescan.simulation.sensing.people import PAIR, PATH, PEOPLE, WORLD, People, child, crowd
 from curvescan.simulation.sensing.sensors import Sensor, choose_sensor
 from curvescan.types import Bools, Floats, Pose
 
@@ -142,12 +141,12 @@ def simulate_pairs(
         The translation is uniform in the disc of this radius, metres; the rotation uniform in plus or minus
         this angle, radians.
     translation_std, rotation_std : float or None
-        Instead: x and y (or the rotation) normal around zero with this deviation, metres (radians).
+        In place of the maximum: x and y, and the rotation, are normal around zero with this standard deviation; metres,
+        radians.
     motions : (n_pairs, 3) array_like or None
-        Instead of all of these: the poses of the current scans in the reference scans.
+        In place of random motions: the pose of each current scan in its reference scan.
     people_share : float
-        Share of the beams that people shall block, in [0, 0.9]: other people at other places in
-        each of the two scans.
+        Share of the beams that people block, in [0, 0.9]. Each of the two scans has people of its own.
     people : People or None
         What they look like; None: two legs.
     clearance : float
@@ -155,7 +154,7 @@ def simulate_pairs(
     sight_share : float
         Least share of the beams, in [0, 1], that meet the world within range at both places.
     fresh_world : bool
-        Whether a named world is built anew for each pair, each with its own seed; otherwise once, with `seed`.
+        Whether each pair has a world of its own, built with its own seed. If not, one world is built with `seed`.
     seed : int
         The same seed, the same bits; >= 0.
 

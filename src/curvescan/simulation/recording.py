@@ -17,10 +17,8 @@ from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.driving.motion import drive_home, drive_route
-from curvescan.simulation.driving.pursuit import Drive
-from curvescan.simulation.driving.wheels import OdometryNoise, wheel_odometry
-from curvescan.simulation.seeds import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, child
-from curvescan.simulation.sensing.people import People, walk
+from curvescan.simulation.driving.pursuit import Drive, OdometryNoise, wheel_odometry
+from curvescan.simulation.sensing.people import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, People, child, walk
 from curvescan.simulation.sensing.sensors import Sensor, cast_beams, choose_sensor, measure, sight
 from curvescan.types import Bools, Floats, Pose
 

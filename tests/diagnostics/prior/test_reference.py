@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.io.ros.writing.log_writer import write_odometry_mcap
+from curvescan.io.ros.writing.bags import write_odometry_mcap
 from curvescan.io.trajectories.trajectory import Trajectory
 from tests.carmen_files import flaser, write
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from curvescan.io.carmen.reader import CarmenLog
+from curvescan.io.carmen.log import CarmenLog
 from tests.carmen_files import configured, flaser, write
 
 N_SWEEPS = 100

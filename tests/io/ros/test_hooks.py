@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 import curvescan as cs
-from curvescan.io.ros.bags.hardening import limits, sqlite
+from curvescan.io.ros.bags.hardening import limits, salvage
 from curvescan.io.ros.bags.hardening.chunks import Unpacker
 from tests.bags import ROS1, ROS2, SECOND, build, scan, storage, write_bag
 
@@ -37,7 +37,7 @@ def calls(monkeypatch):
         watch(limits.CheckedRos1Reader, name)
     for name in ("open", "_check_summary", "_look"):
         watch(limits.CheckedMcapReader, name)
-    for owner, name in ((Unpacker, "unpack"), (limits, "check_chunks"), (limits, "_check_qos_in"), (sqlite, "_check")):
+    for owner, name in ((Unpacker, "unpack"), (limits, "check_chunks"), (limits, "_check_qos_in"), (salvage, "_check")):
         watch(owner, name)
     return called
 

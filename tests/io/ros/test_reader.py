@@ -30,7 +30,7 @@ from curvescan.diagnostics.inspect import inspect_log
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io import Log, read_log
 from curvescan.io.files import lines as unpacking
-from curvescan.io.ros.laser_scan import BAD_ANGLES, BAD_LIMITS
+from curvescan.io.ros.messages import BAD_ANGLES, BAD_LIMITS
 from curvescan.io.ros.reader import BROKEN_BAG, CUT_BAG
 from curvescan.runs.run import run as run_log
 from tests.bags import (

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.evaluation.published import BENCHMARKS, find_benchmark
-from curvescan.evaluation.relations import relation_errors
+from curvescan.evaluation.relations import BENCHMARKS, find_benchmark, relation_errors
 from curvescan.io import Relations, read_poses, read_relations
 from curvescan.io.trajectories.trajectory import Trajectory
 
@@ -117,7 +116,7 @@ def test_the_file_or_a_name_tells_the_benchmark():
     assert find_benchmark(None, "MIT_Killian.relations") is BENCHMARKS["mit-killian-court"]
     assert find_benchmark("aces", "intel.relations") is BENCHMARKS["aces"]
     assert find_benchmark(None, "office.relations") is None
-    with pytest.raises(cs.InvalidArgumentError, match="no benchmark 'here'; known are aces"):
+    with pytest.raises(cs.InvalidArgumentError, match="unknown benchmark 'here': known are aces"):
         find_benchmark("here")
 
 

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from curvescan import LaserScan, se2
-from curvescan.matchers.baselines.filters import HIDDEN_MARGIN, is_visible, median_filter
-from curvescan.matchers.baselines.points import sweep_of
+from curvescan.matchers.baselines.points import HIDDEN_MARGIN, is_visible, median_filter, sweep_of
 from curvescan.scan import valid_readings
 from tests.reference import baselines as twin
 from tests.scenes import room_scan

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan.matchers.baselines.histograms import best_lag, ring_histogram
+from curvescan.matchers.baselines.histogram import best_lag, ring_histogram
 
 
 def bumps(shift=0.0, n=128):

@@ -10,12 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curvescan import se2
-from curvescan.matchers.baselines.least_squares import (
-    is_constrained,
-    jacobian,
-    point_to_line_step,
-    propagated_covariance,
-)
+from curvescan.matchers.baselines.iteration import is_constrained, jacobian, point_to_line_step, propagated_covariance
 from curvescan.matchers.cfsma.covariance import LEAST_SIGMA
 from tests.reference import baselines as twin
 

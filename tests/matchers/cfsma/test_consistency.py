@@ -7,8 +7,8 @@ import pytest
 
 import curvescan as cs
 from curvescan import se2
+from curvescan.matchers.cfsma.alignment import consistent_pairs
 from curvescan.matchers.cfsma.config import CfSmaConfig, LandmarksConfig
-from curvescan.matchers.cfsma.consistency import consistent_pairs
 from curvescan.matchers.cfsma.landmarks import LandmarkPairs, Landmarks, Verdict
 from curvescan.simulation import simulate_pairs
 

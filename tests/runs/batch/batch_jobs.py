@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from curvescan.io.files.output import output_folder
-from curvescan.runs.batch.job import JobResult
+from curvescan.runs.batch.jobs import JobResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,9 +16,9 @@ import pytest
 
 import curvescan as cs
 from curvescan.cli.main import run as command
-from curvescan.runs.batch.job import digest_of
+from curvescan.runs.batch.jobs import digest_of
 from curvescan.runs.batch.logs import find_logs, name_folders
-from curvescan.runs.batch.results.manifest import open_manifest, read_manifest
+from curvescan.runs.batch.results import open_manifest, read_manifest
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import LargeJob, NamedJob, UnloadableJob
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import curvescan as cs
-from curvescan.runs.batch.storage.object_store import Bucket
+from curvescan.runs.batch.object_store import Bucket
 from tests.conftest import ROOT
 from tests.runs.batch.batch_jobs import CountedJob, NamedJob
 from tests.runs.batch.gcs_server import gcs_server

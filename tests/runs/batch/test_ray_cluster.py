@@ -91,7 +91,7 @@ def test_a_cluster_and_a_bucket(tmp_path):
     with s3_server() as server:
         os.environ.update(server)
         try:
-            from curvescan.runs.batch.storage.object_store import Bucket
+            from curvescan.runs.batch.object_store import Bucket
 
             bucket = Bucket("s3://fleet")
             for name in ("a.log", "b-kill.log", "c.log"):

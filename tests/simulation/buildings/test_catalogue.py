@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from curvescan.configs import look_up
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation import SENSORS, WORLDS, Sensor, World, build_world
-from curvescan.simulation.buildings.catalogue import look_up
 from curvescan.simulation.buildings.rooms import corridor
-from curvescan.simulation.driving.planning import Grid
+from curvescan.simulation.driving.motion import Grid
 from curvescan.simulation.driving.pursuit import Drive
-from curvescan.simulation.seeds import child
+from curvescan.simulation.sensing.people import child
 from curvescan.simulation.sensing.raycast import cast_rays
 
 ARRAYS = ("walls", "boxes", "circles", "arcs", "floor", "route")

@@ -9,8 +9,7 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.simulation import Drive, OdometryNoise, World, build_world, wheel_odometry
 from curvescan.simulation.buildings.rooms import room
-from curvescan.simulation.driving.motion import drive_home, drive_route
-from curvescan.simulation.driving.planning import Grid
+from curvescan.simulation.driving.motion import Grid, drive_home, drive_route
 
 PERIOD = 0.2
 NONE = OdometryNoise(turn_from_turn=0.0, turn_from_drive=0.0, drive_from_drive=0.0, drive_from_turn=0.0)

@@ -7,7 +7,7 @@ import pytest
 
 from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
 from curvescan.cli.main import run
-from curvescan.io.points import write_pcd, write_ply
+from curvescan.io.writing import write_pcd, write_ply
 from curvescan.slam.editing import merging, operations
 from curvescan.slam.editing.merging import merged
 from curvescan.slam.pose_graph.graph import EdgeKind

@@ -12,14 +12,14 @@ import tyro
 
 from curvescan._interrupts import reported_as
 from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
-from curvescan.io.files.printable import printable
+from curvescan.io.files.read_errors import printable
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
     from curvescan.runs.batch.batch import BatchDisplay
-    from curvescan.runs.batch.job import Job
-    from curvescan.runs.batch.results.manifest import BatchRecord
+    from curvescan.runs.batch.jobs import Job
+    from curvescan.runs.batch.results import BatchRecord
 
 Patterns: TypeAlias = Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="PATTERN...")]
 """Paths of logs, or patterns of them."""
@@ -66,8 +66,7 @@ def batch(
     slam
         SLAM in place of odometry.
     """
-    from curvescan.cli.console import ERR, OUT
-    from curvescan.cli.flags import with_flags
+    from curvescan.cli.console import ERR, OUT, with_flags
     from curvescan.runs.batch.batch import run_batch
 
     job = _job(rules, slam_rules if slam else None, use, occupancy)

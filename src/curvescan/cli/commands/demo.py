@@ -1,4 +1,4 @@
-"""curvescan demo: a simulated building, or a public log, mapped."""
+"""curvescan demo and warm-up: a simulated building, and kernels compiled ahead of the first run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import tyro
 
@@ -15,6 +15,7 @@ from curvescan.io.datasets import DATASETS
 
 if TYPE_CHECKING:
     from curvescan.simulation.recording import Simulation
+
 
 DatasetName: TypeAlias = Annotated[str | None, tyro.conf.arg(metavar="NAME")]
 
@@ -114,3 +115,24 @@ def _map_public_log(name: str, out: Path, rules: SlamFlags) -> int:
     if relations is not None:
         evaluate(out, relations=relations)
     return status
+
+
+def warm_up(*, cache: Path | None = None, processor: Literal["generic", "native"] = "generic") -> int:
+    """Compile the kernels of matching, odometry, SLAM and maps, so that no later run waits for a compiler.
+
+    Parameters
+    ----------
+    cache
+        Folder for code that travels, for an image or a package; a run finds it in NUMBA_CACHE_DIR. What does not fit
+        the Python, the Numba or the kind of processor there is passed over in silence. Left out: the cache of this
+        machine.
+    processor
+        For which processor that folder is: any of the kind of this one (6 % slower, the same results), or this one
+        alone.
+    """
+    import curvescan
+    from curvescan.cli.console import OUT
+
+    seconds = curvescan.warm_up(cache=cache, processor=processor)
+    OUT.print(f"compiled or loaded in {seconds:.1f} s" + (f": {cache}" if cache else ""))
+    return 0

@@ -47,10 +47,9 @@ def evaluate(
     out
         Folder for evaluation.md, evaluation.json and two figures; nothing is written without.
     """
-    from curvescan.cli.console import OUT, show
-    from curvescan.cli.flags import with_flags
+    from curvescan.cli.console import OUT, show, with_flags
     from curvescan.runs.evaluation import evaluate as measure
-    from curvescan.runs.evaluation_tables import tables_of
+    from curvescan.runs.evaluation import tables_of
 
     errors = measure(
         trajectory,

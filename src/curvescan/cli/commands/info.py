@@ -1,4 +1,4 @@
-"""curvescan info: what is in a log, and what is wrong with it."""
+"""curvescan info: what is in a log, and what is wrong with it; curvescan convert: a log in another format."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ import sys
 import textwrap
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import tyro
 
 from curvescan.cli.options import Flag, LogPath, Reading, ReadingFlags
 
 if TYPE_CHECKING:
     from curvescan.diagnostics.issues import Issue
     from curvescan.diagnostics.report import LogReport
+
 
 _INDENT, _LEAST_WIDTH = 19, 30  # columns of names, and of text at least
 
@@ -36,8 +39,7 @@ def info(
         Print JSON: `usable` (bool), `issues` (a list of topic, kind, what, consequence, remedy, mending) and `report`
         (all figures; null where one is not known or has no limit). The keys are the same for every log.
     """
-    from curvescan.cli.console import OUT
-    from curvescan.cli.flags import with_flags, with_options
+    from curvescan.cli.console import OUT, with_flags, with_options
     from curvescan.diagnostics.inspect import inspect_log
     from curvescan.diagnostics.issues import find_issues, report_as_plain
 
@@ -166,3 +168,41 @@ def _turns(report: LogReport) -> str:
     way = "against" if sense.is_reversed else "with"
     count = sense.n_reversed if sense.is_reversed else sense.n_turns - sense.n_reversed
     return f"{way} the {sense.reference} in {count} of {sense.n_turns} sharp turns"
+
+
+FormatName: TypeAlias = Literal["carmen", "csv", "npz", "ros1", "ros2", "mcap"]
+"""Names of the table of writers, written out so that --help loads none of them."""
+
+
+def convert(
+    log: LogPath,
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")],
+    /,
+    *,
+    format: FormatName | None = None,  # noqa: A002 - the flag's name
+    reading: ReadingFlags = Reading(),  # noqa: B008 - frozen
+) -> int:
+    """Write the scans and the odometry of a log in another format, and tell what that format cannot keep.
+
+    The ending of OUT chooses: .clf .log (CARMEN), .csv, .npz, .bag (ROS 1), .mcap, or none for the folder of a ROS 2
+    bag (sqlite3); .csv.gz and .clf.gz are compressed.
+
+    Parameters
+    ----------
+    out
+        The file to write, or for ros2 the folder; an old file is replaced when all is written.
+    format
+        The format, in place of what the ending of OUT says.
+    """
+    from curvescan.cli.console import ERR, OUT, progress_bar
+    from curvescan.io import write_log
+
+    source = reading.open(log)
+    with progress_bar("convert", len(source)) as advance:
+        losses = write_log(out, source, format=format, source=log, on_scan=advance)
+    for read_error in source.read_errors:
+        ERR.print(f"not read: {read_error}")
+    for loss in losses:
+        ERR.print(f"not kept: {loss}")
+    OUT.print(f"wrote {out}: {len(source):,} scans of {source.name}")
+    return 0

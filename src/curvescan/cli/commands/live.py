@@ -118,8 +118,7 @@ class PageFlags:
     def open(self, pages: ExitStack, source: ScanSource, maps: dict[str, Any]) -> tuple[Viewer | None, list[MapSink]]:
         """Return the page, if there is one, and all that shows the run, served until `pages` are closed."""
         import curvescan.live as live_package  # each loads when it is named: the page needs neither plots nor bags
-        from curvescan.cli.console import ERR
-        from curvescan.cli.serving import free_port, open_browser
+        from curvescan.cli.console import ERR, free_port, open_browser
         from curvescan.live import Viewer
         from curvescan.live.server import PageServer
         from curvescan.live.sources import Paced
@@ -170,7 +169,7 @@ def live(
     occupancy
         How to make the occupancy map.
     """
-    from curvescan.cli.serving import wait
+    from curvescan.cli.console import wait
 
     laser = source.open(log, use)
     with ExitStack() as pages:
@@ -209,8 +208,7 @@ def _follow(
 ) -> tuple[LiveReport, Verdict | None]:
     """Run a source, print the summary and write the results; the verdict is None where no scan came."""
     import curvescan.live as live_package
-    from curvescan.cli.console import OUT
-    from curvescan.cli.flags import with_flags
+    from curvescan.cli.console import OUT, with_flags
     from curvescan.live import LogSource, Tracker
 
     results = live_package.ResultsSink(**outputs.maps) if outputs.folder is not None else None
@@ -254,11 +252,10 @@ def summary(report: LiveReport, name: str, engine: Engine) -> str:
 
 def _prepare(log: Log, preparation: Preparation) -> PreparedLog:
     """Return the log as `curvescan slam` takes it; what is mended, used and wrong is printed."""
-    from curvescan.cli.console import ERR
-    from curvescan.cli.flags import propose_commands
+    from curvescan.cli.console import ERR, propose_commands
     from curvescan.cli.summary import report_preparation
     from curvescan.diagnostics.preparation import prepare_log
-    from curvescan.io.held import HeldLog
+    from curvescan.io.log import HeldLog
 
     with ERR.status("looking for what is wrong with the log"):
         prepared = prepare_log(HeldLog(log), odometry_prior=preparation.wanted, as_is=preparation.as_is)

@@ -1,18 +1,23 @@
-"""curvescan slam: a log in, a globally consistent trajectory and a map out."""
+"""curvescan odometry, slam and localize: a log in; a trajectory and a map out, or places in a saved map."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import (
+    Chain,
     LogFlags,
     LogPath,
     LogUse,
     MapConfig,
+    MapFile,
+    OdometryFlags,
+    OdometryRules,
     OutFolder,
     SlamFlags,
     SlamRules,
@@ -20,11 +25,58 @@ from curvescan.cli.options import (
     run_options,
 )
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.exports import ExportName
+from curvescan.io.writing import ExportName
 from curvescan.mapping.config import OccupancyConfig
 
 if TYPE_CHECKING:
     from curvescan.slam import SlamMap
+
+
+def odometry(
+    log: LogPath,
+    /,
+    *,
+    out: OutFolder = None,
+    chain: Chain = "auto",
+    export: tuple[ExportName, ...] = (),
+    rules: OdometryRules = OdometryFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
+    occupancy: MapConfig = OccupancyConfig(),  # noqa: B008 - frozen
+) -> int:
+    """Follow the sensor of a log by matching its scans, and write the trajectory and the maps.
+
+    Writes trajectory.tum, trajectory.csv (with covariances), map.png, wheels.png (the map by the log's wheel odometry),
+    run.json, and the occupancy map: map.pgm with map.yaml, as Nav2 and map_server load it, and occupancy.png. Ctrl-C
+    ends the run and writes the results so far, marked as partial.
+
+    The last line says whether the trajectory can be trusted and, if not, why. Exit status 0 when it can, 3 when it was
+    written but is not to be trusted.
+
+    Parameters
+    ----------
+    chain
+        What a scan is matched with: `keys`, a keyframe until it is left behind, and earlier ones where the place is
+        known; `last`, the scan before it; `auto`, keyframes for the default matcher and the last scan for the others.
+    export
+        Further files: kitti (trajectory.kitti, 3x4 rows), g2o (graph.g2o, the matches as a pose graph), mcap (run.mcap,
+        scans and poses for Foxglove and ROS 2).
+    """
+    from curvescan.cli.console import run_display
+    from curvescan.cli.summary import report
+    from curvescan.runs.run import run
+
+    source, out = use.reading.open(log), results_folder(out, log, "odometry")
+    with run_display() as display:
+        result = run(
+            source,
+            out=out,
+            config=rules.config(chain),
+            exports=export,
+            occupancy=occupancy,
+            display=display,
+            **run_options(log, rules.matching, use),
+        )
+    return report(result, out)
 
 
 Pairs: TypeAlias = Annotated[tuple[tuple[int, int], ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="I J")]
@@ -111,3 +163,51 @@ def _mended(path: Path | None, flags: EditFlags, out: Path | None) -> SlamMap:
         names = save_map_folder(out, mended, edits)
         OUT.print(f"{mended!r} with {len(edits)} edits; wrote {out}/{', '.join(names)}")
     return mended
+
+
+InitialPose: TypeAlias = Annotated[
+    tuple[float, float, float] | tuple[float, float, float, float, float] | None,
+    tyro.conf.arg(metavar="X Y DEG [M DEG]"),
+]
+
+
+def localize(
+    log: LogPath,
+    /,
+    *,
+    map: MapFile,  # noqa: A002 - the flag's name
+    out: OutFolder = None,
+    initial_pose: InitialPose = None,
+    rules: SlamRules = SlamFlags(),  # noqa: B008 - frozen
+    use: LogUse = LogFlags(),  # noqa: B008 - frozen
+) -> int:
+    """Find and follow the sensor of a log in a map, with no guess.
+
+    Writes trajectory.tum and trajectory.csv (poses in the frame of the map with covariances, NaN while the sensor is
+    searched for), map.png and run.json.
+
+    Parameters
+    ----------
+    initial_pose
+        About where the sensor is at the first scan, in the frame of the map: metres, metres, degrees; then its standard
+        deviations, 0.5 m and 15 deg where they are left out. The scans decide.
+    """
+    import numpy as np
+
+    from curvescan.cli.console import run_display
+    from curvescan.cli.summary import report
+    from curvescan.runs.run import localize as localize_log
+    from curvescan.types import UncertainPose
+
+    source, out = use.reading.open(log), results_folder(out, log, "localize")
+    begin: Any = None
+    if initial_pose is not None:
+        x, y, deg, *sigmas = initial_pose
+        here = np.array([x, y, math.radians(deg)])
+        begin = (
+            here if not sigmas else UncertainPose(here, np.diag([sigmas[0] ** 2] * 2 + [math.radians(sigmas[1]) ** 2]))
+        )
+    options = run_options(log, rules.matching, use)
+    with run_display() as display:
+        result = localize_log(source, map, out=out, config=rules.slam, initial_pose=begin, display=display, **options)
+    return report(result, out)

@@ -28,9 +28,9 @@ _MIN_STEPS = 30
 
 
 def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
-    """Return by how many seconds the headings of a log are late; 0 where none is found.
+    """Return by how many seconds the headings of a log are late; 0 if no delay is found.
 
-    headings (n,): Of the robot at each scan by its odometry, radians; NaN where it is not known.
+    headings (n,): heading of the robot at each scan by its odometry, radians; NaN if it is not known.
     """
     turns = se2.wrap(np.diff(headings))
     sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)

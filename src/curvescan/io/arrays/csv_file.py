@@ -19,12 +19,18 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.errors import LogFormatError
-from curvescan.io.arrays.columns import COLUMNS, DEFAULTS, POSE_COLUMNS, is_on_grid, make_pose, make_scan
-from curvescan.io.arrays.stream import Record, StreamLog
-from curvescan.io.files.gzip_files import text_file
-from curvescan.io.files.lines import LineMark, read_line_at, read_lines
-from curvescan.io.files.printable import printable
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.arrays.columns import (
+    COLUMNS,
+    DEFAULTS,
+    POSE_COLUMNS,
+    Record,
+    StreamLog,
+    is_on_grid,
+    make_pose,
+    make_scan,
+)
+from curvescan.io.files.lines import LineMark, read_line_at, read_lines, text_file
+from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
 from curvescan.io.log import Log, refuse_topic, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats

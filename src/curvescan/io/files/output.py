@@ -20,8 +20,7 @@ from typing import Any
 
 from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
-from curvescan.io.files.paths import as_path
-from curvescan.io.files.printable import printable
+from curvescan.io.files.read_errors import as_path, printable
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 

@@ -1,10 +1,12 @@
-"""ReadErrorCounter: what is broken in a log, gathered by kind while the log is read."""
+"""Read errors of a log, and text and paths of others made fit for a message."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 
-from curvescan.errors import LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFormatError
 
 
 class BrokenRecordError(LogFormatError):
@@ -51,3 +53,17 @@ class ReadErrorCounter:
             ReadError(rule=rule, count=self._counts[rule], first=f"{self._unit} {self._first_numbers[rule]}")
             for rule in rules
         )
+
+
+def printable(text: str, longest: int = 60) -> str:
+    """Return a text on one line, with ``?`` for what cannot be printed, cut to `longest` characters."""
+    line = "".join(ch if ch.isprintable() else "?" for ch in text[: longest + 1])
+    return line if len(line) <= longest else f"{line[: longest - 3]}..."
+
+
+def as_path(given: str | os.PathLike[str], what: str) -> Path:
+    """Return the path of a file. Raises InvalidArgumentError where none is given."""
+    try:
+        return Path(os.fspath(given))
+    except TypeError:
+        raise InvalidArgumentError(f"{what} must be given as a path, got {type(given).__name__}") from None

@@ -1,7 +1,8 @@
-"""ROS messages: from bytes to fields, by the bag's own definition of a type or by the bundled one."""
+"""ROS messages: from bytes to fields, by the bag's own definition of a type or by the bundled one; LaserScan."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import cache
@@ -11,9 +12,10 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from curvescan.errors import LogFormatError
+from curvescan.errors import InvalidArgumentError, LogFormatError
 from curvescan.io.files.lines import ZSTD_MAGIC
 from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.scan import LaserScan
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -135,3 +137,56 @@ def _check_idl(text: str) -> None:
                 raise LogFormatError("definition with nested brackets")
     if sum(map(bare.count, "=[@(+-*/%|^&")) > _MAX_EXPRESSIONS:
         raise LogFormatError("definition with too many expressions")
+
+
+NO_FIELDS = "LaserScan message without the usual fields"
+BAD_ANGLES = "LaserScan header whose angle_min or angle_increment is not finite, or the increment 0"
+BAD_LIMITS = "LaserScan header whose range limits break 0 <= range_min < range_max"
+
+
+def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None = None) -> LaserScan:
+    """Return the LaserScan of a sensor_msgs/LaserScan message. Raises BrokenRecordError."""
+    try:
+        angle_min, step = float(message.angle_min), float(message.angle_increment)
+        low = float(message.range_min)
+        high = float(message.range_max) if range_max is None else range_max
+        when = stamp_of(message.header) if stamp is None else stamp
+        ranges, intensities = message.ranges, message.intensities
+        n_beams, n_intensities = len(ranges), len(intensities)
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise BrokenRecordError(NO_FIELDS) from error
+    if not (math.isfinite(angle_min) and math.isfinite(step) and step != 0.0):
+        raise BrokenRecordError(BAD_ANGLES)
+    if not 0.0 <= low < high:
+        raise BrokenRecordError(BAD_LIMITS)
+    times = _times(message)
+    try:
+        return LaserScan(
+            ranges,
+            angle_min=angle_min,
+            angle_increment=step,
+            range_min=low,
+            range_max=high,
+            stamp=when,
+            intensities=intensities if n_beams == n_intensities > 0 else None,
+            time_increment=_seconds(times[0]),
+            scan_time=_seconds(times[1]),
+        )
+    except InvalidArgumentError as error:
+        raise BrokenRecordError(NO_FIELDS) from error
+
+
+def has_bad_times(message: Any) -> bool:
+    """Return whether a message gives a time of beams or sweeps that is none: negative, infinite, not a number."""
+    return not all(0.0 <= t < math.inf for t in _times(message))
+
+
+def _times(message: Any) -> tuple[float, float]:
+    try:
+        return float(message.time_increment), float(message.scan_time)
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        return 0.0, 0.0  # a definition of the bag's own that goes without
+
+
+def _seconds(value: float) -> float:
+    return value if 0.0 <= value < math.inf else 0.0

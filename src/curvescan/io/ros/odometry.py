@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from curvescan import se2
-from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import IMU, ODOMETRY, TRANSFORMS, shown, stamp_of
 from curvescan.io.ros.transforms import FARTHEST, Edge, FrameTree, Transform, frame_name, planar, seven
@@ -51,10 +49,11 @@ def read_odometry(bag: Bag, stamps: Floats, frame: str, *, is_unstamped: bool) -
     if chosen is None and odometry_topics:
         several = ", ".join(shown(name) for name in odometry_topics[:8])
         notes.append(f"of several odometry topics ({several}) none is /odom: none is read")
-    reader = _Reader(bag, is_unstamped=is_unstamped)
-    reader.read([*transform_topics, *([chosen] if chosen else [])])
-    if reader.n_broken:
-        notes.append(f"{reader.n_broken:,} odometry or transform messages cannot be decoded: they are left out")
+    reader = _Reader(is_unstamped=is_unstamped)
+    topics = [*transform_topics, *([chosen] if chosen else [])]
+    n_broken = bag.each(topics, reader.add) if topics else 0
+    if n_broken:
+        notes.append(f"{n_broken:,} odometry or transform messages cannot be decoded: they are left out")
     if reader.odometry.rows:
         edge, motion, source = reader.odometry_edge, reader.odometry, shown(chosen or "")
     else:
@@ -90,46 +89,39 @@ def _why_estimated(edge: Edge, laser: str, source: str, *, has_covariance: bool)
 class _Reader:
     """Gathers odometry and transforms."""
 
-    def __init__(self, bag: Bag, *, is_unstamped: bool) -> None:
-        self._bag = bag
+    def __init__(self, *, is_unstamped: bool) -> None:
         self._is_unstamped = is_unstamped
         self.tree = FrameTree()
         self.odometry = _Motion()
         self.odometry_edge: Edge = ("", "")
         self.motions: dict[Edge, _Motion] = {}
         self.has_covariance = False
-        self.n_broken = 0
 
-    def read(self, topics: list[str]) -> None:
-        try:
-            for message in self._bag.messages(topics) if topics else ():
-                add: Callable[[Message], None] = (
-                    self._add_odometry if message.msgtype == ODOMETRY else self._add_transforms
-                )
-                try:
-                    add(message)
-                except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
-                    self.n_broken += 1
-        except LogFormatError:
-            pass  # damage from here on: what stands before is used, and the read errors of the scans report it
+    def add(self, message: Message, decoded: Any) -> None:
+        add = self._add_odometry if message.msgtype == ODOMETRY else self._add_transforms
+        add(message, decoded)
 
-    def _add_odometry(self, message: Message) -> None:
-        decoded = self._bag.decode(message)
+    def _add_odometry(self, message: Message, decoded: Any) -> None:
         pose = decoded.pose.pose
         if not self.odometry.rows:
             self.odometry_edge = (frame_name(decoded.header.frame_id), frame_name(decoded.child_frame_id))
         self.has_covariance |= bool(decoded.pose.covariance[0] > 0.0)
-        stamp = message.received / 10**9 if self._is_unstamped else stamp_of(decoded.header)
+        stamp = _time_of(message, decoded.header, is_unstamped=self._is_unstamped)
         self.odometry.add(stamp, seven(pose.position, pose.orientation))
 
-    def _add_transforms(self, message: Message) -> None:
-        for item in self._bag.decode(message).transforms:
+    def _add_transforms(self, message: Message, decoded: Any) -> None:
+        for item in decoded.transforms:
             edge = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
             transform = seven(item.transform.translation, item.transform.rotation)
             self.tree.add(edge, transform)
             if "odom" in edge[0].rpartition("/")[2] and edge in self.tree.transforms:
-                stamp = message.received / 10**9 if self._is_unstamped else stamp_of(item.header)
+                stamp = _time_of(message, item.header, is_unstamped=self._is_unstamped)
                 self.motions.setdefault(edge, _Motion()).add(stamp, transform)
+
+
+def _time_of(message: Message, header: Any, *, is_unstamped: bool) -> float:
+    """Return when a message was made, or received where none of the bag is stamped, seconds."""
+    return message.received / 10**9 if is_unstamped else stamp_of(header)
 
 
 def _choose(topics: list[str]) -> str | None:
@@ -197,17 +189,12 @@ def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
     if not any(counts.values()):
         return None
     rows = array("d")
-    try:
-        for message in bag.messages([max(counts, key=lambda name: counts[name])]):
-            try:
-                decoded = bag.decode(message)
-                rate = float(decoded.angular_velocity.z)
-                at = message.received / 10**9 if is_unstamped else stamp_of(decoded.header)
-            except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
-                continue  # one of a hundred a second
-            rows.extend((at, rate))
-    except LogFormatError:
-        pass  # damage from here on: what stands before is used, and the read errors of the scans report it
+
+    def add(message: Message, decoded: Any) -> None:
+        rate = float(decoded.angular_velocity.z)
+        rows.extend((_time_of(message, decoded.header, is_unstamped=is_unstamped), rate))
+
+    bag.each([max(counts, key=lambda name: counts[name])], add)  # one that is broken is one of a hundred a second
     times, rates = np.array(rows).reshape(-1, 2).T
     times, first_idx = np.unique(times[np.isfinite(rates)], return_index=True)
     if times.size < 2:

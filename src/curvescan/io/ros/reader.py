@@ -24,10 +24,9 @@ from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
-from curvescan.io.ros.laser_scan import has_bad_times, scan_of
-from curvescan.io.ros.messages import LASER_SCAN, short_name, shown, stamp_of
-from curvescan.io.ros.mount import laser_tilt, tilt_notes
+from curvescan.io.ros.messages import LASER_SCAN, has_bad_times, scan_of, short_name, shown, stamp_of
 from curvescan.io.ros.odometry import BagOdometry, read_gyro, read_odometry
+from curvescan.io.ros.transforms import laser_tilt, tilt_notes
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats

@@ -1,7 +1,13 @@
-"""read_relations: manually checked relative poses of a log, the reference of the Freiburg SLAM benchmark.
+"""Relative poses in files: the relations of the Freiburg SLAM benchmark, read, and pose graphs for g2o, written.
 
 R. Kümmerle et al., "On measuring the accuracy of SLAM algorithms", Autonomous Robots 27 (2009). One relation a line:
 ``t1 t2 x y z roll pitch yaw``, the pose of the robot at t2 seen from the robot at t1; seconds, metres, radians.
+
+Pose graphs as g2o's text, for a back end that closes loops: VERTEX_SE2, EDGE_SE2, FIX.
+
+g2o (Kuemmerle et al., "g2o: a general framework for graph optimization", 2011) takes the error of an edge in the frame
+of the measured pose: delta = measurement^-1 (x_i^-1 x_j). Our covariances are of x, y, theta in the frame of scan i, so
+each is turned by -theta before it is inverted to the information matrix.
 """
 
 from __future__ import annotations
@@ -9,6 +15,7 @@ from __future__ import annotations
 import math
 import os
 from array import array
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,9 +24,10 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.files.lines import read_lines
-from curvescan.io.files.paths import as_path
-from curvescan.io.files.read_errors import ReadErrorCounter
-from curvescan.types import Floats, Pose
+from curvescan.io.files.read_errors import ReadErrorCounter, as_path
+from curvescan.io.trajectories.layouts import checked, writing_text
+from curvescan.io.trajectories.trajectory import Trajectory
+from curvescan.types import Bools, Cov, Floats, Pose, PoseEdge
 
 _MAX_TILT = math.radians(5.0)
 
@@ -116,3 +124,61 @@ def _numbers(fields: list[bytes], where: str) -> list[float]:
             f"{where}: a planar relation turns about z alone, and this one tilts by {math.degrees(tilt):.1f} deg"
         )
     return values
+
+
+_UPPER = np.triu_indices(3)
+
+
+def write_g2o(path: str | os.PathLike[str], trajectory: Trajectory, edges: Iterable[PoseEdge]) -> None:
+    """Write a pose graph: a vertex a pose, by its number, and an edge a measurement; vertex 0 is fixed.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file, replaced if it exists.
+    trajectory : Trajectory
+        Where the optimiser starts; a pose of NaN has no vertex.
+    edges : iterable of PoseEdge
+        Between poses that are known.
+
+    Raises
+    ------
+    InvalidArgumentError
+        When an edge leads to a vertex that is not there, or its covariance is not positive definite.
+    OutputError
+        When the file cannot be written.
+    """
+    known: Bools = np.asarray(np.all(np.isfinite(checked(trajectory).poses), axis=1))
+    with writing_text(path) as file:
+        for i in np.flatnonzero(known).tolist():
+            file.write(f"VERTEX_SE2 {i} {_row(trajectory.poses[i].tolist())}\n")
+        for edge in edges:
+            for k in (edge.i, edge.j):
+                if not (0 <= k < len(known) and known[k]):
+                    raise InvalidArgumentError(
+                        f"an edge must join known poses, got {edge.i} to {edge.j} of {len(known)}"
+                    )
+            information = information_of(edge)[_UPPER].tolist()
+            file.write(f"EDGE_SE2 {edge.i} {edge.j} {_row(edge.pose.tolist())} {_row(information)}\n")
+        # last: some readers of the format stop at a word that they do not know
+        if known.any():
+            file.write(f"FIX {int(np.argmax(known))}\n")
+
+
+def information_of(edge: PoseEdge) -> Cov:
+    """Return the (3, 3) information matrix of an edge in the frame of its measured pose."""
+    cos, sin = np.cos(edge.pose[2]), np.sin(edge.pose[2])
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    try:
+        lower = np.linalg.cholesky(turn @ edge.covariance @ turn.T)
+    except np.linalg.LinAlgError:
+        raise InvalidArgumentError(
+            f"the covariance of an edge must be positive definite, got {edge.covariance.tolist()} from {edge.i} to "
+            f"{edge.j}"
+        ) from None
+    inverse = np.linalg.inv(lower)
+    return inverse.T @ inverse
+
+
+def _row(values: Sequence[float]) -> str:
+    return " ".join(map(repr, values))

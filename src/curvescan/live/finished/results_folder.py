@@ -19,8 +19,8 @@ from curvescan.live.live_map import picture_of, status_of
 from curvescan.mapping.map_server import read_map
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry import StepOutcome
+from curvescan.runs.graph_files import beams_of, read_view_file
 from curvescan.runs.results import RUN_RECORD
-from curvescan.runs.view_file import beams_of, read_view_file
 from curvescan.slam import SlamMap, load_map
 from curvescan.slam.loops.closures import ClosureOutcome
 from curvescan.slam.pose_graph.graph import EdgeKind

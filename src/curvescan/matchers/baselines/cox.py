@@ -13,12 +13,16 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers.baselines.config import CoxConfig
-from curvescan.matchers.baselines.filters import median_filter
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate
-from curvescan.matchers.baselines.least_squares import jacobian, point_to_line_step, propagated_covariance
+from curvescan.matchers.baselines.iteration import (
+    LEAST_PAIRS,
+    iterate,
+    jacobian,
+    point_to_line_step,
+    propagated_covariance,
+)
 from curvescan.matchers.baselines.lines import Lines, extract_lines, nearest_lines
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join
+from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join, median_filter
 from curvescan.matchers.result import MatchResult, Outcome
 from curvescan.scan import LaserScan, valid_readings
 from curvescan.se2.uncertain import UncertainPose

@@ -16,10 +16,9 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.baselines.config import IdcConfig
 from curvescan.matchers.baselines.correspondences import closest_points, matching_range_points
-from curvescan.matchers.baselines.filters import median_filter
 from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
-from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join
+from curvescan.matchers.baselines.points import ScanPoints, hidden_readings, join, median_filter
 from curvescan.matchers.cfsma.alignment import align
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.result import MatchResult, Outcome

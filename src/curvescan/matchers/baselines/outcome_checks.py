@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from curvescan import se2
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, IterationTrace
-from curvescan.matchers.baselines.least_squares import is_constrained, jacobian
+from curvescan.matchers.baselines.iteration import LEAST_PAIRS, IterationTrace, is_constrained, jacobian
 from curvescan.matchers.baselines.points import ScanPoints
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, Label, MatchResult, Outcome
 from curvescan.se2.uncertain import UncertainPose

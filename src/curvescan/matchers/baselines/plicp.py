@@ -11,8 +11,15 @@ import numpy as np
 from curvescan import se2
 from curvescan.matchers.baselines.config import PlIcpConfig
 from curvescan.matchers.baselines.correspondences import nearest_readings
-from curvescan.matchers.baselines.iteration import LEAST_PAIRS, iterate, keep_best, within_quantile
-from curvescan.matchers.baselines.least_squares import jacobian, point_to_line_step, propagated_covariance
+from curvescan.matchers.baselines.iteration import (
+    LEAST_PAIRS,
+    iterate,
+    jacobian,
+    keep_best,
+    point_to_line_step,
+    propagated_covariance,
+    within_quantile,
+)
 from curvescan.matchers.baselines.outcome_checks import check_outcome, failure, has_surfaces, start
 from curvescan.matchers.baselines.points import ScanPoints, sweep_of
 from curvescan.matchers.result import MatchResult, Outcome

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from curvescan.matchers.cfsma.alignment import align
+from curvescan.matchers.cfsma.alignment import align, consistent_pairs
 from curvescan.matchers.cfsma.config import CfSmaConfig
-from curvescan.matchers.cfsma.consistency import consistent_pairs
 from curvescan.matchers.cfsma.covariance import pose_covariance
 from curvescan.matchers.cfsma.features import CfSmaFeatures, extract_features
 from curvescan.matchers.cfsma.functions import pair_longest

@@ -11,22 +11,19 @@ from typing import Literal, Protocol, TypeAlias
 
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
-from curvescan.runs.batch.job import Job, digest_of
-from curvescan.runs.batch.jobs import OdometryJob
+from curvescan.runs.batch.jobs import Job, OdometryJob, digest_of
 from curvescan.runs.batch.logs import LogState, find_logs
-from curvescan.runs.batch.processes import ProcessPool
-from curvescan.runs.batch.results.folder_results import open_results
-from curvescan.runs.batch.results.manifest import BatchRecord
-from curvescan.runs.batch.results.results import Results
+from curvescan.runs.batch.places import open_results
+from curvescan.runs.batch.results import BatchRecord, Results
 from curvescan.runs.batch.worker import Task
-from curvescan.runs.batch.workers import Done, WorkerPool, run_tasks
+from curvescan.runs.batch.workers import Done, ProcessPool, WorkerPool, run_tasks
 
 Engine: TypeAlias = Literal["local", "ray"]  # where the workers of a batch run
 TIMEOUT_S = 3600.0  # time that a log may take unless the caller says otherwise, seconds
 
 
 class BatchDisplay(Protocol):
-    """What shows how far a batch has come."""
+    """The progress display of a batch."""
 
     def begin(self, stage: str, n_logs: int) -> None:
         """Begin a stage over so many logs; 0: its length is not known."""

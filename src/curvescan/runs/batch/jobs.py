@@ -1,22 +1,23 @@
-"""The jobs of ``curvescan batch``: odometry or SLAM of a log.
+"""The jobs of ``curvescan batch``: odometry or SLAM of a log, and what comes of it.
 
 Kernels and figures are loaded when a job runs: a batch that has nothing left to do is over at once.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from curvescan.configs import as_config
+from curvescan.configs import as_config, as_plain
 from curvescan.io.reading import open_log
 from curvescan.io.sensor_setup import SensorSetup
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, config_of
 from curvescan.odometry.config import OdometryConfig
-from curvescan.runs.batch.job import JobResult
 from curvescan.slam.config import SlamConfig
 
 if TYPE_CHECKING:
@@ -24,6 +25,41 @@ if TYPE_CHECKING:
     from curvescan.io.log import Log
     from curvescan.io.trajectories.trajectory import Trajectory
     from curvescan.runs.run import EngineName
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobResult:
+    """What came of one log."""
+
+    is_trusted: bool  # whether the trajectory can be trusted
+    sentence: str  # why, or why not
+    n_scans: int  # how many scans it has
+    length: float  # length of the path, metres
+
+
+class Job(Protocol):
+    """What a batch does with each log: a frozen dataclass of a module, so that worker processes can be sent it.
+
+    Its fields are the options; by their digest :func:`run_batch` with ``resume=True`` finds which results still stand.
+    """
+
+    def __call__(self, log: Path, folder: Path) -> JobResult:
+        """Run over a log and write the results into a folder that need not exist; errors are raised."""
+
+    def warm_up(self) -> None:
+        """Compile what the job needs, once, before the workers start."""
+
+
+def digest_of(job: Job) -> str:
+    """Return a digest of the kind and the options of a job, 16 hexadecimal digits."""
+    kind = type(job)
+    fields = {
+        name for name, f in getattr(kind, "__dataclass_fields__", {}).items() if not f.metadata.get("is_option", True)
+    }
+    plain: Any = as_plain(job)
+    options = {k: v for k, v in plain.items() if k not in fields} if isinstance(plain, Mapping) else {}
+    text = json.dumps([kind.__module__, kind.__qualname__, options], sort_keys=True, default=repr)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.ros.bags.bag_files import storage_files
-from curvescan.runs.batch.storage.object_store import Bucket, StoredObject, is_url, split_url
+from curvescan.runs.batch.object_store import Bucket, StoredObject, is_url, split_url
 
 BAG_MARK = "metadata.yaml"  # a folder of a bucket that holds this file is a ROS 2 bag, which is one log
 

@@ -14,7 +14,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from curvescan.errors import MissingPackageError, WorkerError
-from curvescan.runs.batch.job import Job, JobResult
+from curvescan.runs.batch.jobs import Job, JobResult
 from curvescan.runs.batch.worker import Failure, Ready, Reply, Task, answer
 from curvescan.runs.batch.workers import Event
 

@@ -1,4 +1,9 @@
-"""Floor plans: rectangular rooms, the doors between them, and the walls that follow from both."""
+"""Floor plans: rectangular rooms, the doors between them, the walls that follow from both, and furniture.
+
+Furniture as a laser at shin height sees it: cabinets, desks on panels or legs, chairs, bins, columns.
+
+Dimensions are those of common office furniture (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
+"""
 
 from __future__ import annotations
 
@@ -123,3 +128,130 @@ def _pieces(stretches: list[tuple[float, float]], gaps: list[tuple[float, float]
                 start = gap_high
         pieces.append((start, high + half))
     return pieces
+
+
+AISLE = 0.85  # metres kept free around things that stand in the middle of a room, so that a robot passes
+_SITTING = 0.5  # metres in front of a desk
+
+
+def chair(x: float, y: float, angle: float, *, has_castors: bool) -> World:
+    """Return a chair: five castors and a column around (x, y), or four legs."""
+    n_feet, reach, radius = (5, 0.26, 0.03) if has_castors else (4, 0.25, 0.018)
+    feet = angle + 2.0 * np.pi * np.arange(n_feet) / n_feet
+    circles = np.column_stack([x + reach * np.cos(feet), y + reach * np.sin(feet), np.full(n_feet, radius)])
+    if has_castors:
+        circles = np.vstack([circles, [x, y, 0.03]])
+    return World(circles=circles)
+
+
+def desk(length: float, depth: float, *, has_panels: bool) -> World:
+    """Return a desk around the origin, its back on the side of negative y: panels, or four legs."""
+    half_length, half_depth = 0.5 * length, 0.5 * depth
+    if has_panels:
+        return World(
+            boxes=np.array(
+                [
+                    [-half_length + 0.02, 0.0, 0.03, depth, 0.0],
+                    [half_length - 0.02, 0.0, 0.03, depth, 0.0],
+                    [0.0, -half_depth + 0.1, length - 0.1, 0.02, 0.0],
+                ]
+            )
+        )
+    x, y = half_length - 0.06, half_depth - 0.06
+    return World(circles=np.array([[-x, -y, 0.025], [x, -y, 0.025], [x, y, 0.025], [-x, y, 0.025]]))
+
+
+def furnish(
+    room: Room,
+    doors: Sequence[Door],
+    rng: np.random.Generator,
+    *,
+    density: float = 1.0,
+    sides: Sequence[int] = (0, 1, 2, 3),
+) -> World:
+    """Return furniture for a room: against the walls first, then in the middle, doors kept clear."""
+    furniture = World()
+    taken = door_zones(doors)
+    area = (room.x1 - room.x0) * (room.y1 - room.y0)
+    for _ in range(rng.poisson(0.6 * density * area)):
+        kind = str(rng.choice(["desk", "cabinet", "cabinet", "bin"]))
+        length, depth = _footprint(kind, rng)
+        placed = _against_wall(room, length, depth, int(rng.choice(sides)), rng.random())
+        if placed is None or overlaps(placed[1], taken, 0.04).any():
+            continue
+        pose, rectangle = placed
+        furniture += _piece(kind, length, depth, rng).moved(pose)
+        taken = np.vstack([taken, rectangle])
+    for _ in range(rng.poisson(0.2 * density * area)):
+        half = rng.uniform(0.25, 0.7)
+        margin = half + AISLE + 0.5 * WALL_THICKNESS
+        if min(room.x1 - room.x0, room.y1 - room.y0) <= 2.0 * margin:
+            continue
+        x = rng.uniform(room.x0 + margin, room.x1 - margin)
+        y = rng.uniform(room.y0 + margin, room.y1 - margin)
+        rectangle = np.array([x - half, y - half, x + half, y + half])
+        if not overlaps(rectangle, taken, AISLE).any():
+            furniture += _island(half, rng).moved([x, y, rng.uniform(-np.pi, np.pi)])
+            taken = np.vstack([taken, rectangle])
+    return furniture
+
+
+def _footprint(kind: str, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the length and depth that a piece takes at a wall, metres; a desk with space to sit."""
+    if kind == "desk":
+        return rng.uniform(1.2, 1.8), rng.uniform(0.65, 0.8) + _SITTING
+    if kind == "cabinet":
+        return rng.uniform(0.6, 1.8), rng.uniform(0.3, 0.5)
+    diameter = rng.uniform(0.2, 0.4)
+    return diameter, diameter
+
+
+def _piece(kind: str, length: float, depth: float, rng: np.random.Generator) -> World:
+    """Return a piece that fills its footprint around the origin, its back on the side of negative y."""
+    if kind == "cabinet":
+        return World(boxes=np.array([[0.0, 0.0, length, depth, 0.0]]))
+    if kind == "bin":
+        return World(circles=np.array([[0.0, 0.0, 0.5 * length]]))
+    table = desk(length, depth - _SITTING, has_panels=bool(rng.random() < 0.6))
+    seat = chair(
+        rng.uniform(-0.25, 0.25) * length,
+        0.5 * depth - 0.3,
+        rng.uniform(-np.pi, np.pi),
+        has_castors=bool(rng.random() < 0.7),
+    )
+    return table.moved([0.0, -0.5 * _SITTING, 0.0]) + seat
+
+
+def _island(half: float, rng: np.random.Generator) -> World:
+    """Return a thing that stands in the middle of a room, within `half` of the origin."""
+    kind = rng.choice(["table", "column", "crate"])
+    if kind == "column" or half < 0.35:
+        return World(circles=np.array([[0.0, 0.0, min(0.22, half)]]))
+    if kind == "crate":
+        side = half * np.sqrt(2.0)
+        return World(boxes=np.array([[0.0, 0.0, side, rng.uniform(0.5, 1.0) * side, 0.0]]))
+    table = World(circles=np.array([[0.0, 0.0, 0.06]]))
+    for angle in np.pi * np.array([0.0, 0.5, 1.0, 1.5]):
+        if rng.random() < 0.75:
+            reach = half - 0.28
+            table += chair(reach * np.cos(angle), reach * np.sin(angle), rng.random(), has_castors=False)
+    return table
+
+
+def _against_wall(room: Room, length: float, depth: float, side: int, share: float) -> tuple[Floats, Floats] | None:
+    """Return the pose of a piece of furniture with its back at a wall, and the space it takes; None if it does not fit.
+
+    `side` counts bottom, right, top, left; `share` in [0, 1) says where along the wall.
+    """
+    inset = 0.5 * WALL_THICKNESS + 0.03
+    x0, y0, x1, y1 = room.x0 + inset, room.y0 + inset, room.x1 - inset, room.y1 - inset
+    space = (x1 - x0 if side % 2 == 0 else y1 - y0) - length
+    room_across = (y1 - y0 if side % 2 == 0 else x1 - x0) - depth
+    if space < 0.0 or room_across < 0.9 + depth:
+        return None
+    along, across = share * space + 0.5 * length, 0.5 * depth
+    x, y = [(x0 + along, y0 + across), (x1 - across, y0 + along), (x1 - along, y1 - across), (x0 + across, y1 - along)][
+        side
+    ]
+    dx, dy = (0.5 * length, 0.5 * depth) if side % 2 == 0 else (0.5 * depth, 0.5 * length)
+    return np.array([x, y, 0.5 * np.pi * side]), np.array([x - dx, y - dy, x + dx, y + dy])

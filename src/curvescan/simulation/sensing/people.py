@@ -1,4 +1,4 @@
-"""People who walk about: legs that a laser at shin height sees, in and out of its way.
+"""People who walk through a world, and the child seeds that keep one random thing from shifting another.
 
 A walker holds a heading for a while, turns at random and away from what is in the way. Walkers stay around the
 robot and step aside for it; one that the robot would run over, or that falls far behind, is taken
@@ -15,6 +15,19 @@ from curvescan.errors import InvalidArgumentError
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.sensing.sensors import Sensor, cast_beams
 from curvescan.types import Bools, Floats, Points, Pose
+
+WORLD, PATH, NOISE, PEOPLE, ODOMETRY, PAIR = range(6)
+"""The purposes. Their numbers are part of the simulated data: never renumber, only add."""
+
+
+def child(seed: int | np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
+    """Return the seed of one purpose (and index): a function of the root seed and the key alone."""
+    if isinstance(seed, np.random.SeedSequence):
+        return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise InvalidArgumentError(f"seed must be an integer >= 0, got {seed!r}")
+    return np.random.SeedSequence(int(seed), spawn_key=key)
+
 
 _STEP_LENGTH = 0.7  # metres from one footfall to the next
 _SWING = 0.25  # metres a shin swings before and behind the body

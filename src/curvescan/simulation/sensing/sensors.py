@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvescan.configs import shipped_table
+from curvescan.configs import look_up, shipped_table
 from curvescan.errors import InvalidArgumentError
-from curvescan.simulation.buildings.catalogue import look_up
 from curvescan.simulation.buildings.world import World
 from curvescan.types import Floats, Ints, Pose
 

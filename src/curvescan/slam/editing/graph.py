@@ -22,7 +22,7 @@ _FROM_AFAR = 0.05
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MapGraph:
-    """Poses and edges of a map, as :class:`curvescan.SlamMap` has them, and which edges keep their weight.
+    """The pose graph of a :class:`curvescan.SlamMap`: poses, edges, and which edges keep their weight.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from curvescan.io.files.output import output_folder
-from curvescan.io.trajectories.g2o import write_g2o
+from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.map_server import write_map
 from curvescan.slam.editing.edits import Edit, write_edits

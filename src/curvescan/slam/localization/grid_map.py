@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from curvescan.errors import LogFileError, LogFormatError
 from curvescan.mapping.map_server import read_map
@@ -64,9 +63,11 @@ def with_field(found: SlamMap | OccupancyGrid, config: SlamConfig) -> tuple[Slam
 def field_of_grid(grid: OccupancyGrid) -> DistanceField:
     """Return the field of a plain map: what it calls occupied and free."""
     occupied = grid.is_occupied
-    distance = (
-        distance_transform_edt(~occupied) * grid.resolution if occupied.any() else np.full(occupied.shape, np.inf)
-    )
+    distance = np.full(occupied.shape, np.inf)
+    if occupied.any():
+        from scipy.ndimage import distance_transform_edt  # loads for a good part of a second
+
+        distance = distance_transform_edt(~occupied) * grid.resolution
     return DistanceField(
         distance=distance.astype(np.float32),
         is_free=np.ascontiguousarray(grid.is_free),
@@ -88,9 +89,8 @@ def map_of_grid(grid: OccupancyGrid, field: DistanceField) -> SlamMap:
     n = len(places)
     ends = np.column_stack((np.zeros(n - 1, dtype=np.int64), np.arange(1, n)))
     poses = np.column_stack((places, np.zeros(n)))
-    ranges = _cast(field, places)
     return SlamMap(
-        scans=tuple(_scan(row) for row in ranges),
+        scans=tuple(_scan(row) for row in _cast(field, places)),
         poses=poses,
         covariances=np.zeros((n, 3, 3)),
         indices=np.arange(n),

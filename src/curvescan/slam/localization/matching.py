@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.matchers import PreparedScan
-from curvescan.matchers.prior import prior_of
+from curvescan.matchers.result import prior_of
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
 from curvescan.slam.config import SlamConfig

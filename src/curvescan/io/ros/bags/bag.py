@@ -14,6 +14,7 @@ import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -25,13 +26,11 @@ from rosbags.rosbag2 import ReaderError as Ros2Error
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.gzip_files import is_packed, unpack
-from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT
-from curvescan.io.files.printable import printable
+from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, is_packed, unpack
+from curvescan.io.files.read_errors import BrokenRecordError, printable
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
-from curvescan.io.ros.bags.hardening.salvage import recorded_bytes, salvage, with_its_journal
-from curvescan.io.ros.bags.hardening.sqlite import sqlite_reader, unfinished
+from curvescan.io.ros.bags.hardening.salvage import recorded_bytes, salvage, sqlite_reader, unfinished, with_its_journal
 from curvescan.io.ros.messages import Decoder
 
 
@@ -125,6 +124,20 @@ class Bag:
     def decode(self, message: Message) -> Any:
         """Return a message with its fields as attributes. Raises BrokenRecordError."""
         return self._decoder.decode(message.data, message.msgtype)
+
+    def each(self, topics: Collection[str], use: Callable[[Message, Any], object], n_most: int | None = None) -> int:
+        """Hand the messages of these topics, decoded, to a function, and return how many of them could not be read.
+
+        Damage of the bag ends it: what stands before is used, and the read errors of the scans report it.
+        """
+        n_broken = 0
+        with suppress(LogFormatError):
+            for message in islice(self.messages(topics), n_most):
+                try:
+                    use(message, self.decode(message))
+                except (BrokenRecordError, AttributeError, TypeError, ValueError, OverflowError):
+                    n_broken += 1
+        return n_broken
 
     def _unpacked(self, file: Path) -> Path:
         if not is_packed(file):

@@ -1,4 +1,4 @@
-"""MessageBuilder: scans, poses and maps as ROS messages; the counterpart of laser_scan.py and odometry.py.
+"""MessageBuilder: scans, poses and maps as ROS messages; the counterpart of messages.py and odometry.py.
 
 A LaserScan message holds float32: what a scan keeps of a float64 is its nearest float32. Times are whole nanoseconds.
 """

@@ -1,8 +1,8 @@
-"""Hypotheses without corners: rotations from surface directions, a search along degenerate directions.
+"""Hypotheses for scans without corners: rotations from the directions of surfaces, and places along a corridor.
 
-The histogram of the directions of all surfaces turns with the sensor; where those of two scans correlate is a rotation
-(Weiss and von Puttkamer 1995). Where walls fix the pose across but not along, as a corridor does, poses along it are
-tried one by one: some door frame may decide.
+The histogram of the directions of all surfaces turns with the sensor. A turn at which the histograms of two scans
+correlate is a candidate rotation (Weiss and von Puttkamer 1995). The walls of a corridor fix the pose across it and
+leave it open along it. Places along it are then tried one by one: some door frame may decide.
 """
 
 from __future__ import annotations

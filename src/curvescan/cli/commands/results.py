@@ -1,0 +1,191 @@
+"""curvescan map and view: saved maps changed, finished runs on a page in the browser."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+import tyro
+
+from curvescan.cli.options import Flag, OutFolder, results_folder
+from curvescan.io.writing import ExportName
+
+if TYPE_CHECKING:
+    from curvescan.slam import SlamMap
+    from curvescan.slam.editing.operations import Change
+
+
+Box: TypeAlias = tuple[float, float, float, float]
+MapFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+_BOX = tyro.conf.arg(metavar="X0 Y0 X1 Y1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeFlags:
+    """Changes of a map, in the order in which they are made."""
+
+    merge: MapFile = None
+    """Join another map to it, by matches without a guess; refused where too few of them agree."""
+    turn: float = 0.0
+    """Turn it about the origin, degrees, counter-clockwise."""
+    level: Flag = False
+    """Turn it so that most of its walls are level."""
+    crop: Annotated[Box | None, _BOX] = None
+    """Keep what lies within a box, metres."""
+    rub_out: Annotated[tuple[Box, ...], tyro.conf.UseAppendAction, _BOX] = ()
+    """Remove the readings that end within a box, metres; may be repeated."""
+    resolution: float | None = None
+    """Side of a cell of the occupancy map, metres."""
+
+    def changed(self, slam_map: SlamMap) -> SlamMap:
+        """Return a map with the changes."""
+        from curvescan.slam import load_map
+        from curvescan.slam.editing import operations
+        from curvescan.slam.editing.merging import merged
+
+        if self.merge is not None:
+            slam_map = merged(slam_map, load_map(self.merge))
+        if self.turn:
+            slam_map = operations.turned(slam_map, math.radians(self.turn))
+        if self.level:
+            slam_map = operations.leveled(slam_map)
+        if self.crop is not None:
+            slam_map = operations.cropped(slam_map, self.crop)
+        for box in self.rub_out:
+            slam_map = operations.rubbed_out(slam_map, box)
+        return slam_map if self.resolution is None else operations.resampled(slam_map, self.resolution)
+
+
+def edit_map(
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")],
+    /,
+    *,
+    out: OutFolder = None,
+    changes: Annotated[ChangeFlags, tyro.conf.arg(name="")] = ChangeFlags(),
+    compare: MapFile = None,
+    points: tuple[Literal["ply", "pcd"], ...] = (),
+    export: tuple[ExportName, ...] = (),
+) -> int:
+    """Change a saved map, compare it with another, or write it in other formats.
+
+    What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the
+    folder.
+
+    Parameters
+    ----------
+    file
+        The map, map.csmap of `curvescan slam`.
+    compare
+        A later map: what appeared and what is gone, in changes.csv and changes.png. It is laid on the other by matches
+        without a guess; where nothing joins them the two are compared as they lie.
+    points
+        All readings as points.ply or points.pcd.
+    export
+        Further files: kitti (trajectory.kitti), g2o (graph.g2o), mcap (run.mcap), of the keyframes.
+    """
+    from curvescan.cli.console import OUT
+    from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
+    from curvescan.slam import load_map
+    from curvescan.slam.editing import operations
+    from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
+
+    out = results_folder(out, file, "map")
+    slam_map = changes.changed(load_map(file))
+    found = None if compare is None else _compared(slam_map, load_map(compare))
+    inputs = [path for path in (file, changes.merge, compare) if path is not None]
+    with map_folder(out, slam_map, inputs=inputs) as folder:
+        for name in points:
+            write = {"ply": write_ply, "pcd": write_pcd}[name]
+            write(folder / f"points.{name}", operations.map_points(slam_map))
+        if export:
+            trajectory = keyframe_trajectory(slam_map)
+            write_exports(
+                folder, export, RunData(trajectory=trajectory, edges=tuple(slam_map.edges), scans=slam_map.scans)
+            )
+        if found is not None:
+            _write_changes(folder, slam_map, found)
+        names = sorted(path.name for path in folder.iterdir())
+    OUT.print(f"{slam_map!r}; wrote {out}/{', '.join(names)}")
+    for change in found or ():
+        x0, y0, x1, y1 = change.box
+        OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}")
+    return 0
+
+
+def _compared(slam_map: SlamMap, later: SlamMap) -> list[Change]:
+    """Return what changed, after the later map has been laid on the other."""
+    from curvescan.cli.console import ERR
+    from curvescan.errors import InvalidArgumentError
+    from curvescan.slam.editing import operations
+    from curvescan.slam.editing.merging import in_one_frame
+
+    try:
+        slam_map, later = in_one_frame(slam_map, later)
+    except InvalidArgumentError as error:
+        ERR.print(f"compared as they lie: {error}")
+    return operations.changes(slam_map.occupancy(), later.occupancy())
+
+
+def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> None:
+    """Write changes.csv and changes.png."""
+    from curvescan.plots.map import DARK, PATH, TRUTH, as_place, drawing_places
+
+    with (folder / "changes.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("kind", "x_min", "y_min", "x_max", "y_max", "square_metres"))
+        writer.writerows((c.kind, *(round(v, 4) for v in c.box), round(c.area, 4)) for c in found)
+    cells = slam_map.occupancy().occupied_centres
+    with drawing_places(folder / "changes.png", cells) as (_, [axes]):
+        as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
+        axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0)
+        for change in found:
+            x0, y0, x1, y1 = change.box
+            colour = TRUTH if change.kind == "appeared" else PATH
+            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, lw=1.5)
+
+
+def view(
+    results: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RESULTS")],
+    other: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="OTHER")] = None,
+    /,
+    *,
+    export: Annotated[Path | None, tyro.conf.arg(metavar="FILE.html")] = None,
+    host: str = "127.0.0.1",
+    http_port: int | None = None,
+) -> int:
+    """Look at a finished run, or at two side by side: map, path, scans, and why each loop closure was accepted or not.
+
+    The page is served until Ctrl-C. With --export it is written into one HTML file, which opens without a server.
+
+    Parameters
+    ----------
+    results
+        Results folder of `curvescan odometry`, `slam` or `localize`, or a map file (.csmap).
+    other
+        A second one, shown beside it.
+    export
+        Write the page into this file instead.
+    host
+        Address that the page is served at; 0.0.0.0 lets other machines look on.
+    http_port
+        Port of the page; 8765, or a free one if that is in use.
+    """
+    from curvescan.cli.console import ERR, OUT, free_port, open_browser, wait
+    from curvescan.live.finished.site import FinishedSite
+    from curvescan.live.finished.view import view as view_runs
+    from curvescan.live.server import PageServer
+
+    page = view_runs(results, other)
+    if export is not None:
+        page.save(export)
+        OUT.print(f"wrote {export}: {export.stat().st_size / 1e6:.1f} MB")
+        return 0
+    with PageServer(FinishedSite(page), host=host, port=free_port(host, http_port)) as server:
+        ERR.print(f"the page is at {server.url}")
+        open_browser(server.url)
+        wait("Ctrl-C closes the page")
+    return 0

@@ -1,1 +1,0 @@
-"""Commands on what other commands wrote: look at results, change maps."""
