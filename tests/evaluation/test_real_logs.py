@@ -29,7 +29,7 @@ from curvescan.paper.random_transform import (
     transformed_pairs,
 )
 from curvescan.paper.report import as_record, save_experiments
-from curvescan.paper.scenarios import MovedScore, find_lost_steps
+from curvescan.paper.scenarios import Share, find_lost_steps
 from curvescan.simulation import SENSORS, simulate
 
 
@@ -151,12 +151,11 @@ def test_parameters_are_counted_from_the_configuration():
     assert count_parameters(CfSmaConfig().curvature) == 1
 
 
-def test_moved_readings_are_scored_against_people():
-    score = MovedScore(n_right=8, n_said=10, n_true=16)
-    assert (score.precision, score.recall) == (0.8, 0.5)
-    nobody = MovedScore(n_right=0, n_said=0, n_true=0)
-    assert math.isnan(nobody.precision)
-    assert math.isnan(nobody.recall)
+def test_a_share_is_of_what_there_is():
+    people, moved = np.array([[True, True, False]]), np.array([[True, False, True]])
+    assert Share.of(people, moved) == (1, 2)
+    assert Share.of(people, moved).value == 0.5
+    assert math.isnan(Share.of(people, np.zeros_like(moved)).value)
 
 
 def test_a_wall_and_a_corner_lie_where_they_should():

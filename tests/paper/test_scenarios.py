@@ -39,15 +39,14 @@ def test_every_method_has_the_covariance_of_eq_16():
 def test_what_a_matcher_leaves_unmatched_is_counted():
     log = simulate("room", sensor="sick-lms200-5mm", n_scans=8, n_people=3, seed=2)
     [result] = run_scenario(log, ["cfsma"]).values()
-    score = result.discarded
     steps = result.run.is_matched[1:]
     valid = np.array([scan.valid for scan in log])[1:][steps]
     people = log.is_person[1:][steps]
-    assert score.n_people == np.count_nonzero(valid & people)
-    assert score.n_people + score.n_static == np.count_nonzero(valid)
+    assert result.people_matched.n_whole == np.count_nonzero(valid & people)
+    assert result.people_matched.n_whole + result.static_matched.n_whole == np.count_nonzero(valid)
     discarded = result.is_discarded[1:][steps]
-    assert score.n_people_matched == np.count_nonzero(valid & people & ~discarded)
-    assert 0.0 < score.static_matched < 1.0
+    assert result.people_matched.n_part == np.count_nonzero(valid & people & ~discarded)
+    assert 0.0 < result.static_matched.value < 1.0
     assert result.lu_milios.shape == result.variances.shape == (np.count_nonzero(steps), 3)
 
 

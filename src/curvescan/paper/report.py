@@ -26,7 +26,7 @@ from curvescan.paper.tables import (
     random_transform_table,
 )
 from curvescan.runs.document import Part, ResultTable, save_document
-from curvescan.runs.evaluation import relation_record
+from curvescan.runs.evaluation import number_or_null, relation_record
 from curvescan.runs.results import write_record
 
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}  # table VI of the paper
@@ -105,16 +105,12 @@ def _drive_record(result: ScenarioResult) -> dict[str, object]:
         "mean_variance": result.variances.mean(axis=0).tolist() if len(result.variances) else None,
         "largest_variance": result.variances.max(axis=0).tolist() if len(result.variances) else None,
         "mean_lu_milios": result.lu_milios.mean(axis=0).tolist() if len(result.lu_milios) else None,
-        "people_matched": _or_none(result.discarded.people_matched),
-        "static_matched": _or_none(result.discarded.static_matched),
-        "moved_precision": _or_none(result.moved.precision),
-        "moved_recall": _or_none(result.moved.recall),
+        "people_matched": number_or_null(result.people_matched.value),
+        "static_matched": number_or_null(result.static_matched.value),
+        "moved_precision": number_or_null(result.moved_precision.value),
+        "moved_recall": number_or_null(result.moved_recall.value),
         "milliseconds": float(1e3 * np.median(result.run.seconds)),
     }
-
-
-def _or_none(value: float) -> float | None:
-    return None if np.isnan(value) else value
 
 
 def _parts(folder: Path, results: Experiments) -> Iterator[Part]:

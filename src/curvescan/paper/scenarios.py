@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -124,45 +124,21 @@ class LostSteps:
     end_without: float  # distance of the end pose from the true one if these steps were the true ones, metres
 
 
-@dataclass(frozen=True, kw_only=True)
-class MovedScore:
-    """Readings said to have moved, against those that hit people."""
+class Share(NamedTuple):
+    """How many readings of a whole are of a part."""
 
-    n_right: int  # readings of people said to have moved
-    n_said: int  # readings said to have moved
-    n_true: int  # readings of people
+    n_part: int
+    n_whole: int
 
     @property
-    def precision(self) -> float:
-        """Share of what was said that is true; NaN when nothing was."""
-        return self.n_right / self.n_said if self.n_said else math.nan
+    def value(self) -> float:
+        """The share, 0 to 1; NaN where there is no whole."""
+        return self.n_part / self.n_whole if self.n_whole else math.nan
 
-    @property
-    def recall(self) -> float:
-        """Share of what is true that was said; NaN when nothing is."""
-        return self.n_right / self.n_true if self.n_true else math.nan
-
-
-@dataclass(frozen=True, kw_only=True)
-class DiscardScore:
-    """What a matcher's own discarding made of readings of people, and of all others; steps that failed left out."""
-
-    # readings of people in the current scans, and those of them that the pose stands on
-    n_people: int
-    n_people_matched: int
-    # the same of all other readings
-    n_static: int
-    n_static_matched: int
-
-    @property
-    def people_matched(self) -> float:
-        """Matched readings that are people, of all readings that are; NaN without any."""
-        return self.n_people_matched / self.n_people if self.n_people else math.nan
-
-    @property
-    def static_matched(self) -> float:
-        """Matched readings of what stands still, of all of these; NaN without any."""
-        return self.n_static_matched / self.n_static if self.n_static else math.nan
+    @classmethod
+    def of(cls, part: Bools, whole: Bools) -> Share:
+        """Return the share of `whole`, (n_scans, n_beams), that is also `part`."""
+        return cls(int(np.count_nonzero(part & whole)), int(np.count_nonzero(whole)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -173,8 +149,13 @@ class ScenarioResult:
     errors: TrajectoryErrors  # against the true poses
     variances: Floats  # (m, 3): diagonal of the covariance of each match that found a pose: m^2, m^2, rad^2
     lu_milios: Floats  # (m, 3): the same by eq. 16 for every method, as the paper's tables have it
-    moved: MovedScore  # dynamic readings found by free-space violation under its poses
-    discarded: DiscardScore  # dynamic readings by what the matcher itself leaves unmatched
+    # readings found to have moved, by free-space violation under its poses: those that are people, of all found; and
+    # those found, of all people
+    moved_precision: Share
+    moved_recall: Share
+    # matched readings of people and of all others, of those that the matcher matched or left unmatched
+    people_matched: Share
+    static_matched: Share
     lost: LostSteps  # the steps at which it lost its way
     # error of the end pose, metres, were the poses taken that a method had but refused (not converged, not
     # constrained), as programs without such checks do
@@ -226,13 +207,19 @@ def _run_one(
 
     odometry = Odometry(method, matcher=config, config=OdometryConfig.scan_to_scan())
     run = run_odometry(log, odometry, on_step=collect)
+    is_moved = np.zeros_like(is_matched)
+    if log.is_person.any():
+        is_moved = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))
+    is_known = is_matched | is_discarded
     return ScenarioResult(
         run=run,
         errors=trajectory_errors(run.trajectory.poses, log.truth.poses),
         variances=np.array(variances).reshape(-1, 3),
         lu_milios=np.array(lu_milios).reshape(-1, 3),
-        moved=score_moved(log, run),
-        discarded=_score_discarded(log, is_matched, is_discarded),
+        moved_precision=Share.of(log.is_person, is_moved),
+        moved_recall=Share.of(is_moved, log.is_person),
+        people_matched=Share.of(is_matched, is_known & log.is_person),
+        static_matched=Share.of(is_matched, is_known & ~log.is_person),
         lost=find_lost_steps(log.truth.poses, run),
         end_unrefused=_end_error(log.truth.poses, motions[1:]),
         is_discarded=is_discarded,
@@ -257,17 +244,6 @@ def _end_error(true_poses: Pose, motions: Pose) -> float:
     return float(np.hypot(off[0], off[1]))
 
 
-def _score_discarded(log: Simulation, is_matched: Bools, is_discarded: Bools) -> DiscardScore:
-    is_known = is_matched | is_discarded
-    people, static = is_known & log.is_person, is_known & ~log.is_person
-    return DiscardScore(
-        n_people=int(np.count_nonzero(people)),
-        n_people_matched=int(np.count_nonzero(people & is_matched)),
-        n_static=int(np.count_nonzero(static)),
-        n_static_matched=int(np.count_nonzero(static & is_matched)),
-    )
-
-
 def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
     """Return where a run lost its way, and how it would have ended with those steps put right."""
     poses = run.trajectory.poses
@@ -286,16 +262,4 @@ def find_lost_steps(true_poses: Pose, run: RunRecord) -> LostSteps:
         usual_motion=float(mean[1][0]),
         usual_turn=float(mean[1][1]),
         end_without=_end_error(true_poses, np.where(is_lost[:, np.newaxis], true_motions, motions)),
-    )
-
-
-def score_moved(log: Simulation, run: RunRecord) -> MovedScore:
-    """Return how well the dynamic readings of a run are found under the poses of a run; nothing without people."""
-    if not log.is_person.any():
-        return MovedScore(n_right=0, n_said=0, n_true=0)
-    found = np.array(list(dynamic_along(log, run.trajectory.poses, run.is_joined)))
-    return MovedScore(
-        n_right=int(np.count_nonzero(found & log.is_person)),
-        n_said=int(np.count_nonzero(found)),
-        n_true=int(np.count_nonzero(log.is_person)),
     )

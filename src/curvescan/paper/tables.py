@@ -14,7 +14,7 @@ from curvescan.evaluation.real_logs import LogEvaluation
 from curvescan.mapping.occupied_cells import OccupiedCells, occupied_cells
 from curvescan.paper.experiments import ScenarioComparison
 from curvescan.paper.random_transform import SUCCESS, RandomTransformCondition, RandomTransformRuns, TransformResult
-from curvescan.paper.scenarios import ScenarioResult
+from curvescan.paper.scenarios import ScenarioResult, Share
 from curvescan.plots.map import (
     DARK,
     FAILED,
@@ -118,13 +118,9 @@ def covariance_table(drive: ScenarioComparison) -> ResultTable:
 def dynamic_table(drive: ScenarioComparison) -> ResultTable:
     """Return what became of the readings of people, all seeds."""
 
-    def share(part: Callable[[ScenarioResult], int], whole: Callable[[ScenarioResult], int], one: _ByMethod) -> float:
-        return sum(map(part, one[1])) / max(sum(map(whole, one[1])), 1)
-
-    def percent(
-        part: Callable[[ScenarioResult], int], whole: Callable[[ScenarioResult], int]
-    ) -> Callable[[_ByMethod], str]:
-        return lambda one: f"{100 * share(part, whole, one):.1f} %"
+    def share(of: Callable[[ScenarioResult], Share], one: _ByMethod) -> float:
+        n_part, n_whole = np.sum([of(result) for result in one[1]], axis=0)
+        return float(n_part) / max(int(n_whole), 1)
 
     return ResultTable.of(
         f"{_name(drive)}: readings of people",
@@ -133,17 +129,16 @@ def dynamic_table(drive: ScenarioComparison) -> ResultTable:
             ("method", lambda one: one[0]),
             (
                 "matched readings that are people, of all readings that are",
-                percent(lambda r: r.discarded.n_people_matched, lambda r: r.discarded.n_people),
+                lambda one: f"{100 * share(lambda r: r.people_matched, one):.1f} %",
             ),
             (
                 "matched readings of all others, of these",
-                percent(lambda r: r.discarded.n_static_matched, lambda r: r.discarded.n_static),
+                lambda one: f"{100 * share(lambda r: r.static_matched, one):.1f} %",
             ),
             (
                 "dynamic by free-space violation: precision, recall",
                 lambda one: (
-                    f"{share(lambda r: r.moved.n_right, lambda r: r.moved.n_said, one):.3f}, "
-                    f"{share(lambda r: r.moved.n_right, lambda r: r.moved.n_true, one):.3f}"
+                    f"{share(lambda r: r.moved_precision, one):.3f}, {share(lambda r: r.moved_recall, one):.3f}"
                 ),
             ),
         ],

@@ -171,9 +171,9 @@ def save_reference_evaluation(folder: Path, errors: ReferenceErrors, *, about: M
         "turned_rad": totals.turned,
         "end_translation_m": totals.end_translation,
         "end_heading_rad": totals.turn_error,
-        "translation_drift_per_metre": _number(totals.drift),
-        "heading_drift_per_metre_rad": _number(totals.turn_per_metre),
-        "heading_drift_per_turn": _number(totals.turn_drift),
+        "translation_drift_per_metre": number_or_null(totals.drift),
+        "heading_drift_per_metre_rad": number_or_null(totals.turn_per_metre),
+        "heading_drift_per_turn": number_or_null(totals.turn_drift),
     }
     _save(folder, about, errors, figures, {"reference": record})
 
@@ -194,10 +194,10 @@ def _save(
 
 
 def _record(spread: Spread) -> dict[str, object]:
-    return {key: value if key == "n" else _number(value) for key, value in dataclasses.asdict(spread).items()}
+    return {key: value if key == "n" else number_or_null(value) for key, value in dataclasses.asdict(spread).items()}
 
 
-def _number(value: float) -> float | None:
+def number_or_null(value: float) -> float | None:
     """Return a number as JSON has it: NaN is null."""
     return None if np.isnan(value) else value
 
