@@ -7,10 +7,12 @@ import sys
 import time
 from bisect import bisect_left
 from collections import deque
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time as TimeMessage
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -36,6 +38,7 @@ from curvescan.live.base_motion import BaseMotion
 from curvescan.live.warm_up import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
+from curvescan.odometry.rig import RigJoiner
 from curvescan.scan import mirrored
 from curvescan.se2 import uncertain
 from curvescan.types import UncertainPose
@@ -61,6 +64,7 @@ PARAMETERS = {
     "odom_frame_id": "odom",
     "global_frame_id": "map",
     "scan_topic": "scan",
+    "scan_topics": [""],
     "map_topic": "map",
     "tf_broadcast": True,
     "transform_tolerance": 1.0,
@@ -103,6 +107,9 @@ class CurvescanNode(LifecycleNode):
         self._tf_type, self._tf = self._open_tf(), None
         self._initial: UncertainPose | None = None  # of the base, to be taken up with the next scan
         self._map_odom: np.ndarray | None = None  # with somebody else's odom
+        self._joiner: RigJoiner | None = None  # of several lasers
+        self._frames: dict[str, str] = {}  # of each, by its topic
+        self._mounts: dict[str, tuple[np.ndarray, bool]] = {}  # on the base, and whether mirrored
         self._heard: list[object] = []  # subscriptions, services and timers of the active state
         if not self._p["use_lifecycle_manager"]:
             self.trigger_configure()
@@ -146,11 +153,15 @@ class CurvescanNode(LifecycleNode):
             self._heard.append(self.create_subscription(Odometry, "wheel_odom", self._on_wheels, SENSOR_DATA))
         if self._is_localizing and not p["map_file"]:
             self._heard.append(self.create_subscription(OccupancyGrid, p["map_topic"], self._on_map, LATCHED))
+        self._joiner = self._new_joiner()
         # last of all: nothing is dropped while kernels compile
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
-        self._scan = self.create_subscription(
-            ScanMessage, p["scan_topic"], self._on_scan, SENSOR_DATA, event_callbacks=lost
-        )
+        self._scans = [
+            self.create_subscription(
+                ScanMessage, topic, partial(self._on_scan, topic), SENSOR_DATA, event_callbacks=lost
+            )
+            for topic in self._topics
+        ]
         return super().on_activate(state)
 
     def on_deactivate(self, state: State) -> TransitionCallbackReturn:
@@ -181,9 +192,17 @@ class CurvescanNode(LifecycleNode):
         self._map_sink.close()
         self._map_sink = None
         destroy = {Service: self.destroy_service, Timer: self.destroy_timer}
-        for heard in (*self._heard, self._scan):
+        for heard in (*self._heard, *self._scans):
             next((end for kind, end in destroy.items() if isinstance(heard, kind)), self.destroy_subscription)(heard)
         self._heard = []
+
+    @property
+    def _topics(self) -> list[str]:
+        """Topics of the lasers: those of several, which are joined at the base, or one."""
+        return list(filter(None, self._p["scan_topics"])) or [self._p["scan_topic"]]
+
+    def _new_joiner(self) -> RigJoiner | None:
+        return RigJoiner(len(self._topics)) if len(self._topics) > 1 else None
 
     @property
     def _is_localizing(self) -> bool:
@@ -275,17 +294,27 @@ class CurvescanNode(LifecycleNode):
             self.create_subscription(TFMessage, "/tf", self._on_tf, 100)
         return TFMessage
 
-    def _on_scan(self, message: ScanMessage) -> None:
+    def _on_scan(self, topic: str, message: ScanMessage) -> None:
         received = time.monotonic()
-        if self._tracker is None or (self._motion is None and not self._find_mount(message.header.frame_id)):
+        if self._tracker is None or (self._joiner is None and not self._find_mount(message.header.frame_id)):
             return
         try:
             scan = scan_of(message)
         except BrokenRecordError as error:
             self._diagnosis.refuse(str(error))
             return
-        if self._is_mirrored:
-            scan = mirrored(scan)
+        if self._joiner is None:
+            scan = mirrored(scan) if self._is_mirrored else scan
+            self._follow(scan, message.header.stamp, received)
+            return
+        self._frames[topic] = message.header.frame_id
+        group = self._joiner.collect(topic, scan)
+        if group is not None and (placed := self._placed(group)):
+            joined = self._joiner.join(placed)
+            self._follow(joined, later(TimeMessage(), joined.stamp), received)
+
+    def _follow(self, scan: curvescan.LaserScan, scan_stamp: TimeMessage, received: float) -> None:
+        """Take up a scan of the laser, or of all lasers as one at the base, and publish where it was."""
         if self._initial is not None:
             self._take_initial_pose()
         wheels = self._wheel_pose(scan)
@@ -293,7 +322,9 @@ class CurvescanNode(LifecycleNode):
             scan, received=received, odometry_pose=None if wheels is None else se2.compose(wheels, self._motion.mount)
         )
         state = self._motion.add(tracked.step, scan.stamp)
-        stamp = later(message.header.stamp, tracked.half_sweep)
+        stamp = later(scan_stamp, tracked.half_sweep)
+        if self._joiner is not None:
+            self._joiner.moved(scan, tracked.step.motion)
         self._odom.publish(odometry_message(stamp, state, self._p["odom_frame_id"], self._child_frame))
         in_map = None
         if self._p["mode"] != "odometry" and tracked.step.ok:
@@ -333,8 +364,27 @@ class CurvescanNode(LifecycleNode):
                 stamp = Time.from_msg(item.header.stamp).nanoseconds * 1e-9
                 self._wheels.append((stamp, se2.compose(transform_pose(item.transform), base)))
 
+    def _placed(self, group: dict[str, curvescan.LaserScan]) -> dict[str, curvescan.LaserScan]:
+        """Return the sweeps of lasers whose mounts are known; none while those of others may still come."""
+        base = self._p["base_frame_id"]
+        for topic in group.keys() - self._mounts.keys():
+            if (found := mount_of(self._tree, base, self._frames[topic])) is not None:
+                self._mounts[topic], self._joiner.rig = found, None
+            elif time.monotonic() - self._started_at < MOUNT_PATIENCE:
+                return {}
+            else:
+                frame = self._frames[topic]
+                self._diagnosis.refuse(f"{topic} is left out: /tf_static has no way from {base} to {frame}")
+        self._child_frame, self._motion = base, self._motion or BaseMotion(np.zeros(3))
+        if self._joiner.rig is None and self._mounts:
+            self._joiner.rig = curvescan.Rig({name: mount for name, (mount, _) in self._mounts.items()})
+        known = {topic: (scan, self._mounts[topic][1]) for topic, scan in group.items() if topic in self._mounts}
+        return {topic: mirrored(scan) if hangs else scan for topic, (scan, hangs) in known.items()}
+
     def _find_mount(self, laser_frame: str) -> bool:
         """Return whether the laser's place on the base is known; it is taken to be the base when tf stays silent."""
+        if self._motion is not None:
+            return True
         found = mount_of(self._tree, self._p["base_frame_id"], laser_frame)
         if found is None and laser_frame != self._p["base_frame_id"]:
             if time.monotonic() - self._started_at < MOUNT_PATIENCE and self._has_tf():
@@ -379,7 +429,7 @@ class CurvescanNode(LifecycleNode):
         """Return what is missing when no scan comes."""
         if self._tracker is None:
             return f"no map yet: nobody published {self._p['map_topic']}, and map_file is empty"
-        topic = self._scan.topic_name
+        topic = self._scans[0].topic_name
         infos = self.get_publishers_info_by_topic(topic)
         if not infos:
             types = dict(self.get_topic_names_and_types())
@@ -401,6 +451,7 @@ class CurvescanNode(LifecycleNode):
             return answer
         self._map_sink.close()
         self._tracker, self._motion = self._new_tracker(), None
+        self._joiner = self._new_joiner()
         self._map_sink = self._new_map_sink()
         answer.success, answer.message = True, "odometry and map start anew at the next scan"
         return answer

@@ -2,17 +2,20 @@
 
 import time
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
-from curvescan_ros.messages import odometry_message
+from curvescan_ros.messages import add_transforms, odometry_message
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import LaserScan
 
 import curvescan
+from curvescan import se2
+from curvescan.io.ros.messages import scan_of
 from curvescan.live.base_motion import BaseMotion
 
 
@@ -114,6 +117,75 @@ def test_in_a_saved_map_that_map_is_published_first(bench, scans, scans_file, tm
     assert expected["found"] >= 1
     assert expected["tracked"] >= 0.95 * len(scans)
     assert made.maps[-1].info.width >= first.info.width
+
+
+@pytest.mark.parametrize("n_rear", [60, 30])
+def test_two_lasers_are_followed_as_one_at_the_base_also_when_one_fails(bench, n_rear):
+    mounts = {"front": np.array([0.35, 0.25, 0.785]), "rear": np.array([-0.35, -0.25, -2.356])}
+    drive = curvescan.simulate("office", n_scans=60, seed=3)
+    logs = {
+        name: list(
+            curvescan.simulate(drive.world, poses=se2.compose(drive.truth.poses, mount), seed=k, odometry_noise=None)
+        )
+        for k, (name, mount) in enumerate(mounts.items())
+    }
+    made = bench(scan_topics=["front/scan", "rear/scan"])
+    for name, mount in mounts.items():
+        add_transforms(made.node._tree, static_transform("base_link", name, mount))
+    publishers = {name: made.listener.create_publisher(LaserScan, f"{name}/scan", 10) for name in mounts}
+    time.sleep(1.0)
+    for k in range(60):
+        for name, log in logs.items():
+            if name == "front" or k < n_rear:
+                publishers[name].publish(message_of(log[k], name))
+        # a laser that is silent is waited for until the other one's next sweep
+        deadline = time.monotonic() + 20.0
+        while len(made.odom) < k + (k < n_rear) and time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert len(made.odom) == 60 - (n_rear < 60)
+    last = made.odom[-1]
+    assert (last.header.frame_id, last.child_frame_id) == ("odom", "base_link")
+    # as the rig tracks them offline, with readings of float32 and stamps of nanoseconds
+    heard = {
+        name: [scan_of(message_of(scan, name)) for scan in log[: n_rear if name == "rear" else 60]]
+        for name, log in logs.items()
+    }
+    motion = BaseMotion(np.zeros(3))
+    offline = [
+        motion.add(step, step.stamp).odom_base.pose for step in curvescan.Rig(mounts).track(heard, curvescan.Odometry())
+    ]
+    places = [(m.pose.pose.position.x, m.pose.pose.position.y) for m in made.odom]
+    assert np.allclose(places, np.array(offline)[: len(places), :2], atol=1e-5)
+    true = se2.between(drive.truth.poses[0], drive.truth.poses[len(places) - 1])
+    assert np.hypot(*(places[-1] - true[:2])) < 0.02 * np.hypot(*true[:2])
+    # anew: mounts are known by then
+    assert made.call("/curvescan/reset").success
+    n = len(made.odom)
+    for name, log in logs.items():
+        publishers[name].publish(message_of(log[0], name))
+    deadline = time.monotonic() + 20.0
+    while len(made.odom) == n and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert made.odom[n].pose.pose.position.x == 0.0
+
+
+def message_of(scan, frame):
+    message = LaserScan(
+        angle_min=scan.angle_min, angle_increment=scan.angle_increment, range_max=scan.range_max, scan_time=0.2
+    )
+    message.header.frame_id = frame
+    nanoseconds = round(1e9 * (1.0 + scan.stamp))
+    message.header.stamp.sec, message.header.stamp.nanosec = nanoseconds // 10**9, nanoseconds % 10**9
+    message.ranges = scan.ranges.astype(np.float32).tolist()
+    return message
+
+
+def static_transform(parent, child, pose):
+    translation = SimpleNamespace(x=pose[0], y=pose[1], z=0.0)
+    rotation = SimpleNamespace(x=0.0, y=0.0, z=np.sin(0.5 * pose[2]), w=np.cos(0.5 * pose[2]))
+    header = SimpleNamespace(frame_id=parent)
+    transform = SimpleNamespace(translation=translation, rotation=rotation)
+    return SimpleNamespace(transforms=[SimpleNamespace(header=header, child_frame_id=child, transform=transform)])
 
 
 def test_transforms(bench, scans, scans_file):

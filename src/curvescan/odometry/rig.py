@@ -11,7 +11,7 @@ import heapq
 import itertools
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self, TypeVar
 
@@ -182,7 +182,7 @@ class Rig:
         InvalidArgumentError
             When a name is not of this rig.
         """
-        joiner = RigJoiner(self, logs)
+        joiner = RigJoiner(len(logs), self)
         for scans in self.together(logs):
             scan = joiner.join(scans)
             step = engine.add(scan)
@@ -232,7 +232,7 @@ class Rig:
             When a laser has no topic in it.
         """
         logs = {topic: read_log(path, topic=topic) for topic in self.mounts}
-        joiner, odometry, scans = RigJoiner(self, logs), Odometry(), []
+        joiner, odometry, scans = RigJoiner(len(logs), self), Odometry(), []
         for group in self.together(logs):
             scans.append(joiner.join(group))
             joiner.moved(scans[-1], odometry.add(scans[-1]).motion)
@@ -269,18 +269,18 @@ class _Groups:
 class RigJoiner:
     """Joins the sweeps of a rig as they come, each group moved by the velocity that the step before it had."""
 
-    def __init__(self, rig: Rig, lasers: Collection[str]) -> None:
-        self._rig, self._groups = rig, _Groups(len(lasers))
+    def __init__(self, n_lasers: int, rig: Rig | None = None) -> None:
+        self.rig, self._groups = rig, _Groups(n_lasers)
         self._velocity, self._before = np.zeros(3), math.nan
 
-    def add(self, name: str, scan: LaserScan) -> LaserScan | None:
-        """Return the joined scan of a group that this sweep completes or ends; None while it waits for the others."""
-        group = self._groups.add(name, scan)
-        return None if group is None else self.join(group)
+    def collect(self, name: str, scan: LaserScan) -> dict[str, LaserScan] | None:
+        """Return a group that this sweep completes or ends; None while it waits for the other lasers."""
+        return self._groups.add(name, scan)
 
     def join(self, scans: Mapping[str, LaserScan]) -> LaserScan:
         """Return a group of sweeps as one scan of a sensor at the base."""
-        return self._rig.join(scans, self._velocity)
+        assert self.rig is not None
+        return self.rig.join(scans, self._velocity)
 
     def moved(self, scan: LaserScan, motion: Pose) -> None:
         """Take note of the motion of the base up to a joined scan: the next group is moved by it."""
