@@ -9,13 +9,13 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
-from curvescan.io.ros.laser_scan import scan_of
 from curvescan_ros.messages import add_transforms, odometry_message
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import LaserScan
 
 import curvescan
 from curvescan import se2
+from curvescan.io.ros.messages import scan_of
 from curvescan.live.base_motion import BaseMotion
 
 
