@@ -15,7 +15,7 @@ from sensor_msgs.msg import LaserScan
 
 import curvescan
 from curvescan import se2
-from curvescan.io.ros.laser_scan import scan_of
+from curvescan.io.ros.messages import scan_of
 from curvescan.live.base_motion import BaseMotion
 
 
