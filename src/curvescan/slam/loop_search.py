@@ -120,10 +120,8 @@ class LoopSearch:
         refused = [
             c
             for pair, c in tried.items()
-            if pair not in tied
-            and c.is_whole
-            and c.outcome is not ClosureOutcome.WITHDRAWN
-            and is_near(UncertainPose(c.pose, c.covariance), self.config)
+            if not (pair in tied or c.outcome is ClosureOutcome.WITHDRAWN)
+            and (c.is_whole and is_near(UncertainPose(c.pose, c.covariance), self.config))
         ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
