@@ -73,6 +73,7 @@ def test_a_match_that_is_likely_wrong_is_refused(result: MatchResult) -> None:
 def test_what_is_seen_from_afar_confirms_the_graph_where_it_is_sure(result: MatchResult) -> None:
     far = dataclasses.replace(result, pose=np.array([5.0, 0.3, np.pi]))
     assert _tested(far).outcome is ClosureOutcome.ACCEPTED
+    assert np.sqrt(_tested(far).covariance[0, 0]) > 0.05  # it errs more than it says
     for pose, outcome in ((far.pose, ClosureOutcome.LOW_CONFIDENCE), (result.pose, ClosureOutcome.ACCEPTED)):
         doubtful = dataclasses.replace(result, pose=pose, confidence=0.85)
         assert _tested(doubtful).outcome is outcome
