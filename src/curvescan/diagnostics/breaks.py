@@ -45,14 +45,13 @@ def find_breaks(
     way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))
     usual = float(np.quantile(way[1:], _USUAL)) if n > 1 else 0.0
     leaps = np.where(way > max(_TIMES * usual, most), way, 0.0)
-    is_first = record.is_failed & ~np.concatenate(([True], record.is_failed[:-1]))
+    is_first = _begins(record.is_failed)
     found = [
         Break("misplaced", _first_of_gap(record.is_failed, k), k - 1, float(leaps[k]))
         for k in np.flatnonzero(leaps).tolist()
         if record.outcomes[k] is StepOutcome.LOST
     ]
-    opens = record.is_degenerate & ~np.concatenate(([True], record.is_degenerate[:-1]))
-    for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | opens).tolist(), n):
+    for k in (*np.flatnonzero(is_first | (way > _TIMES * usual) | _begins(record.is_degenerate)).tolist(), n):
         begin = _stands_since(record.odometry.poses[:k])
         driven = 0.0 if wheels is None else _farthest(wheels[begin:k])
         leap = float(leaps[k : k + _N_SCANS].max(initial=0.0))
@@ -65,6 +64,11 @@ def find_breaks(
         candidates = (k for k in np.flatnonzero(is_first).tolist() if _is_untied(record, k, wheels, slam_map))
         found += [Break("untied", k, k, 0.0) for k in candidates if 2 * log[k].valid.sum() > record.n_matched[k - 1]]
     return tuple(found)
+
+
+def _begins(mask: Bools) -> Bools:
+    """Return (n,) where a run of True begins, after the first."""
+    return mask & ~np.concatenate(([True], mask[:-1]))
 
 
 def _is_untied(record: RunRecord, k: int, wheels: Pose, slam_map: SlamMap) -> bool:

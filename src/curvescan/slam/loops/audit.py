@@ -13,14 +13,11 @@ import numpy as np
 from curvescan import se2
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.loops.agreement import agreements
-from curvescan.slam.loops.closures import Closure
+from curvescan.slam.loops.closures import SURE, Closure
 from curvescan.slam.loops.cycles import Chain
 from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
-
-SURE = 0.9
-"""Confidence of a match from which on it may contradict the map."""
 
 _N_KEYFRAMES = 3
 """Keyframes whose matches must agree."""

@@ -32,8 +32,8 @@ def is_loop(i: ArrayLike, j: ArrayLike) -> Bools:
 _OPEN = 100.0
 """Standard deviation of a way that is not measured, metres."""
 
-_SURE = 0.9
-"""A match of this confidence is right in 99.9 %."""
+SURE = 0.9
+"""Confidence from which on a match counts from afar, and may contradict the finished map: right in 99.9 %."""
 
 _ERROR_AFAR = 0.03
 """Share of the distance by which views from afar err, more than they say: 0.1 to 0.2 m at 3 to 5 m on Killian."""
@@ -157,7 +157,7 @@ def closure_of(
     expectation = expectation_of(difference(expected.pose, found.pose), expected.cov + found.cov)
     tried = replace(tried, covariance=config.noise.edge(found.cov), distance=distance, expectation=expectation)
     # what is seen from afar and is not sure is often the room beside, which the graph's guess led to
-    if (is_afar and result.confidence < _SURE) or not is_confident(result, config):
+    if (is_afar and result.confidence < SURE) or not is_confident(result, config):
         return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
     if expectation + log_odds(tried) > config.closures.log_odds and distance < config.closures.gate:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
