@@ -16,10 +16,7 @@ def n_usable_cores() -> int:
 
 
 def has_own_python() -> bool:
-    """Return whether the interpreter can be started again.
-
-    That of a program that embeds Python, or was packed into one file, is not named so.
-    """
+    """Return whether the interpreter can be started again: a program that embeds Python does not name its own."""
     return "python" in Path(sys.executable or "").name
 
 

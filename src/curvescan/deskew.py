@@ -151,10 +151,7 @@ def _from_the_middle(
 
 @kernel
 def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
-    """Return (n,) which readings stay in sight: of two that are out of order the farther one is dropped.
-
-    Readings are in order if each bearing is at least `least` larger than the one before.
-    """
+    """Return (n,) which readings stay in sight: the farther one goes where bearings do not grow by `least`."""
     n = bearings.size
     stack = np.empty(n, dtype=np.int64)
     top = 0

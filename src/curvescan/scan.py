@@ -209,19 +209,12 @@ class LaserScan:
 
 
 def mirrored(scan: LaserScan) -> LaserScan:
-    """Return a scan with its beams mirrored about the sensor's x axis, in their own order.
-
-    It is what a sensor that hangs upside down, or turns against what its driver says, saw of the world from above.
-    """
+    """Return a scan mirrored about the sensor's x axis: what one that hangs upside down saw, seen from above."""
     return replace(scan, **_directions(scan, -1.0, 1))
 
 
 def swept_backwards(scan: LaserScan) -> LaserScan:
-    """Return a scan with its beams in the reverse order, each where it was.
-
-    It is what a sensor swept whose driver turns the order of the readings round (some of RPLIDAR's do), so that the
-    times of the beams hold.
-    """
+    """Return a scan with its beams in reverse order, each where it was: for drivers that turn the readings round."""
     return replace(
         scan,
         ranges=scan.ranges[::-1],
@@ -260,10 +253,7 @@ class Readings:
 
 
 def valid_readings(scan: LaserScan) -> Readings:
-    """Return the valid readings of a scan in counter-clockwise order.
-
-    A clockwise scan and its mirror image (ranges reversed, increment negated) give the same readings.
-    """
+    """Return a scan's valid readings, counter-clockwise; a clockwise scan and its mirror image give the same."""
     beam_idx = np.flatnonzero(scan.valid)
     if scan.angle_increment < 0.0:
         beam_idx = np.ascontiguousarray(beam_idx[::-1])

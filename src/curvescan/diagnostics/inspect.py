@@ -99,10 +99,7 @@ def _gyroscope(log: Log, sense: RotationDirection | None) -> Gyroscope | None:
 
 
 def summarise_time(stamps: Floats) -> TimeSummary:
-    """Return what the time steps of a sequence of scans look like.
-
-    stamps (n,); TimeSummary: NaN where there are too few scans.
-    """
+    """Return what the time steps between (n,) stamps look like; NaN where there are too few scans."""
     steps = np.diff(stamps)
     if not steps.size:
         return TimeSummary()

@@ -69,10 +69,7 @@ class RotationDirection:
 
 
 def rotation_of_log(log: Log) -> RotationDirection | None:
-    """Return how the scans of a log turn against its wheel odometry, or else its gyroscope; None without either.
-
-    Reads the scans once more.
-    """
+    """Return how a log's scans, read once more, turn against its wheels, or else its gyroscope; None without either."""
     if (odometry := log.odometry) is not None:
         return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
     if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
@@ -81,10 +78,7 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
 
 
 def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Reference) -> RotationDirection | None:
-    """Return how scans turn against a reference, from the sharpest turns between consecutive scans.
-
-    headings (n,); RotationDirection or None: None where the reference never turns.
-    """
+    """Return how scans turn against (n,) headings, by the sharpest turns; None where the reference never turns."""
     turns = np.diff(headings)
     if reference == "wheel odometry":
         turns = se2.wrap(turns)

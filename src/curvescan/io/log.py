@@ -279,10 +279,7 @@ _SCAN_BYTES = 1200  # what a scan takes besides its arrays
 
 
 class HeldLog(LogView):
-    """A log whose first complete iteration keeps its scans, so that further ones read nothing.
-
-    The scans are the same, and what an iteration computes of them is not kept: memory is that of the readings.
-    """
+    """A log whose first complete iteration keeps its readings, so that further ones read nothing."""
 
     def __init__(self, log: Log, max_bytes: int = MAX_HELD_BYTES) -> None:
         super().__init__(log)

@@ -86,10 +86,7 @@ def run_experiments(
     seed: int = 0,
     progress: Progress = in_silence,
 ) -> Experiments:
-    """Return the results of the paper's experiments on simulated scans, and of every method on real logs.
-
-    laser_pose (3,). Raises InvalidArgumentError.
-    """
+    """Return the results of the paper's experiments on simulated scans, and of every method on real logs."""
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
     owned = assign_relations(logs, relations)

@@ -58,10 +58,7 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
 
 @contextmanager
 def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Yield a figure of `n_places` maps of the same size that shows all points, and their axes.
-
-    Wide places stand one above the other, high ones side by side.
-    """
+    """Yield a figure of `n_places` maps of one size, wide ones above each other, and their axes."""
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     margin = 0.03 * float(max(high - low)) + 0.1
     low, high = low - margin, high + margin

@@ -43,10 +43,7 @@ class ResultTable:
         return cls(title=title, columns=[name for name, _ in columns], rows=[*rows, *last], keys=keys)
 
     def markdown(self, width: int | None = None) -> str:
-        """Return the table as Markdown, with its title as a heading.
-
-        Where a row is wider than `width`, the columns are dealt to several tables, each with the keys.
-        """
+        """Return the table as Markdown under its title; columns beyond `width` go to further tables with the keys."""
         rule = ["---"] + ["---:"] * (len(self.columns) - 1)
         rows = [[entry.replace("|", r"\|") for entry in row] for row in (self.columns, *self.rows)]
         rows.insert(1, rule)

@@ -75,11 +75,7 @@ GUESS_SIGMAS = (0.1, 0.1, 0.1)  # standard deviations of a motion that no match 
 
 
 def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
-    """Return the edges of an odometry: one a step but the first, by its match.
-
-    A step whose match failed joins its scan with the one before by the expected motion, so that the graph does not fall
-    apart.
-    """
+    """Return the edges of an odometry, one a step by its match; by the expected motion where the match failed."""
     edges: list[PoseEdge] = []
 
     def join(i: int, step: Step, pose: Pose, covariance: Cov) -> None:

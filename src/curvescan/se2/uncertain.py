@@ -29,10 +29,7 @@ def compose(a_b: UncertainPose, b_c: UncertainPose) -> UncertainPose:
 
 
 def between(a_b: UncertainPose, a_c: UncertainPose) -> UncertainPose:
-    """Return the pose of c in b, where a_c was made by chaining something to a_b.
-
-    The inverse of :func:`compose` in its second argument: what the two have in common cancels.
-    """
+    """Return c in b, where a_c was chained to a_b: the inverse of :func:`compose`, what they share cancels."""
     return UncertainPose(*_between(a_b.pose, a_b.cov, a_c.pose, a_c.cov))
 
 

@@ -31,10 +31,7 @@ _SHARE = 0.6  # share of the sure matches that agree with wheels that are used
 
 
 def compare_motion(log: Log, poses: Pose) -> tuple[bool, str]:
-    """Return whether wheels or a gyroscope agree with matches of scans, and how that is said.
-
-    poses (n, 3): of the sensor by its wheels; x and y are NaN by a gyroscope.
-    """
+    """Return whether (n, 3) poses by wheels, or by a gyroscope (x, y NaN), agree with matched scans, and a sentence."""
     n_sure = n_agreeing = 0
     for i, j in _motions(poses[: len(log)]):
         seen = sure_motion(log[i], log[j])

@@ -49,10 +49,7 @@ class Gyroscope:
 
 
 def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
-    """Return what sure matches say of a gyroscope.
-
-    turned (n,): the angle it has turned by at each scan, radians; NaN where it does not cover the time.
-    """
+    """Return what sure matches say of a gyroscope that turned by (n,) radians at each scan, NaN where unknown."""
     stamps = np.array([scan.stamp for scan in log])
     seconds = np.diff(stamps)
     rates = np.full(turned.size, np.nan)

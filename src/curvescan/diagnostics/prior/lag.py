@@ -28,10 +28,7 @@ _MIN_STEPS = 30
 
 
 def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
-    """Return by how many seconds the headings of a log are late; 0 if no delay is found.
-
-    headings (n,): heading of the robot at each scan by its odometry, radians; NaN if it is not known.
-    """
+    """Return by how many seconds the (n,) headings of a log, radians or NaN, are late; 0 if no delay is found."""
     turns = se2.wrap(np.diff(headings))
     sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)
     wanted = _windows(sharpness)

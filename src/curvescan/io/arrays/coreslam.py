@@ -47,10 +47,7 @@ _NOTES = (
 
 
 def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of a CoreSLAM log, with odometry from its wheel encoders.
-
-    topic: Only None: such a log has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of a CoreSLAM log, with odometry from its wheel encoders; it has no topics."""
     refuse_topic(path, FORMAT, topic)
     limit = RANGE_MAX if range_max is None else range_max
     read = partial(_records, path, limit)

@@ -44,10 +44,7 @@ _NOWHERE = -1  # offset of a line that there is not
 
 
 def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of a CSV file; a line that breaks the layout is skipped and counted.
-
-    topic: Only None: a CSV file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of a CSV file, which has no topics; a line that breaks the layout is skipped and counted."""
     refuse_topic(path, FORMAT, topic)
     read = partial(_records, path, range_max)
     return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, read_one=partial(_one, path, range_max))

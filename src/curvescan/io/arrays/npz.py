@@ -57,10 +57,7 @@ _DAMAGED = "file damaged from here on: what stands before is read"
 
 
 def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of an .npz file, read from it a block of rows at a time.
-
-    topic: Only None: such a file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of an .npz file, which has no topics, read from it a block of rows at a time."""
     refuse_topic(path, FORMAT, topic)
     file = NpzFile(path)
     n, m = _check_arrays(file)
@@ -200,10 +197,7 @@ _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives th
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write a log as .npz, uncompressed; a LogWriter that loses nothing.
-
-    Of a log that grows meanwhile it holds what was there at first; one that shrinks is begun anew.
-    """
+    """Write a log as .npz, uncompressed, with the scans it has at first; a LogWriter that loses nothing."""
     for _ in range(_MAX_ATTEMPTS):
         try:
             return _write(path, log, on_scan)

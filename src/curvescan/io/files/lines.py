@@ -28,10 +28,7 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 def unpacked_limit(path: Path) -> int:
-    """Return how many bytes a compressed file may unpack to: what claims more could fill memory or disk.
-
-    Recorded scans shrink to a tenth, and simulated ones that see nothing to a hundredth.
-    """
+    """Return how many bytes a compressed file may unpack to: what claims more could fill memory or disk."""
     return max(MIN_UNPACKED_LIMIT, MAX_UNPACKED_RATIO * path.stat().st_size)
 
 

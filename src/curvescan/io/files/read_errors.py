@@ -31,10 +31,7 @@ class ReadError:
 
 
 class ReadErrorCounter:
-    """Counts read errors by rule and remembers the place where each was met first.
-
-    Its size grows with the number of rules, not with their number.
-    """
+    """Counts read errors by rule, with the place where each was met first; its size grows with the rules alone."""
 
     def __init__(self, unit: str = "line") -> None:
         self._unit = unit

@@ -188,10 +188,7 @@ class RosbagLog(ScanAccess):
         return read_odometry(self._bag, stamps, self._frame, is_unstamped=self._is_unstamped)
 
     def _look_at_first(self) -> bool:
-        """Learn the scans' frame and whether they are stamped, and return whether one can be read.
-
-        Scans at 0 are not stamped; a single one is taken as valid.
-        """
+        """Learn the scans' frame, and that they are stamped unless several are at 0; return whether one can be read."""
         stamps, is_sound = [], False
         for message in islice(self._bag.messages([self.topic]), _N_FIRST):
             try:

@@ -101,10 +101,7 @@ def seven(translation: Any, rotation: Any) -> Transform:
 
 
 def matrix(transform: Transform) -> Floats:
-    """Return the (4, 4) matrix of a transform; its quaternion may be of any length.
-
-    A quaternion of zeros, which some drivers leave where there is no rotation, is no rotation.
-    """
+    """Return the (4, 4) matrix of a transform; its quaternion has any length, and zeros mean no rotation."""
     quaternion = np.array(transform[3:])
     norm = math.hypot(*quaternion)
     x, y, z, w = quaternion / norm if norm != 0.0 else (0.0, 0.0, 0.0, 1.0)
@@ -141,10 +138,7 @@ _TILTED = math.radians(5.0)
 
 
 def laser_mounts(path: Path) -> dict[str, Pose | None]:
-    """Return the pose of each laser of a bag on the robot's base, by topic, seen from above; None where it is unknown.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return each laser's pose on the robot's base, from above, by topic; None where it is unknown."""
     bag = Bag(path)
     tree = _first_transforms(bag)
     known = {name for edge in tree.transforms for name in edge}

@@ -20,11 +20,7 @@ _TOUCH = 1e-9  # metres: a reading that is itself the least or greatest range of
 
 
 def nearest_readings(points: Points, reference: ScanPoints, max_distance: float) -> tuple[Ints, Floats]:
-    """Return the reading of the reference nearest to each point, and the squared distance to it.
-
-    points (n, 2); ref_idx (n,): Index into the reference's readings, -1 where there is none near enough; squared
-    (n,): Square metres; inf where there is none.
-    """
+    """Return (n,) the reading nearest to each (n, 2) point, -1 for none, and the squared distance to it, or inf."""
     return _nearest_readings(points, reference.points, reference.angles, max_distance)
 
 
@@ -45,10 +41,7 @@ def closest_points(
 def matching_range_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
-    """Return the point of the reference's surfaces at each point's own range: IDC's matching-range rule.
-
-    Of several crossings within the window the one nearest in bearing is taken.
-    """
+    """Return the points of the reference's surfaces, nearest in bearing, at each point's range: IDC's other rule."""
     return _matching_range_points(
         points, reference.points, reference.ranges, reference.angles, reference.is_joined, window, max_distance
     )

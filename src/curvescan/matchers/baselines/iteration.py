@@ -70,10 +70,7 @@ def iterate(
 
 
 def keep_best(squared: Floats, share: float) -> Bools:
-    """Return which pairs belong to the best share of those that have a partner.
-
-    squared (n,): Squared distances; inf where there is no partner.
-    """
+    """Return which pairs, (n,) squared distances, inf without partner, are the best share of those that have one."""
     paired = np.isfinite(squared)
     n = int(np.count_nonzero(paired))
     n_kept = math.ceil(share * n)
@@ -140,10 +137,7 @@ def is_constrained(rows: Floats, points_cur: Points) -> bool:
 def point_to_line_step(
     points_cur: Points, anchors: Points, normals: Points, pose: Pose, repeats: int = 2
 ) -> Pose | None:
-    """Return the pose that minimises the squared normal distances, lines fixed, by Gauss-Newton.
-
-    points_cur (n, 2); anchors, normals (n, 2); pose (3,); result (3,).
-    """
+    """Return the (3,) pose that minimises squared normal distances to (n, 2) fixed lines, by Gauss-Newton."""
     x, y, theta = _gauss_newton(points_cur, anchors, normals, pose, repeats)
     if not math.isfinite(x + y + theta):
         return None

@@ -61,11 +61,7 @@ def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
 
 
 def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[Ints, Floats]:
-    """Return the line nearest to each point, and the squared distance to it as a segment with two ends.
-
-    points (n, 2); line_idx (n,): -1 where there is none near enough; squared (n,): Square metres; inf where there is
-    none.
-    """
+    """Return (n,) the line nearest to each (n, 2) point, -1 for none near, and the squared distance to it, or inf."""
     return _nearest_lines(points, lines.centres, lines.directions, lines.extents, max_distance)
 
 

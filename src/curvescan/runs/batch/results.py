@@ -133,10 +133,7 @@ class Manifest:
 
 @contextmanager
 def open_manifest(folder: Path) -> Iterator[Manifest]:
-    """Yield the manifest of a batch's folder, locked: a second batch in the same folder is refused.
-
-    The lock ends with the process, however it ends.
-    """
+    """Yield the manifest of a batch's folder, locked while the process lives: a second batch in it is refused."""
     path = folder / MANIFEST
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -47,12 +47,7 @@ def corridor(
     pillars: ArrayLike = (),
     has_ends: bool = False,
 ) -> World:
-    """Return a corridor along x, centred on the origin; bare by default: two parallel walls, no ends.
-
-    Motion along a bare corridor is unobservable.
-
-    recesses (n, 3); pillars (m, 3).
-    """
+    """Return a corridor along x about the origin, recesses (n, 3), pillars (m, 3); bare it leaves x unobservable."""
     half, y = 0.5 * length, 0.5 * width
     niches = np.asarray(recesses, dtype=np.float64).reshape(-1, 3)
     walls = np.vstack(

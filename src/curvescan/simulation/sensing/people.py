@@ -123,10 +123,7 @@ def _elsewhere(world: World, at: Floats, rng: np.random.Generator) -> Floats:
 
 
 def crowd(world: World, pose: Pose, sensor: Sensor, share: float, people: People, rng: np.random.Generator) -> Floats:
-    """Return circles of people placed around a sensor so that about a wanted share of its beams meets them.
-
-    pose (3,); result (c, 3).
-    """
+    """Return (c, 3) circles of people around a sensor so that about a wanted share of its beams meets them."""
     circles, reached = np.empty((0, 3)), 0.0
     for _ in range(_CROWD_ATTEMPTS if share > 0.0 else 0):
         bearing = pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment

@@ -85,10 +85,7 @@ class Bag:
         return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
 
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
-        """Yield the messages of these topics in the order they were received, one in memory at a time.
-
-        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all.
-        """
+        """Yield the messages of these topics in order of reception, or only those received at a time, nanoseconds."""
         for file in self._files:
             limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]
             with self._opened(file) as reader:
@@ -126,10 +123,7 @@ class Bag:
         return self._decoder.decode(message.data, message.msgtype)
 
     def each(self, topics: Collection[str], use: Callable[[Message, Any], object], n_most: int | None = None) -> int:
-        """Hand the messages of these topics, decoded, to a function, and return how many of them could not be read.
-
-        Damage of the bag ends it: what stands before is used, and the read errors of the scans report it.
-        """
+        """Hand decoded messages to a function, up to where the bag is damaged; return how many could not be read."""
         n_broken = 0
         with suppress(LogFormatError):
             for message in islice(self.messages(topics), n_most):

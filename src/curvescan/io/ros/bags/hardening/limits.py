@@ -189,10 +189,7 @@ def check_chunks(chunks: Collection[ChunkInfo], n_bytes: int) -> None:
 
 
 def check_qos(text: bytes) -> None:
-    """Raise LogFormatError when YAML of a topic's quality of service is not as recorders write it.
-
-    An anchor (``&a``) lets a few hundred bytes multiply without end.
-    """
+    """Raise LogFormatError for a quality of service that no recorder writes: a YAML anchor multiplies without end."""
     if len(text) > _MAX_QOS_BYTES or b"&" in text:
         raise LogFormatError("the quality of service of a topic is not as recorders write it")
 

@@ -64,10 +64,7 @@ def recorded_bytes(file: Path, kind: BagKind) -> int:
 
 
 def with_its_journal(file: Path, folder: Path) -> Path:
-    """Return a copy of a SQLite database into which what stands in its -wal or -journal file has been taken.
-
-    Raises OSError, sqlite3.Error.
-    """
+    """Return a copy of a SQLite database that includes its -wal or -journal file. Raises OSError, sqlite3.Error."""
     copy = folder / "bag.db3"
     shutil.copyfile(file, copy)
     for ending in _SQLITE_ENDINGS:
