@@ -201,7 +201,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1674, 32, 0),
     "benchmarks": (539, 23, 0),
     "cli": (2695, 15, 0),
-    "diagnostics": (2574, 58, 0),
+    "diagnostics": (2302, 58, 0),
     "evaluation": (873, 15, 0),
     "io": (6472, 38, 0),
     "live": (3152, 42, 0),

@@ -1,6 +1,6 @@
 """mend: a log without what is wrong with it beyond doubt.
 
-A check (:mod:`curvescan.diagnostics.checks`) whose evidence leaves no doubt says what is done about it; the rest is
+A check (:mod:`curvescan.diagnostics.issues`) whose evidence leaves no doubt says what is done about it; the rest is
 proposed. What a user has set up by hand is left as it is.
 """
 
