@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from curvescan import se2
+from curvescan.evaluation.reference import ReferenceErrors
 from curvescan.evaluation.relations import RelationErrors
-from curvescan.evaluation.trajectory_errors import ReferenceErrors, travelled
+from curvescan.evaluation.trajectory_errors import travelled
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.plots.map import DARK, FAILED, GREY, LIGHT, PATH, TRUTH, as_place, drawing, drawing_places
 from curvescan.types import Floats

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, require
+from curvescan.evaluation.reference import ReferenceErrors, reference_errors
 from curvescan.evaluation.relations import (
     NEAR,
     SOURCE,
@@ -26,7 +27,7 @@ from curvescan.evaluation.relations import (
     find_benchmark,
     relation_errors,
 )
-from curvescan.evaluation.trajectory_errors import ReferenceErrors, Spread, reference_errors
+from curvescan.evaluation.trajectory_errors import Spread
 from curvescan.io.files.output import output_folder
 from curvescan.io.reading import PoseFile, read_poses
 from curvescan.io.trajectories.relations import Relations, read_relations
