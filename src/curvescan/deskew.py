@@ -8,8 +8,6 @@ in a match. The beams keep their order and their number: labels and masks by bea
 A reading that comes to lie behind a nearer one is dropped: it could not be seen from there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ reading is valid when it is a positive number in ``[range_min, range_max]`` of 1
 infinity, 0, a negative value, a driver's code such as 81.91 or 1e9) is *no reading*: data, never an error.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import KW_ONLY, dataclass, field, replace

@@ -1,7 +1,5 @@
 """The command line: finds the command, makes its flags, and turns every error into one sentence."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os

@@ -1,7 +1,5 @@
 """The entry point: sees to it that Ctrl-C ends in a sentence, from the first import on, and runs the command line."""
 
-from __future__ import annotations
-
 import sys
 
 from curvescan._interrupts import end_commands_at_once

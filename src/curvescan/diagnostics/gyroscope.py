@@ -5,8 +5,6 @@ match badly; undone by the gyroscope's turn over the interval before the stamp t
 bend it explains.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """inspect_log: what is in a log and what is wrong with it, found in one pass over its scans, and one over its turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

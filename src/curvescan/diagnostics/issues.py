@@ -1,7 +1,5 @@
 """The issues of a log: tests and figures here, and in issues.toml what is said of each in sentences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass

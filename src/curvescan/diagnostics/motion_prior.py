@@ -1,7 +1,5 @@
 """The motion prior of a log: its wheel odometry, or else its gyroscope, where it agrees with the scans."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

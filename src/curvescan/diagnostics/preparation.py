@@ -1,7 +1,5 @@
 """prepare_log: a log as every run takes it, mended, with the motion prior that agrees with its scans."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace

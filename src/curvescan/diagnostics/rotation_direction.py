@@ -11,8 +11,6 @@ Without a common clock a robot's wheels are stamped late, or early. The turns be
 are compared with those of the odometry moved in time: the lag is where the two agree best.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ scans differs, and they agree the better the more of it is taken away: each pair
 and as if the beams had been swept in the reverse order.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping

@@ -5,8 +5,6 @@ readings they become arcs in the map, and hold the odometry back, as they move a
 is seen at many distances as the sensor moves; a code stays where it is and comes from beams all around.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

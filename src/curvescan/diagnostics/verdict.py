@@ -5,8 +5,6 @@ final poses, sure matches that contradict the finished map, scans that are not i
 the readings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@
 file, never from its name.
 """
 
-from __future__ import annotations
-
 from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config

@@ -4,8 +4,6 @@ A format is one row: a name, a sniff that looks at the first bytes after unpacki
 ``"module:function"``, imported when a file of the format is met. Rows are tried in order.
 """
 
-from __future__ import annotations
-
 import os
 import pkgutil
 import re

@@ -1,7 +1,5 @@
 """Two scans in, the pose of the second seen from the first out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What goes into a match and what comes out: the prior, checked, and the result with its outcome."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum

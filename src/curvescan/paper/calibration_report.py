@@ -6,8 +6,6 @@ sigma_rho (lost), U_k (1.0 in a unit it does not name) and the limit of distinct
 paper prints are kept. The worlds and the noise are others than those of the experiments.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The report of the paper's experiments: tables, figures and what contradicts the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

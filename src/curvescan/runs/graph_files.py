@@ -1,7 +1,5 @@
 """Files of a run beside poses and maps: the graph, its loop-closure candidates, and view.npz for `curvescan view`."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

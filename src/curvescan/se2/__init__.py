@@ -9,8 +9,6 @@ First-order propagation of covariances follows Smith, Self and Cheeseman, "Estim
 relationships in robotics", 1990.
 """
 
-from __future__ import annotations
-
 import math
 from typing import cast
 

@@ -3,8 +3,6 @@
 Numba is loaded when the first ray is cast, not on import.
 """
 
-from __future__ import annotations
-
 from curvescan.simulation.buildings.catalogue import WORLDS, build_world
 from curvescan.simulation.buildings.world import World
 from curvescan.simulation.driving.pursuit import Drive, OdometryNoise, wheel_odometry

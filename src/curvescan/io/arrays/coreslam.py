@@ -10,8 +10,6 @@ In ``exp1.dat`` the scans lag behind the ticks of their lines: turns seen by the
 s earlier (correlation 0.92, against 0.70 line by line). The odometry is left as the lines have it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial

@@ -9,8 +9,6 @@ kinds of lines may stand before a scan:
 - ``intensities,i0,i1,...``: strength of the returns of the next scan.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -5,8 +5,6 @@ bytes that are there before anything is reserved, and nothing is unpickled. Arra
 rows at a time.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 import struct

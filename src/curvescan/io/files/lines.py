@@ -5,8 +5,6 @@ that break off deliver what stands before the break; a line that never ends is d
 are read errors, neither is fatal.
 """
 
-from __future__ import annotations
-
 import errno
 import gzip
 import io

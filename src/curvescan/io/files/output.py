@@ -4,8 +4,6 @@ The temporary folder is hidden, on the file system of the target, and locked whi
 process left is removed by the next output to that place.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """ROS messages: from bytes to fields, by the bag's own definition of a type or by the bundled one; LaserScan."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Frames are compared without their leading slash: ROS 1 knew both ``/base_link`` and ``base_link``.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ have the names stamp (or timestamp), x, y and theta. Numbers have as many digits
 again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import os

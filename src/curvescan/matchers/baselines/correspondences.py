@@ -5,8 +5,6 @@ ray can hold anything nearer (the idea of Censi's jump tables, ICRA 2008, withou
 once the scans lie close. Readings are a ring, so that full circles need no seam.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Systems 4 (1995); the line filter by J.-S. Gutmann and C. Schlegel, "AMOS: compa
 for self-localization in indoor environments", EUROBOT 1996.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

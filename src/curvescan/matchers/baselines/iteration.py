@@ -5,8 +5,6 @@ ref, its line passes through q with unit normal n, and the error is n . (x - q).
 pose changes it by J = [n_x, n_y, n . (R p)'] with v' = (-v_y, v_x).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

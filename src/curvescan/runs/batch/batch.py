@@ -1,7 +1,5 @@
 """run_batch: one job over many logs, on all cores or a Ray cluster; what ``curvescan batch`` calls."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager

@@ -5,8 +5,6 @@ Furniture as a laser at shin height sees it: cabinets, desks on panels or legs, 
 Dimensions are those of common office furniture (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

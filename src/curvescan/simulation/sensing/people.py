@@ -5,8 +5,6 @@ robot and step aside for it; one that the robot would run over, or that falls fa
 away and appears at a random place elsewhere, as if through a door.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

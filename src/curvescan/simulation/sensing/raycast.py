@@ -9,8 +9,6 @@ no slit); a beam running exactly along a wall does not see that wall; a sensor i
 circle from within.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -3,8 +3,6 @@
 A LaserScan message holds float32: what a scan keeps of a float64 is its nearest float32. Times are whole nanoseconds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from decimal import Decimal

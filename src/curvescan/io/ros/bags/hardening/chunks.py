@@ -1,7 +1,5 @@
 """Chunks of a bag are unpacked no further than recorded data can need, whatever they claim."""
 
-from __future__ import annotations
-
 import bz2
 import importlib
 import sys

@@ -8,8 +8,6 @@ What is looked at in a ROS 2 bag of SQLite before rosbags opens it: that its tab
 A view or a generated column is a program, which may run without end or make values that stand nowhere in the file.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sqlite3
