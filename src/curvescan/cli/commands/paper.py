@@ -55,6 +55,14 @@ def calibrate(
     seed
         Seed of the simulated noise.
     """
+    if mounts:
+        return _show_mounts(log)
+    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed)
+
+
+def _find_parameters(
+    log: Path | None, out: Path, sensor: str, distances: tuple[float, ...], range_max: float | None, seed: int
+) -> int:
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
@@ -62,9 +70,6 @@ def calibrate(
     from curvescan.paper.calibration_report import calibration_tables, draw_calibration
     from curvescan.simulation.sensing.sensors import choose_sensor
 
-    if mounts:
-        return _show_mounts(log)
-    out = out or Path("calibration")
     if log is None:
         source, planes = choose_sensor(sensor), None
     else:
