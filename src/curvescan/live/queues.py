@@ -1,7 +1,5 @@
 """BoundedQueue: what stands between two threads of which one may be slower."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from typing import Generic, TypeVar

@@ -1,7 +1,5 @@
 """ResultsSink: the results folder of a live run, the same as of an offline one."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

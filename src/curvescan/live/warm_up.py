@@ -1,7 +1,5 @@
 """warm_up: compile every kernel before a robot waits for it, by running an engine over a short simulated drive."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

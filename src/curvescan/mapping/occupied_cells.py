@@ -1,7 +1,5 @@
 """The cells of a square grid in which readings ended: the map as points, light enough to be drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

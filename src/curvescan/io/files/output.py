@@ -24,9 +24,7 @@ __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
 HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
 RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
-
 IS_WINDOWS = os.name == "nt"
-
 _NAME = re.compile(re.escape(HIDDEN_PREFIX) + r"[a-z0-9_]{8}")
 _RETIRED = ".retired"
 _MAX_PATH = 4_000  # characters of a path in a sentence

@@ -19,10 +19,8 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-
 _WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
 MAX_MESSAGE_BYTES = 8 << 20  # longest message that is read: a scan of two million beams
-
 _MAX_DEFINITION_CHARS = 1 << 16
 _MAX_EXPRESSIONS = 400
 _IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)

@@ -32,11 +32,8 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
-
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
-
 _LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
-
 _MAX_LISTED = 12
 _N_FIRST = 8
 

@@ -1,7 +1,5 @@
 """HokuyoSource: Hokuyo's UST and UTM scanners with Ethernet by the package hokuyolx (MIT)."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

@@ -17,7 +17,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Cov, Floats, Pose
 
 MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
-
 _SECOND = 10**9
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
