@@ -97,11 +97,7 @@ class BeamStatistics:
 
     @property
     def fixed_beams(self) -> FixedBeams | None:
-        """Beams that keep their reading while the sensor moves; None without any, or where it stands.
-
-        Beside the robot the room begins at once. A wall that is passed straight on keeps its readings too, but beams
-        change little by little along it.
-        """
+        """Beams that keep their reading beside a room that begins at once, while the sensor moves; None without any."""
         well_seen = 2 * self._counts > self._n_scans
         if not well_seen.any():
             return None

@@ -186,11 +186,7 @@ def _lock(folder: Path, *, is_waiting: bool) -> int | None:
 
 
 def replace(source: Path, goal: Path) -> None:
-    """Move a file or folder to where a file may be, in one step.
-
-    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a
-    second. Raises OSError.
-    """
+    """Move a file or folder to where a file may be, in one step; Windows is given a second. Raises OSError."""
     for wait in _WAITS_S if IS_WINDOWS else ():
         try:
             source.replace(goal)

@@ -119,10 +119,7 @@ def _parse(connection: Connection) -> dict[str, Any]:
 
 
 def _check_idl(text: str) -> None:
-    """Raise LogFormatError for IDL that would keep its parser busy: each level of brackets multiplies its work.
-
-    ROS needs one level of either kind: the arguments of an annotation, and ``sequence<string<5>>``.
-    """
+    """Raise LogFormatError for IDL that keeps its parser busy: each level of brackets beyond ROS's multiplies work."""
     bare = _IDL_TEXTS.sub("", text)
     for opening, closing, deepest in ("(", ")", 1), ("<", ">", 2):
         depth = 0
