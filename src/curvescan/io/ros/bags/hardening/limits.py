@@ -24,7 +24,7 @@ from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.lines import printable
-from curvescan.io.ros.bags.hardening.chunks import Unpacker, packing_of
+from curvescan.io.ros.bags.bag_files import Unpacker, packing_of
 
 MIN_INDEX_LIMIT = 1 << 20
 """So many messages any ROS 1 bag may have; their index takes 150 bytes each in memory, and 12 in the file."""
