@@ -148,7 +148,8 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     yield f"## Experiment {experiment.number}: {experiment.title}, {experiment.condition} conditions"
     yield (
         f"{len(drive.log):,} scans over {lengths} m, {1e3 * drive.log.sensor.sigma_range:.0f} mm of noise, "
-        f"{experiment.n_people} people walking; {shares} % of the beams hit people. {_TEXT[f'experiment_{experiment.number}']}"
+        f"{experiment.n_people} people walking; {shares} % of the beams hit people. "
+        + _TEXT[f"experiment_{experiment.number}"]
     )
     yield tables.drive_table(drive)
     yield tables.covariance_table(drive)
