@@ -113,14 +113,13 @@ class LoopSearch:
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, chain = self._map, self._map.chain()
-        tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
+        growing, chain, followed = self._map, self._map.chain(), self._edges(is_followed=True)
         tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop}  # the latest of each pair
-        known = [c for c in tried.values() if c.is_accepted]
+        known = [c for pair, c in tried.items() if pair in followed]
         refused = [
             c
             for pair, c in tried.items()
-            if not (pair in tied or c.outcome is ClosureOutcome.WITHDRAWN)
+            if not (pair in followed or c.outcome is ClosureOutcome.WITHDRAWN)
             and (c.is_whole and is_near(UncertainPose(c.pose, c.covariance), self.config))
         ]
         found = []
@@ -129,13 +128,19 @@ class LoopSearch:
             found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
         return found
 
+    def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
+        """Return the ends of loop closures in the graph; is_followed: of those alone that have their weight."""
+        graph = self._map.graph
+        chosen = graph.is_closure & ((graph.weights > 0.5) | (not is_followed))
+        return set(map(tuple, graph.ends[chosen].tolist()))
+
     def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
-        """Accept what contradicts the map and is likelier than what it contradicts; return whether anything is."""
-        likelier = [group for group, log_odds in audited if log_odds > self.config.closures.log_odds]
-        for group in likelier:
-            for one in group:
-                self._accept(replace(one, outcome=ClosureOutcome.AGREED))
-        return len(likelier) > 0
+        """Accept what contradicts the map and is likelier than what it contradicts; return whether any of it is new."""
+        tied = self._edges(is_followed=False)
+        new = [one for group, log_odds in audited if log_odds > 0.0 for one in group if (one.i, one.j) not in tied]
+        for one in new:
+            self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+        return len(new) > 0
 
     def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
         """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
