@@ -26,23 +26,10 @@ from curvescan.errors import CurvescanError
 from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
-    "demo": demo,
-    "info": info,
-    "convert": convert,
-    "odometry": odometry,
-    "slam": slam,
-    "localize": localize,
-    "batch": batch,
-    "live": live,
-    "view": view,
-    "map": edit_map,
-    "match": match,
-    "evaluate": evaluate,
-    "experiments": experiments,
-    "calibrate": calibrate,
-    "bench": bench,
-    "warm-up": warm_up,
-}
+    "demo": demo, "info": info, "convert": convert, "odometry": odometry, "slam": slam, "localize": localize,
+    "batch": batch, "live": live, "view": view, "map": edit_map, "match": match, "evaluate": evaluate,
+    "experiments": experiments, "calibrate": calibrate, "bench": bench, "warm-up": warm_up,
+}  # fmt: skip
 
 HELP_ALL = "--help-all"
 FIRST_STEPS = """\

@@ -18,27 +18,8 @@ from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
 from curvescan.io.writing import WRITERS, write_log
 
 __all__ = [
-    "WRITERS",
-    "Log",
-    "MemoryLog",
-    "PoseFile",
-    "ReadError",
-    "Relations",
-    "SensorSetup",
-    "Trajectory",
-    "apply_setup",
-    "datasets",
-    "log_from_arrays",
-    "output_folder",
-    "pick_scans",
-    "read_config",
-    "read_csv",
-    "read_log",
-    "read_poses",
-    "read_relations",
-    "read_tum",
-    "write_config",
-    "write_csv",
-    "write_log",
+    "WRITERS", "Log", "MemoryLog", "PoseFile", "ReadError", "Relations", "SensorSetup", "Trajectory",
+    "apply_setup", "datasets", "log_from_arrays", "output_folder", "pick_scans", "read_config", "read_csv",
+    "read_log", "read_poses", "read_relations", "read_tum", "write_config", "write_csv", "write_log",
     "write_tum",
-]
+]  # fmt: skip

@@ -13,21 +13,9 @@ from curvescan.scan import LaserScan
 from curvescan.types import UncertainPose
 
 __all__ = [
-    "DEFAULT_METHOD",
-    "MATCHERS",
-    "Candidate",
-    "Label",
-    "MatchResult",
-    "Matcher",
-    "MatcherConfig",
-    "Method",
-    "Outcome",
-    "PreparedScan",
-    "find_matcher",
-    "match",
-    "prepare",
-    "prepared",
-]
+    "DEFAULT_METHOD", "MATCHERS", "Candidate", "Label", "MatchResult", "Matcher", "MatcherConfig", "Method",
+    "Outcome", "PreparedScan", "find_matcher", "match", "prepare", "prepared",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

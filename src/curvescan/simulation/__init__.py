@@ -12,19 +12,6 @@ from curvescan.simulation.sensing.people import People
 from curvescan.simulation.sensing.sensors import SENSORS, Sensor, measure
 
 __all__ = [
-    "SENSORS",
-    "WORLDS",
-    "Drive",
-    "OdometryNoise",
-    "People",
-    "ScanPair",
-    "ScanPairs",
-    "Sensor",
-    "Simulation",
-    "World",
-    "build_world",
-    "measure",
-    "simulate",
-    "simulate_pairs",
-    "wheel_odometry",
-]
+    "SENSORS", "WORLDS", "Drive", "OdometryNoise", "People", "ScanPair", "ScanPairs", "Sensor", "Simulation",
+    "World", "build_world", "measure", "simulate", "simulate_pairs", "wheel_odometry",
+]  # fmt: skip
