@@ -17,7 +17,14 @@ from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, normal_equations, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, heading_drift, own_noise, variance_factor, with_own_noise, without_floor
+from curvescan.slam.pose_graph.posterior import (
+    design_effect,
+    heading_drift,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+    without_floor,
+)
 from curvescan.slam.pose_graph.robust import optimize_robustly
 from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Cov, Floats, Ints, Pose
