@@ -92,7 +92,6 @@ class Evidence:
     breaks: tuple[Break, ...] = ()
     n_parts: int = 1
     contradictions: tuple[tuple[int, int, float, float], ...] = ()
-    is_aliased: bool = False
     motion: str = "none"
     faults: tuple[str, ...] = ()
 
@@ -236,11 +235,6 @@ _REASONS = (
         ),
         lambda e: _by_motion(e, "look there with `curvescan view`, which mends closures by hand"),
     ),
-    _Reason(
-        lambda e: e.is_aliased,
-        lambda _: "places look alike: loop closures that bent the map were withdrawn",
-        lambda e: _by_motion(e, "look at the map with `curvescan view`"),
-    ),
 )
 
 
@@ -285,7 +279,6 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         sigma=_largest_sigma(record, engine),
         n_parts=n_parts,
         contradictions=contradictions,
-        is_aliased=isinstance(engine, Slam) and engine.is_deceived,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
         faults=_faults(issues),
     )
