@@ -103,11 +103,7 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
 
 
 def n_periods(stamps: Sequence[float], period: float) -> int:
-    """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
-
-    Return 0 at a pause and at the step after it: it is not known how long the motion took. The result is a whole
-    number, so that a stamp that jitters changes nothing.
-    """
+    """Return the whole number of periods of a clock's last step: more where scans were lost, 0 about a pause."""
     steps = [after - before for before, after in pairwise(stamps[-3:])]
     if any(_MOST_PERIODS + 0.5 < step / period <= _LEAP for step in steps):
         return 0

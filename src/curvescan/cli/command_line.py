@@ -44,7 +44,6 @@ All commands: curvescan -h"""
 
 MAX_SENTENCE = 4_000  # longest sentence about an error, characters: a path may have so many
 MAX_NAME = 80  # longest name of a command in a sentence
-
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 

@@ -19,7 +19,6 @@ from curvescan.se2 import wrap
 from curvescan.types import Floats
 
 _N_STEPS, _N_TURNS = 150, 60  # steps that the bias is found from, and turns in which sweeps are straightened, at most
-
 _MIN_STEPS, _MIN_TURNS = 20, 15
 _SHARP = math.radians(4.0)  # turns of so much within a sweep bend it by more than a beam
 _BIASED = math.radians(1.0)  # bias from which on a gyroscope is worse than the motion model, radians a second

@@ -107,12 +107,7 @@ def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserS
 
 
 class StreamMender:
-    """Mends the scans of a running laser by what the first of them show: codes, a ring, stale beams, the robot itself.
-
-    It judges after some seconds and once more after a minute or two; what it says then stands.
-
-    tell: called with a sentence when something is mended, or no longer is.
-    """
+    """Mends a running laser's scans by what the first show: codes, a ring, stale beams; it tells when that changes."""
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell

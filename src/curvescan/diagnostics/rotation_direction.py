@@ -34,7 +34,6 @@ _TRUNCATED = 0.5  # differences of range count up to this many metres: what lies
 _MAX_CELLS = 1 << 18  # that are compared at once
 _CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
 _DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
-
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
 _CERTAIN_SHARE = 0.9
@@ -135,10 +134,8 @@ def _costs(shifted: Floats, profile: Floats) -> Floats:
 _N_WINDOWS = 12
 _WINDOW = 15  # steps on either side of a sharp turn that are compared
 _LAGS = np.arange(-10, 31) * 0.05  # lags that are tried, seconds: an odometry is late more often than early
-
 _LEAST_LAG = 0.1
 _BETTER = 0.6  # a lag is found where it leaves less than this share of the differences
-
 _MIN_STEPS = 30
 
 

@@ -91,9 +91,7 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
 
 
 VIEW_FILE = "view.npz"
-
 MAX_BEAMS = 240  # beams of a scan that are kept at most: every second or third of one that has more
-
 _CENTIMETRES = 100.0
 _FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
 

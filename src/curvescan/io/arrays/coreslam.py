@@ -25,7 +25,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 FORMAT = "CoreSLAM log"
-
 N_BEAMS = 682
 N_COLUMNS = (24 + N_BEAMS, 24 + N_BEAMS + 1)
 N_COVERED = 70  # beams at either end that the rover itself stands in; their readings become NaN

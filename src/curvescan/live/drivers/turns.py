@@ -1,7 +1,5 @@
 """Turns of a spinning laser: cut from its points, given a time, made into scans."""
 
-from __future__ import annotations
-
 import math
 import statistics
 import time

@@ -14,7 +14,6 @@ from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats
 
 WALL_THICKNESS = 0.12  # metres, of inner walls; thick enough for door jambs to show as corners
-
 _SAME = 1e-6
 
 

@@ -41,7 +41,6 @@ MIN_SUMMARY_LIMIT = 8 << 20
 
 _FOOTER_BYTES = 28  # where the summary starts, and what stands behind that
 _MAX_REPEATS = 100
-
 _MAX_QOS_BYTES = 1 << 16
 _QOS_KEY = b"offered_qos_profiles"
 _IDX_HEADER_BYTES = 55
@@ -209,7 +208,6 @@ MIN_READ_LIMIT = 1 << 30
 """So many bytes a file may be read to from its opening to its closing, and MAX_READ_RATIO times its size."""
 
 MAX_READ_RATIO = 100
-
 _SMALL = 1 << 16
 _NOTHING_TO_SEE = 8
 _RECORD_READ = 2
