@@ -92,7 +92,6 @@ class Evidence:
     breaks: tuple[Break, ...] = ()
     n_parts: int = 1
     contradictions: tuple[tuple[int, int, float, float], ...] = ()
-    is_aliased: bool = False
     motion: str = "none"
     faults: tuple[str, ...] = ()
 
@@ -153,7 +152,6 @@ _TESTS: dict[str, Callable[[Evidence], bool]] = {
     "untied": lambda e: any(b.kind == "untied" for b in e.breaks),
     "misplaced": lambda e: any(b.kind == "misplaced" for b in e.breaks),
     "contradicted": lambda e: bool(e.contradictions),
-    "aliased": lambda e: e.is_aliased,
 }
 """Where each reason of verdict.toml holds."""
 
@@ -240,7 +238,6 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         sigma=_largest_sigma(record, engine),
         n_parts=n_parts,
         contradictions=contradictions,
-        is_aliased=isinstance(engine, Slam) and engine.is_deceived,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
         faults=_faults(issues),
     )
