@@ -1,9 +1,8 @@
 """Ctrl-C and SIGTERM: held back where work must not be cut in two, and otherwise the end of a command, at once.
 
-An exception that a signal raises can appear between any two instructions: inside a callback of a C library that
-swallows it, or in the middle of a clean-up. So a loop that keeps what there is so far looks whether it should stop
-(:func:`stoppable`), what must be done whole holds the signals back (:func:`held_back`), and the command line ends the
-process without an exception (:func:`end_at_once`), after the clean-ups that were registered.
+An exception that a signal raises can appear between any two instructions, in the middle of a clean-up too. So loops
+ask whether to stop (:func:`stoppable`), what must be done whole holds signals back (:func:`held_back`), and the
+command line ends the process without an exception (:func:`end_at_once`).
 """
 
 import os

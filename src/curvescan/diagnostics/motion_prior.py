@@ -1,10 +1,7 @@
 """The motion prior of a log: its wheel odometry, or else its gyroscope, where it agrees with the scans.
 
-What sure matches say of a gyroscope: its bias, and whether its turn straightens sweeps without beam times.
-
-A rotating laser whose log gives no beam times sweeps from one stamp to the next. On the turn such sweeps are bent and
-match badly; undone by the gyroscope's turn over the interval before the stamp they match the better the more of the
-bend it explains.
+Short motions from all over a log are matched without a guess. A laser without beam times sweeps from one stamp to the
+next: on the turn such sweeps are bent, and match the better the more of the bend the gyroscope's turn takes out.
 """
 
 from __future__ import annotations

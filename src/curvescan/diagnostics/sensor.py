@@ -1,13 +1,8 @@
 """What a log's scans say of its sensor: in which order the beams were swept, and which way it turns.
 
-Judged once, here, for `info` and for :func:`curvescan.run`, so that both say and do the same.
-
-Whether a log lists the beams of a sweep in the order in which they were swept.
-
-Some drivers turn the order of the readings round so that they run counter-clockwise, and leave time_increment as it
-was. Deskewing such scans doubles their distortion. Where the sensor turns at a changing rate the distortion of two
-scans differs, and they agree the better the more of it is taken away: each pair is matched deskewed as the log says,
-and as if the beams had been swept in the reverse order.
+Some drivers turn the order of the readings round and leave time_increment as it was; deskewing then doubles the
+distortion. Where the sensor turns at a changing rate two scans agree the better the more of it is taken away: each
+pair is matched deskewed as the log says, and as if the beams had been swept in reverse.
 """
 
 import math
