@@ -4,8 +4,6 @@ They run the same function as the processes of one machine. The cluster is the o
 RAY_ADDRESS names, else the one that runs on this machine, else one that is started here and ends with the batch.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 from concurrent.futures import Future
@@ -22,10 +20,7 @@ _SETTINGS = {"MPLBACKEND": "Agg"}
 
 
 class RayPool:
-    """Starts actors, each with a core.
-
-    n_workers: How many there may be at once; None for as many as the cluster has cores.
-    """
+    """Starts actors, each with a core, `n_workers` at once; None for as many as the cluster has cores."""
 
     def __init__(self, n_workers: int | None) -> None:
         try:
@@ -59,7 +54,7 @@ class RayPool:
         except self._ray.exceptions.RayError as error:
             raise WorkerError(f"the workers cannot be started: {_sentence(error)}") from error
 
-    def start(self, job: bytes, events: SimpleQueue[Event]) -> Actor:
+    def start(self, job: bytes, events: SimpleQueue[Event]) -> "Actor":
         """Start an actor with a pickled job."""
         return Actor(self._ray, self._actor_class.remote(job), events)
 

@@ -1,14 +1,8 @@
-"""What is left of a bag whose end is missing: its messages up to the break, written as a whole bag.
+"""What is left of a bag whose end is missing: its messages up to the break, written as a whole temporary bag.
 
-A recorder that was killed, or a disk that was full, leaves a bag without the index that stands at its end. The messages
-before it are sound. They are copied to a temporary bag, which the ordinary readers take with all their checks.
-
-What is looked at in a ROS 2 bag of SQLite before rosbags opens it: that its tables are plain ones.
-
-A view or a generated column is a program, which may run without end or make values that stand nowhere in the file.
+A recorder that was killed leaves a bag without the index at its end. And what is looked at in a bag of SQLite before
+rosbags opens it: that its tables are plain ones. A view or a generated column is a program, which may run without end.
 """
-
-from __future__ import annotations
 
 import os
 import shutil
@@ -27,9 +21,8 @@ from rosbags.rosbag1.reader import Header
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import printable
-from curvescan.io.ros.bags.bag_files import BagKind
-from curvescan.io.ros.bags.hardening.chunks import Unpacker
+from curvescan.io.files.lines import printable
+from curvescan.io.ros.bags.bag_files import BagKind, Unpacker
 from curvescan.io.ros.bags.hardening.limits import check_qos
 
 _PIECE_BYTES = 1 << 20
@@ -64,10 +57,7 @@ def recorded_bytes(file: Path, kind: BagKind) -> int:
 
 
 def with_its_journal(file: Path, folder: Path) -> Path:
-    """Return a copy of a SQLite database into which what stands in its -wal or -journal file has been taken.
-
-    Raises OSError, sqlite3.Error.
-    """
+    """Return a copy of a SQLite database that includes its -wal or -journal file. Raises OSError, sqlite3.Error."""
     copy = folder / "bag.db3"
     shutil.copyfile(file, copy)
     for ending in _SQLITE_ENDINGS:
