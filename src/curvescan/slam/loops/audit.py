@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.agreement import agreements
 from curvescan.slam.loops.closures import SURE, Closure
 from curvescan.slam.loops.cycles import Chain
-from curvescan.slam.loops.likelihood import ANY_SLIP, difference, expectation_of
+from curvescan.slam.loops.likelihood import SLIP, difference, expectation_of
 from curvescan.slam.pose_graph.consistency import largest_clique
 from curvescan.types import Floats, Ints, Pose
 
@@ -103,8 +103,7 @@ def _held_against(closure: Closure, poses: Pose, config: SlamConfig) -> Closure 
     """Return a match that a map contradicts by no more than a way may have slipped: else it shows another place."""
     off = difference(se2.between(poses[closure.i], poses[closure.j]), closure.pose)
     cov = closure.covariance + config.noise.spread
-    gate = config.closures.gate
-    is_off = off @ np.linalg.solve(cov, off) > gate
-    if not (is_off and off @ np.linalg.solve(cov + ANY_SLIP, off) < gate):
+    is_off = off @ np.linalg.solve(cov, off) > GATE
+    if not (is_off and off @ np.linalg.solve(cov + SLIP, off) < GATE):
         return None
-    return replace(closure, expectation=expectation_of(off, cov, ANY_SLIP))
+    return replace(closure, expectation=expectation_of(off, cov))
