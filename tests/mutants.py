@@ -109,10 +109,10 @@ NAMED = (
     _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20.0", "_MAX_STRETCH = 200.0"),
     _named(
         "stale share 0.4 instead of 0.1",
-        "diagnostics/checks.py",
+        "diagnostics/issues.py",
         "_STALE = 0.1",
         "_STALE = 0.4",
-        "diagnostics/test_checks.py",
+        "diagnostics/test_issues.py",
     ),
     _named(
         "residuals above the noise do not widen the covariance",

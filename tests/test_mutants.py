@@ -19,11 +19,11 @@ def test_a_named_mutant_stands_once_in_its_file_and_parses(mutant):
 
 def test_the_module_that_is_loaded_is_the_mutant():
     (mutant,) = [m for m in mutants.NAMED if "stale" in m.name]
-    spec = mutants._Finder(mutant).find_spec("curvescan.diagnostics.checks", None)
+    spec = mutants._Finder(mutant).find_spec("curvescan.diagnostics.issues", None)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert module._STALE == 0.4
-    assert mutants._Finder(mutant).find_spec("curvescan.diagnostics.report", None) is None
+    assert mutants._Finder(mutant).find_spec("curvescan.diagnostics.inspect", None) is None
 
 
 def test_mutants_by_rule_change_one_place_each():

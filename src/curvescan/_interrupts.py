@@ -6,8 +6,6 @@ swallows it, or in the middle of a clean-up. So a loop that keeps what there is 
 process without an exception (:func:`end_at_once`), after the clean-ups that were registered.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

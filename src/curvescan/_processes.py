@@ -1,7 +1,5 @@
 """Cores, processes that import what this one can, and a lock on a file that ends with the process that holds it."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path
@@ -16,10 +14,7 @@ def n_usable_cores() -> int:
 
 
 def has_own_python() -> bool:
-    """Return whether the interpreter can be started again.
-
-    That of a program that embeds Python, or was packed into one file, is not named so.
-    """
+    """Return whether the interpreter can be started again: a program that embeds Python does not name its own."""
     return "python" in Path(sys.executable or "").name
 
 

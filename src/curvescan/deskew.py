@@ -8,8 +8,6 @@ in a match. The beams keep their order and their number: labels and masks by bea
 A reading that comes to lie behind a nearer one is dropped: it could not be seen from there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -105,11 +103,7 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
 
 
 def n_periods(stamps: Sequence[float], period: float) -> int:
-    """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
-
-    Return 0 at a pause and at the step after it: it is not known how long the motion took. The result is a whole
-    number, so that a stamp that jitters changes nothing.
-    """
+    """Return the whole number of periods of a clock's last step: more where scans were lost, 0 about a pause."""
     steps = [after - before for before, after in pairwise(stamps[-3:])]
     if any(_MOST_PERIODS + 0.5 < step / period <= _LEAP for step in steps):
         return 0
@@ -151,10 +145,7 @@ def _from_the_middle(
 
 @kernel
 def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
-    """Return (n,) which readings stay in sight: of two that are out of order the farther one is dropped.
-
-    Readings are in order if each bearing is at least `least` larger than the one before.
-    """
+    """Return (n,) which readings stay in sight: the farther one goes where bearings do not grow by `least`."""
     n = bearings.size
     stack = np.empty(n, dtype=np.int64)
     top = 0

@@ -5,8 +5,6 @@ reading is valid when it is a positive number in ``[range_min, range_max]`` of 1
 infinity, 0, a negative value, a driver's code such as 81.91 or 1e9) is *no reading*: data, never an error.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -209,19 +207,12 @@ class LaserScan:
 
 
 def mirrored(scan: LaserScan) -> LaserScan:
-    """Return a scan with its beams mirrored about the sensor's x axis, in their own order.
-
-    It is what a sensor that hangs upside down, or turns against what its driver says, saw of the world from above.
-    """
+    """Return a scan mirrored about the sensor's x axis: what one that hangs upside down saw, seen from above."""
     return replace(scan, **_directions(scan, -1.0, 1))
 
 
 def swept_backwards(scan: LaserScan) -> LaserScan:
-    """Return a scan with its beams in the reverse order, each where it was.
-
-    It is what a sensor swept whose driver turns the order of the readings round (some of RPLIDAR's do), so that the
-    times of the beams hold.
-    """
+    """Return a scan with its beams in reverse order, each where it was: for drivers that turn the readings round."""
     return replace(
         scan,
         ranges=scan.ranges[::-1],
@@ -260,10 +251,7 @@ class Readings:
 
 
 def valid_readings(scan: LaserScan) -> Readings:
-    """Return the valid readings of a scan in counter-clockwise order.
-
-    A clockwise scan and its mirror image (ranges reversed, increment negated) give the same readings.
-    """
+    """Return a scan's valid readings, counter-clockwise; a clockwise scan and its mirror image give the same."""
     beam_idx = np.flatnonzero(scan.valid)
     if scan.angle_increment < 0.0:
         beam_idx = np.ascontiguousarray(beam_idx[::-1])
@@ -280,7 +268,6 @@ def valid_readings(scan: LaserScan) -> Readings:
 
 
 _FAR = 250.0  # metres: no 2D laser without a stated limit measures all of its surroundings farther than this
-
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4
 """No robot's laser sees 10 km: what drivers say beyond is a code for no return (FLT_MAX, 1e9), and squares of such

@@ -1,7 +1,5 @@
 """All that `curvescan bench` measures: time, success, accuracy and consistency of every method, and its tables."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence
@@ -33,10 +31,7 @@ class Speed:
 
 
 def easy_pairs(sensor: str | Sensor, n_pairs: int, seed: int) -> tuple[list[ScanPair], list[Pose]]:
-    """Return pairs of scans 0.1 m and 5 deg apart at most, each of another office, and for each a guess.
-
-    The guesses are as good as odometry's: 2 cm and 1 degree off, standard deviations.
-    """
+    """Return pairs of scans at most 0.1 m and 5 deg apart, each of its own office, and a guess as by odometry."""
     turn = np.radians(5.0)
     pairs = simulate_pairs("office", sensor=sensor, n_pairs=n_pairs, translation_max=0.1, rotation_max=turn, seed=seed)
     rng = np.random.default_rng(seed)

@@ -203,10 +203,7 @@ _SAME_SURFACE = 0.05  # two readings this near to one another, metres, are of on
 
 
 def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Floats]:
-    """Return the exact ranges of a sweep and how they change with the sensor's pose.
-
-    pose (3,); ranges (n,): Metres; inf where nothing is met; gradient (n, 3).
-    """
+    """Return the (n,) exact ranges of a sweep, inf for none, and their (n, 3) change with the sensor's pose."""
     ranges, hit_idx = cast_beams(world, pose, sensor)
     angles = sensor.angle_min + sensor.angle_increment * np.arange(sensor.n_beams)
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -220,13 +217,7 @@ def range_gradient(world: World, pose: Pose, sensor: Sensor) -> tuple[Floats, Fl
 
 
 def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
-    """Return the least covariance that an unbiased estimate of a pair's pose can have.
-
-    Only beams count that both scans can compare: not on people, and on a surface that the other scan has a reading
-    of.
-
-    result (3, 3).
-    """
+    """Return the least (3, 3) covariance that an unbiased estimate of a pair's pose can have, by shared surfaces."""
     poses = (pair.reference_pose, se2.compose(pair.reference_pose, pair.pose))
     usable = (pair.reference.valid & ~pair.is_person_ref, pair.current.valid & ~pair.is_person_cur)
     swept = [range_gradient(pair.world, pose, sensor) for pose in poses]
@@ -252,10 +243,7 @@ def pair_bound(pair: ScanPair, sensor: Sensor) -> Cov:
 
 
 def median_error(bounds: list[Cov], *, seed: int = 0) -> float:
-    """Return the median translation error, metres, that matches at their bounds would have.
-
-    bounds: One a pair; NaN ones are left out.
-    """
+    """Return the median translation error of matches at their bounds (one a pair, NaN ones left out), metres."""
     rng = np.random.default_rng(seed)
     errors = [
         np.hypot(*rng.multivariate_normal(np.zeros(2), bound[:2, :2], 200, method="cholesky").T)

@@ -1,7 +1,5 @@
 """The command line: finds the command, makes its flags, and turns every error into one sentence."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os
@@ -15,38 +13,23 @@ import tyro
 from curvescan._version import described
 from curvescan.cli.commands.batch import batch
 from curvescan.cli.commands.demo import demo, warm_up
-from curvescan.cli.commands.evaluate import evaluate
-from curvescan.cli.commands.info import convert, info
+from curvescan.cli.commands.info import convert, info, match
 from curvescan.cli.commands.live import live
-from curvescan.cli.commands.match import match
 from curvescan.cli.commands.paper import bench, calibrate, experiments
-from curvescan.cli.commands.results import edit_map, view
+from curvescan.cli.commands.results import edit_map, evaluate, view
 from curvescan.cli.commands.slam import localize, odometry, slam
 from curvescan.cli.console import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
-    "demo": demo,
-    "info": info,
-    "convert": convert,
-    "odometry": odometry,
-    "slam": slam,
-    "localize": localize,
-    "batch": batch,
-    "live": live,
-    "view": view,
-    "map": edit_map,
-    "match": match,
-    "evaluate": evaluate,
-    "experiments": experiments,
-    "calibrate": calibrate,
-    "bench": bench,
-    "warm-up": warm_up,
-}
+    "demo": demo, "info": info, "convert": convert, "odometry": odometry, "slam": slam, "localize": localize,
+    "batch": batch, "live": live, "view": view, "map": edit_map, "match": match, "evaluate": evaluate,
+    "experiments": experiments, "calibrate": calibrate, "bench": bench, "warm-up": warm_up,
+}  # fmt: skip
 
 HELP_ALL = "--help-all"
 FIRST_STEPS = """\
@@ -61,7 +44,6 @@ All commands: curvescan -h"""
 
 MAX_SENTENCE = 4_000  # longest sentence about an error, characters: a path may have so many
 MAX_NAME = 80  # longest name of a command in a sentence
-
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 

@@ -1,7 +1,5 @@
 """A run in a few lines, for the terminal."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Mapping

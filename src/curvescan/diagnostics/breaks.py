@@ -4,8 +4,6 @@ Three things break it and leave covariances as they are: a scanner that repeats 
 a map that wheels alone tie though the scans on either side should match, and scans on the wrong side of a loss.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +34,7 @@ class Break(NamedTuple):
 def find_breaks(
     record: RunRecord, most: float, wheels: Pose | None, log: Log | None, slam_map: SlamMap | None
 ) -> tuple[Break, ...]:
-    """Return the breaks of a run that are longer than what a position may be uncertain by, metres.
-
-    wheels (n, 3): with their log where they are used; slam_map: of SLAM.
-    """
+    """Return the breaks longer than `most`, metres; wheels (n, 3), log: where wheels are used; slam_map: of SLAM."""
     n = len(record.outcomes)
     steps = np.diff(record.trajectory.poses[:, :2], axis=0)
     way = np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1])))

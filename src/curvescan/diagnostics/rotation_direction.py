@@ -4,9 +4,12 @@ A sensor that turns to the left by an angle sees every wall that much further ri
 shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
 used, and of sharp turns only). Where it has the other sign than the robot's own turn, the beams run the other
 way than the log says.
-"""
 
-from __future__ import annotations
+The lag of a log's odometry: how much later than the scans its headings turn.
+
+Without a common clock a robot's wheels are stamped late, or early. The turns between scans (see ``rotation_direction``)
+are compared with those of the odometry moved in time: the lag is where the two agree best.
+"""
 
 import math
 from collections.abc import Iterable
@@ -31,7 +34,6 @@ _TRUNCATED = 0.5  # differences of range count up to this many metres: what lies
 _MAX_CELLS = 1 << 18  # that are compared at once
 _CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
 _DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
-
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
 _CERTAIN_SHARE = 0.9
@@ -69,10 +71,7 @@ class RotationDirection:
 
 
 def rotation_of_log(log: Log) -> RotationDirection | None:
-    """Return how the scans of a log turn against its wheel odometry, or else its gyroscope; None without either.
-
-    Reads the scans once more.
-    """
+    """Return how a log's scans, read once more, turn against its wheels, or else its gyroscope; None without either."""
     if (odometry := log.odometry) is not None:
         return compare_rotation(log, odometry.poses[:, 2], "wheel odometry")
     if isinstance(log, GyroLog) and (turned := log.turned_by_gyro()) is not None:
@@ -81,10 +80,7 @@ def rotation_of_log(log: Log) -> RotationDirection | None:
 
 
 def compare_rotation(scans: Iterable[LaserScan], headings: Floats, reference: Reference) -> RotationDirection | None:
-    """Return how scans turn against a reference, from the sharpest turns between consecutive scans.
-
-    headings (n,); RotationDirection or None: None where the reference never turns.
-    """
+    """Return how scans turn against (n,) headings, by the sharpest turns; None where the reference never turns."""
     turns = np.diff(headings)
     if reference == "wheel odometry":
         turns = se2.wrap(turns)
@@ -133,3 +129,65 @@ def _costs(shifted: Floats, profile: Floats) -> Floats:
     total = np.minimum(change, _TRUNCATED).sum(axis=1, where=seen)
     costs: Floats = np.where(n_seen > _MIN_OVERLAP * profile.size, total / np.maximum(n_seen, 1), np.inf)
     return costs
+
+
+_N_WINDOWS = 12
+_WINDOW = 15  # steps on either side of a sharp turn that are compared
+_LAGS = np.arange(-10, 31) * 0.05  # lags that are tried, seconds: an odometry is late more often than early
+_LEAST_LAG = 0.1
+_BETTER = 0.6  # a lag is found where it leaves less than this share of the differences
+_MIN_STEPS = 30
+
+
+def odometry_lag(scans: Iterable[LaserScan], headings: Floats) -> float:
+    """Return by how many seconds the (n,) headings of a log, radians or NaN, are late; 0 if no delay is found."""
+    turns = se2.wrap(np.diff(headings))
+    sharpness = np.where(np.isfinite(turns), np.abs(turns), 0.0)
+    wanted = _windows(sharpness)
+    stamps: list[float] = []
+    rows: list[int] = []
+    seen: list[float] = []
+    for k, (earlier, later) in enumerate(pairwise(scans)):
+        if not stamps:
+            stamps.append(earlier.stamp)
+        stamps.append(later.stamp)
+        if k in wanted:
+            rows.append(k)
+            seen.append(turn_between(earlier, later))
+    times = np.array(stamps)
+    known = np.isfinite(headings[: times.size])
+    if len(rows) < _MIN_STEPS or not known.all() or not (np.diff(times) > 0.0).all():
+        return 0.0
+    by_scans, row = np.array(seen), np.array(rows)
+    whole = np.unwrap(headings[: times.size])
+
+    def difference(lag: float) -> float:
+        moved = np.interp(times + lag, times, whole)
+        return float(np.mean(np.abs(moved[row + 1] - moved[row] - by_scans)))
+
+    differences = np.array([difference(float(lag)) for lag in _LAGS])
+    best = int(np.argmin(differences))
+    lag = float(_LAGS[best])
+    is_clear = differences[best] < _BETTER * difference(0.0) and abs(lag) >= _LEAST_LAG
+    return lag if is_clear else 0.0
+
+
+def without_lag(stamps: Floats, poses: Floats, lag: float) -> Floats:
+    """Return poses as they would be without their lag. stamps (n,); poses (n, 3)."""
+    columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
+    moved = np.column_stack([np.interp(stamps + lag, stamps, column) for column in columns])
+    moved[:, 2] = se2.wrap(moved[:, 2])
+    return moved
+
+
+def _windows(sharpness: Floats) -> set[int]:
+    """Return the steps around the sharpest turns."""
+    left, wanted = sharpness.copy(), set[int]()
+    for _ in range(_N_WINDOWS):
+        k = int(np.argmax(left)) if left.size else 0
+        if not left.size or left[k] <= math.radians(2.0):
+            break
+        low, high = max(k - _WINDOW, 0), min(k + _WINDOW + 1, left.size)
+        wanted.update(range(low, high))
+        left[low:high] = 0.0
+    return wanted

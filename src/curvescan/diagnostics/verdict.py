@@ -5,8 +5,6 @@ final poses, sure matches that contradict the finished map, scans that are not i
 the readings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -133,10 +131,7 @@ class Evidence:
 
     @property
     def most_sigma(self) -> float:
-        """Greatest standard deviation of a position that can be called known, metres.
-
-        Of a motion that is guessed the deviation is known less well, and counts by the size of the place.
-        """
+        """Greatest standard deviation of a known position, metres; a guessed motion counts by the size of the place."""
         length = min(self.path, self.extent) if self.is_guessed else self.path
         return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * length)
 
@@ -319,10 +314,7 @@ def _by_motion(e: Evidence, else_helps: str) -> str:
 
 
 def _largest_sigma(record: RunRecord, engine: Engine) -> float:
-    """Return the greatest standard deviation of a position, metres; 0 where none is known.
-
-    As many scans are left out as may be without a match.
-    """
+    """Return the greatest standard deviation of a position, metres, the few worst left out; 0 where none is known."""
     covariances = record.trajectory.covariances
     if covariances is None or not len(covariances):
         return 0.0
@@ -334,10 +326,7 @@ def _largest_sigma(record: RunRecord, engine: Engine) -> float:
 
 
 def _bridged(variances: Floats, is_failed: Bools, keyframes: Ints) -> Floats:
-    """Return variances of scans as the keyframes on either side know them, where all scans between are matched.
-
-    variances (n,): by the keyframe before alone; keyframes (k,): their scans.
-    """
+    """Return (n,) variances of matched scans as the (k,) keyframes on both sides know them, not only the one before."""
     bridged = variances.copy()
     for a, b in pairwise(keyframes.tolist()):
         gathered = np.maximum(variances[a:b] - variances[a], 0.0)

@@ -6,8 +6,6 @@ robots", IEEE Transactions on Robotics 29, 2013, treat wheels and a laser so). A
 a way fixes its direction: a drive needs both.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping
@@ -128,10 +126,7 @@ class MountCheck:
 
 
 def check_mounts(path: str | os.PathLike[str], *, uses_wheels: bool = True) -> list[MountCheck]:
-    """Return the mounts of the lasers of a bag, from their scans and the wheels, beside those of its transforms.
-
-    With wheels each laser is seen from the robot's base, else each from the first one. Raises InvalidArgumentError.
-    """
+    """Return the mounts of a bag's lasers, on the base or else on the first laser, beside those of its transforms."""
     given = laser_mounts(Path(path))
     logs = {topic: read_log(path, topic=topic) for topic in given}
     first, laser = next(iter(logs.items()))

@@ -66,11 +66,7 @@ def associate(first: Floats, second: Floats, *, tolerance: float = 0.01) -> Asso
 
 
 def find_stamps(stamps: Floats, wanted: Floats, *, tolerance: float = 1e-4) -> Ints:
-    """Return where each wanted stamp stands: an equal one first, else the nearest within a tolerance.
-
-    stamps (n,); wanted (m,); result (m,): Indices into `stamps`; -1 where there is no such stamp, or several equal
-    ones: no telling which is meant.
-    """
+    """Return (m,) indices of the wanted stamps: equal, else nearest within a tolerance; -1 for none or several."""
     if len(stamps) == 0:
         return np.full(len(wanted), -1)
     order = np.argsort(stamps, kind="stable")

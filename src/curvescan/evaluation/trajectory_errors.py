@@ -90,10 +90,7 @@ class TrajectoryErrors:
 
 
 def trajectory_errors(poses: Pose, true_poses: Pose) -> TrajectoryErrors:
-    """Return the errors of poses against the true ones, scan by scan.
-
-    poses, true_poses (n, 3): One row a scan, each trajectory in a frame of its own; n >= 2, no NaN.
-    """
+    """Return the errors of (n, 3) poses against the true ones, n >= 2, no NaN, each in a frame of its own."""
     _check(poses, true_poses, 2)
     true_motions = se2.between(true_poses[:-1], true_poses[1:])
     step = se2.between(true_motions, se2.between(poses[:-1], poses[1:]))
@@ -110,10 +107,7 @@ def trajectory_errors(poses: Pose, true_poses: Pose) -> TrajectoryErrors:
 
 
 def align(poses: Pose, reference: Pose, how: Alignment = "best") -> Pose:
-    """Return poses moved as one body into the frame of a reference.
-
-    poses, reference (n, 3): One row a pose, n >= 1, no NaN. Raises InvalidArgumentError.
-    """
+    """Return (n, 3) poses moved as one body into the frame of a reference. Raises InvalidArgumentError."""
     _check(poses, reference, 1)
     if how == "first":
         moved: Pose = se2.compose(reference[0], se2.between(poses[0], poses))
@@ -127,10 +121,7 @@ def align(poses: Pose, reference: Pose, how: Alignment = "best") -> Pose:
 
 
 def ate(poses: Pose, reference: Pose, alignment: Alignment = "best") -> Floats:
-    """Return the absolute trajectory error of each pose: its distance from the reference after alignment.
-
-    poses, reference (n, 3): One row a pose, n >= 1, no NaN; result (n,).
-    """
+    """Return the (n,) absolute trajectory error of (n, 3) poses: their distances from the reference once aligned."""
     moved = align(poses, reference, alignment)
     distance: Floats = np.hypot(*(moved[:, :2] - reference[:, :2]).T)
     return distance
@@ -139,10 +130,7 @@ def ate(poses: Pose, reference: Pose, alignment: Alignment = "best") -> Floats:
 def rpe(
     poses: Pose, reference: Pose, *, delta: float = 1.0, unit: Literal["frames", "metres"] = "frames"
 ) -> RelativeErrors:
-    """Return the relative pose errors over motions that follow one another.
-
-    poses, reference (n, 3): One row a pose, n >= 1, no NaN. Raises InvalidArgumentError.
-    """
+    """Return relative pose errors over motions of (n, 3) poses that follow one another; InvalidArgumentError."""
     _check(poses, reference, 1)
     require(delta > 0.0, "delta must be positive", delta)
     if unit == "frames":

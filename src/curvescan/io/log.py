@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Protocol, TypeAlias, cast, overload, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.read_errors import ReadError
+from curvescan.io.files.lines import ReadError
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose
@@ -77,10 +77,7 @@ class GyroLog(Protocol):
     """A log that also holds a gyroscope."""
 
     def turned_by_gyro(self) -> Floats | None:
-        """Return (n_scans,) the angle about z that the gyroscope has turned by at each scan, NaN where not covered.
-
-        Radians if its driver keeps to REP-103. None without a gyroscope.
-        """
+        """Return (n_scans,) angles about z by the gyroscope at each scan, radians by REP-103, NaN where not covered."""
 
 
 @runtime_checkable
@@ -132,25 +129,14 @@ class LogView(ScanAccess):
     def __init__(self, log: Log) -> None:
         self._log = log
 
-    @property
-    def below(self) -> Log:
-        """The log below."""
-        return self._log
-
-    @property
-    def name(self) -> str:
-        """Name of the log below."""
-        return self._log.name
-
-    @property
-    def format(self) -> str:
-        """Format of the log below."""
-        return self._log.format
-
-    @property
-    def odometry(self) -> Trajectory | None:
-        """Wheel odometry of the log below."""
-        return self._log.odometry
+    # what the log below says
+    below = property(lambda self: cast(Log, self._log))
+    name = property(lambda self: str(self._log.name))
+    format = property(lambda self: str(self._log.format))
+    odometry = property(lambda self: cast(Trajectory | None, self._log.odometry))
+    read_errors = property(lambda self: cast(tuple[ReadError, ...], self._log.read_errors))
+    tag_counts = property(lambda self: cast(Mapping[str, int], self._log.tag_counts))
+    notes = property(lambda self: cast(tuple[str, ...], self._log.notes))
 
     def robot_odometry(self) -> Trajectory | None:
         """Return the wheel odometry of the robot, where the log below knows the laser's mount."""
@@ -171,21 +157,6 @@ class LogView(ScanAccess):
     def why_estimated(self) -> str:
         """Return what the log below says."""
         return self._log.why_estimated() if isinstance(self._log, EstimatedLog) else ""
-
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        """Faults of the log below."""
-        return self._log.read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        """Messages of the log below."""
-        return self._log.tag_counts
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on the log below."""
-        return self._log.notes
 
     def __len__(self) -> int:
         return len(self._log)
@@ -279,10 +250,7 @@ _SCAN_BYTES = 1200  # what a scan takes besides its arrays
 
 
 class HeldLog(LogView):
-    """A log whose first complete iteration keeps its scans, so that further ones read nothing.
-
-    The scans are the same, and what an iteration computes of them is not kept: memory is that of the readings.
-    """
+    """A log whose first complete iteration keeps its readings, so that further ones read nothing."""
 
     def __init__(self, log: Log, max_bytes: int = MAX_HELD_BYTES) -> None:
         super().__init__(log)

@@ -5,8 +5,6 @@ imported when it is used. What each format loses of a scan stands with its write
 a sentence each.
 """
 
-from __future__ import annotations
-
 import os
 import pkgutil
 import sqlite3
@@ -20,8 +18,8 @@ import numpy as np
 from curvescan.configs import look_up
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
+from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file, output_folder
-from curvescan.io.files.read_errors import as_path
 from curvescan.io.log import Log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

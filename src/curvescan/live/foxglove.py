@@ -1,7 +1,5 @@
 """FoxgloveSink: a live run as the node's ROS 2 messages on a websocket (extra ``curvescan[foxglove]``)."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

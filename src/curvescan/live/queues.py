@@ -1,7 +1,5 @@
 """BoundedQueue: what stands between two threads of which one may be slower."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from typing import Generic, TypeVar
@@ -12,10 +10,7 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """A queue of limited length between threads; when it is full the oldest item is dropped, or the producer waits.
-
-    It holds `capacity` items at most; where it is lossless `put` waits for room.
-    """
+    """A queue of `capacity` items between threads: when it is full `put` drops the oldest, or waits if lossless."""
 
     def __init__(self, capacity: int, *, is_lossless: bool = False) -> None:
         require(capacity >= 1, "capacity must be at least 1", capacity)

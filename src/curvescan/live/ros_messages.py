@@ -1,7 +1,5 @@
 """LiveMessages: tracked scans as the ROS 2 messages that the node publishes, for files and websockets without ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from curvescan.diagnostics.mending import StreamMender
+from curvescan.diagnostics.preparation import StreamMender
 from curvescan.errors import require
 from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
@@ -60,10 +60,7 @@ _PAUSED = 0.05
 
 
 class Paced:
-    """A source that we make ourselves, at the pace of its stamps; it can be paused, and hurried on to a scan.
-
-    Subclasses write :meth:`_made`.
-    """
+    """A source that we make ourselves, by `_made`, at the pace of its stamps; it can be paused and hurried on."""
 
     is_live = False
 

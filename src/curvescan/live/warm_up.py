@@ -1,7 +1,5 @@
 """warm_up: compile every kernel before a robot waits for it, by running an engine over a short simulated drive."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,11 +19,7 @@ _SENSOR = replace(SENSORS["spinning-360"], time_increment=1e-4)  # whose sweeps 
 
 
 def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> float:
-    """Compile every kernel of the way from a scan to a map, and return how long it took, seconds.
-
-    To be called before a source is opened: the first scan of a kind that the matcher has not met would otherwise wait
-    for a compiler, and those behind it be dropped.
-    """
+    """Compile every kernel from a scan to a map before a source is opened, so that no scan waits; return seconds."""
     started = time.perf_counter()
     with watch.held():
         curvescan.warm_up(method)

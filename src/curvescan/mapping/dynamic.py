@@ -8,8 +8,6 @@ After Núñez et al. 2009, section 2.2: the segments without a partner are the d
 separates what moved from what only came into view.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -53,10 +51,7 @@ def dynamic_readings(current: LaserScan, earlier: Sequence[tuple[LaserScan, Pose
 
 
 def dynamic_along(scans: Iterable[LaserScan], poses: Pose, is_joined: Bools) -> Iterator[Bools]:
-    """Yield the dynamic readings of each scan of a run, by comparison with the scans before it.
-
-    poses (n, 3); is_joined (n,).
-    """
+    """Yield the dynamic readings of each scan of a run, poses (n, 3), by comparison with the scans before it."""
     relative_to = {lag: se2.between(poses[:-lag], poses[lag:]) for lag in LAGS}  # all at once: fast
     history: deque[LaserScan] = deque(maxlen=max(LAGS))
     for k, (scan, joined) in enumerate(zip(scans, is_joined, strict=False)):
@@ -87,11 +82,7 @@ def _was_free(current: LaserScan, earlier: LaserScan, pose: Pose) -> Bools:
 def _is_passed(
     points: Points, valid: Bools, pose: Pose, reach: Floats, angle_min: float, step: float, margin: float
 ) -> Bools:
-    """Return (n,) whether the beams on both sides of each reading passed it by more than a margin.
-
-    `pose` is that of the readings' scan in the other. Beams are counted from the first, whatever the way the sensor
-    turns and wherever it starts.
-    """
+    """Return (n,) whether the beams on both sides of each reading, of a scan at `pose`, passed it by a margin."""
     passed = np.zeros(valid.size, dtype=np.bool_)
     way = 1.0 if step > 0.0 else -1.0
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -6,8 +6,6 @@ just above 0.196, so that it is unknown, but below the 0.25 that Nav2's own map_
 places come back as free. Hence 0.196 here.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

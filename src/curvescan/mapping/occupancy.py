@@ -6,8 +6,6 @@ et al., "OctoMap", Autonomous Robots 2013: a scan changes a cell once, hits go b
 clamped, so that the map follows a changing place.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

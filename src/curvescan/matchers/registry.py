@@ -69,10 +69,7 @@ class Matcher(Protocol):
         """Return whether features hold enough for a later scan to be matched against them."""
 
     def match(self, reference: Any, current: Any, prior: UncertainPose | None) -> MatchResult:
-        """Return the pose of `current` seen from `reference`, both being features of this matcher.
-
-        The prior is what is known of that pose before; None stands for ``curvescan.matchers.result.WIDE_PRIOR``.
-        """
+        """Return the pose of `current` seen from `reference`, both features of this matcher; prior None: WIDE_PRIOR."""
 
 
 def find_matcher(method: Method | str, config: MatcherConfig | None = None, *, name: str = "config") -> Matcher:

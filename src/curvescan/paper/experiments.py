@@ -1,7 +1,5 @@
 """The paper's five experiments in one go (its sections 3.2 and 3.3): seeded, so that a rerun gives the same numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 
@@ -86,10 +84,7 @@ def run_experiments(
     seed: int = 0,
     progress: Progress = in_silence,
 ) -> Experiments:
-    """Return the results of the paper's experiments on simulated scans, and of every method on real logs.
-
-    laser_pose (3,). Raises InvalidArgumentError.
-    """
+    """Return the results of the paper's experiments on simulated scans, and of every method on real logs."""
     if only_logs and not logs:
         raise InvalidArgumentError("there is nothing to run without the simulated scans: give logs")
     owned = assign_relations(logs, relations)

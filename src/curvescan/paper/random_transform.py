@@ -5,8 +5,6 @@ them, and the second is moved on paper. Harder variants stand beside it: more no
 second scan, and a sensor that is moved itself, so that surfaces hide and show and are sampled anew.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -179,10 +177,7 @@ def transformed_pairs(
 def match_transformed(
     pairs: list[TransformedPair], moves: Moves, config: CfSmaConfig | None = None, batch: int = 0
 ) -> RandomTransformRuns:
-    """Return the errors of CF-SMA on pairs; with `moves` "scan" the current points are moved first.
-
-    config: None for the defaults.
-    """
+    """Return CF-SMA's errors on pairs, current points moved first with `moves` "scan"; config None: the defaults."""
     matcher = CfSmaMatcher(config or CfSmaConfig())
     errors = np.full((len(pairs), 3), np.nan)
     n_matched = np.zeros(len(pairs), dtype=np.int64)
@@ -212,10 +207,7 @@ def run_random_transforms(
     configs: tuple[CfSmaConfig | None, ...] = (None,),
     on_run: Callable[[], None] | None = None,
 ) -> tuple[RandomTransformRuns, ...]:
-    """Return the errors of CF-SMA over random transforms, spread over N_BATCHES seeds.
-
-    configs: Each runs on the same pairs; None for the defaults.
-    """
+    """Return CF-SMA's errors over random transforms of N_BATCHES seeds; configs (None: defaults) share the pairs."""
     batches: list[list[RandomTransformRuns]] = [[] for _ in configs]
     for b in range(N_BATCHES):
         pairs = []

@@ -1,30 +1,15 @@
 """The report of the paper's experiments: tables, figures and what contradicts the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from curvescan._version import __version__
+from curvescan.paper import tables
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
-from curvescan.paper.tables import (
-    covariance_table,
-    draw_both_maps,
-    draw_discarded,
-    draw_end,
-    draw_errors,
-    draw_maps,
-    draw_trajectories,
-    drive_table,
-    dynamic_table,
-    log_relation_table,
-    log_table,
-    random_transform_table,
-)
 from curvescan.runs.document import Part, ResultTable, save_document
 from curvescan.runs.evaluation import number_or_null, relation_record
 from curvescan.runs.results import write_record
@@ -148,8 +133,8 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
         "the paper has it; else each run has a building of its own. cfsma runs as printed, and once more with the "
         "consistency test of its pairs, which the paper has not."
     )
-    yield random_transform_table(results.random_transforms)
-    draw_errors(folder / "errors.png", results.random_transforms)
+    yield tables.random_transform_table(results.random_transforms)
+    tables.draw_errors(folder / "errors.png", results.random_transforms)
     yield ("errors.png", "Errors of the matches that did not fail; the dashed lines bound a right one.")
     for drive in results.drives:
         yield from _drive_parts(folder, drive)
@@ -157,9 +142,9 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
 
 def _log_parts(results: Experiments) -> Iterator[Part]:
     yield ("## Real logs" if results.drives else f"# Every method on real logs (curvescan {__version__})")
-    yield log_table(results.logs)
+    yield tables.log_table(results.logs)
     if any(judged.relations is not None for judged in results.logs):
-        yield log_relation_table(results.logs)
+        yield tables.log_relation_table(results.logs)
 
 
 def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
@@ -172,24 +157,24 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
         f"{len(drive.log):,} scans over {lengths} m, {1e3 * drive.log.sensor.sigma_range:.0f} mm of noise, "
         f"{experiment.n_people} people walking; {shares} % of the beams hit people. {_PAPER_TEXT[experiment.number]}"
     )
-    yield drive_table(drive)
-    yield covariance_table(drive)
+    yield tables.drive_table(drive)
+    yield tables.covariance_table(drive)
     if experiment.n_people:
-        yield dynamic_table(drive)
+        yield tables.dynamic_table(drive)
     yield from _lost_ways(drive)
-    draw_maps(folder / f"maps_{name}.png", drive)
+    tables.draw_maps(folder / f"maps_{name}.png", drive)
     yield (f"maps_{name}.png", f"Maps of all methods at the same scale; truth dashed. {_FIGURE_8}")
-    draw_trajectories(folder / f"trajectories_{name}.png", drive)
+    tables.draw_trajectories(folder / f"trajectories_{name}.png", drive)
     yield (f"trajectories_{name}.png", "Trajectories of all methods in one figure, truth dashed.")
     if "cfsma" not in drive.results:
         return
     if experiment.number == 2:
-        draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
+        tables.draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
         yield (f"figure_7b_{name}.png", "As figure 7: the map by cfsma, and the one from wheel odometry.")
-        draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
+        tables.draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
         yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
     if experiment.n_people:
-        draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
+        tables.draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
         yield (
             f"figure_9a_{name}.png",
             "As figure 9a: map by cfsma; what it left unmatched is grey, people among it orange.",

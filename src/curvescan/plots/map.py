@@ -1,7 +1,5 @@
 """Maps as pictures: of a run, of wheels alone (the paper's figure 7), of occupancy and graphs; what figures share."""
 
-from __future__ import annotations
-
 import functools
 import warnings
 from collections.abc import Iterator, Mapping
@@ -18,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from curvescan import se2
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.log import Log
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.occupied_cells import occupied_cells
@@ -40,7 +38,6 @@ PAIRED = "#00796b"
 FIRST, SECOND = "#0072b2", "#d55e00"
 """Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
 SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
-
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160
@@ -69,10 +66,7 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
 
 @contextmanager
 def drawing_places(path: Path, points: Points, n_places: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Yield a figure of `n_places` maps of the same size that shows all points, and their axes.
-
-    Wide places stand one above the other, high ones side by side.
-    """
+    """Yield a figure of `n_places` maps of one size, wide ones above each other, and their axes."""
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     margin = 0.03 * float(max(high - low)) + 0.1
     low, high = low - margin, high + margin

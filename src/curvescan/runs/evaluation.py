@@ -1,7 +1,5 @@
 """Errors of trajectories in a folder: a report with tables, a record and figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

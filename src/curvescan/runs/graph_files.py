@@ -1,7 +1,5 @@
 """Files of a run beside poses and maps: the graph, its loop-closure candidates, and view.npz for `curvescan view`."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -75,11 +73,7 @@ GUESS_SIGMAS = (0.1, 0.1, 0.1)  # standard deviations of a motion that no match 
 
 
 def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
-    """Return the edges of an odometry: one a step but the first, by its match.
-
-    A step whose match failed joins its scan with the one before by the expected motion, so that the graph does not fall
-    apart.
-    """
+    """Return the edges of an odometry, one a step by its match; by the expected motion where the match failed."""
     edges: list[PoseEdge] = []
 
     def join(i: int, step: Step, pose: Pose, covariance: Cov) -> None:
@@ -98,9 +92,7 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
 
 
 VIEW_FILE = "view.npz"
-
 MAX_BEAMS = 240  # beams of a scan that are kept at most: every second or third of one that has more
-
 _CENTIMETRES = 100.0
 _FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
 

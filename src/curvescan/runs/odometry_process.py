@@ -28,9 +28,7 @@ from curvescan.types import Pose
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
-
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
-
 _BATCH = 32  # scans sent at once
 _AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
 _LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds

@@ -200,10 +200,7 @@ def percentiles(seconds: np.ndarray) -> dict[str, float]:
 
 
 def write_record(folder: Path, record: Mapping[str, object], name: str = RUN_RECORD) -> None:
-    """Write the record of a run, the last of its files: what it holds, and under "files" the names of them all.
-
-    By these names a later run into the same folder knows what to replace; see :func:`curvescan.io.output_folder`.
-    """
+    """Write the record of a run, its last file; "files" names all, so that a later run knows what to replace."""
     files = sorted({file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()} | {name})
     text = json.dumps({**record, "files": files}, indent=2)
     (folder / name).write_text(text + "\n", encoding="utf-8", newline="\n")

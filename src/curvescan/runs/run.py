@@ -1,7 +1,5 @@
 """run and localize: a log in; trajectory, map and verdict out, and a results folder. What the commands call."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections import deque
@@ -322,10 +320,7 @@ class _Job:
 
 
 def load_kernels(engine: Engine, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> None:
-    """Have a copy of the odometry place the first scans, so that none waits for the kernels when time is taken.
-
-    What these scans do not reach is compiled when it is reached, or never; odometry_poses (n, 3).
-    """
+    """Have a copy of the odometry place the first scans, so that their kernels are loaded before time is taken."""
     copied: Odometry = pickle.loads(pickle.dumps(odometry_of(engine)))
     deque(in_turn(copied, islice(scans, _N_FIRST), odometry_poses), maxlen=0)
     watch.report()

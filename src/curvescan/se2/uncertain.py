@@ -4,16 +4,21 @@ To first order, as in Smith, Self and Cheeseman, "Estimating uncertain spatial r
 pose at a time, in kernels: the odometry does this a dozen times a scan.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
+
+
+@kernel
+def wrap_angle(angle: float) -> float:
+    """Return an angle brought into (-pi, pi], radians; what lies inside keeps all its digits."""
+    wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return math.pi if wrapped == -math.pi else wrapped
+
 
 _LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
 
@@ -29,10 +34,7 @@ def compose(a_b: UncertainPose, b_c: UncertainPose) -> UncertainPose:
 
 
 def between(a_b: UncertainPose, a_c: UncertainPose) -> UncertainPose:
-    """Return the pose of c in b, where a_c was made by chaining something to a_b.
-
-    The inverse of :func:`compose` in its second argument: what the two have in common cancels.
-    """
+    """Return c in b, where a_c was chained to a_b: the inverse of :func:`compose`, what they share cancels."""
     return UncertainPose(*_between(a_b.pose, a_b.cov, a_c.pose, a_c.cov))
 
 

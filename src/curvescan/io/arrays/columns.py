@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter
 from curvescan.io.log import NO_POSE, PoseRow, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
@@ -69,12 +69,7 @@ ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 
 
 class StreamLog(ScanAccess):
-    """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
-
-    The source is read through once on opening, to count scans and read errors; memory grows by 40 to 56 bytes a scan.
-
-    read_one: Reads one scan by its place; None to read all that stand before it; mount (3,). Raises LogFormatError.
-    """
+    """A Log whose scans each iteration reads anew, one in memory at a time; opening counts them and the read errors."""
 
     def __init__(
         self,

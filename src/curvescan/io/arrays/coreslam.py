@@ -10,8 +10,6 @@ In ``exp1.dat`` the scans lag behind the ticks of their lines: turns seen by the
 s earlier (correlation 0.92, against 0.70 line by line). The odometry is left as the lines have it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial
@@ -21,14 +19,12 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
-from curvescan.io.files.lines import LineMark, read_line_at, read_lines
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadErrorCounter, read_line_at, read_lines
 from curvescan.io.log import PoseRow, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 FORMAT = "CoreSLAM log"
-
 N_BEAMS = 682
 N_COLUMNS = (24 + N_BEAMS, 24 + N_BEAMS + 1)
 N_COVERED = 70  # beams at either end that the rover itself stands in; their readings become NaN
@@ -47,10 +43,7 @@ _NOTES = (
 
 
 def open_coreslam(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of a CoreSLAM log, with odometry from its wheel encoders.
-
-    topic: Only None: such a log has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of a CoreSLAM log, with odometry from its wheel encoders; it has no topics."""
     refuse_topic(path, FORMAT, topic)
     limit = RANGE_MAX if range_max is None else range_max
     read = partial(_records, path, limit)

@@ -9,8 +9,6 @@ kinds of lines may stand before a scan:
 - ``intensities,i0,i1,...``: strength of the returns of the next scan.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -29,25 +27,28 @@ from curvescan.io.arrays.columns import (
     make_pose,
     make_scan,
 )
-from curvescan.io.files.lines import LineMark, read_line_at, read_lines, text_file
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
+from curvescan.io.files.lines import (
+    BrokenRecordError,
+    LineMark,
+    ReadErrorCounter,
+    printable,
+    read_line_at,
+    read_lines,
+    text_file,
+)
 from curvescan.io.log import Log, refuse_topic, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 FORMAT = "CSV of scans"
 RANGES, ANGLES, INTENSITIES = "ranges", "angles", "intensities"
-
 _TITLE = "# scans of a 2D laser: metres, radians, seconds; a line each, its ranges from the last column on\n"
 _BOM = b"\xef\xbb\xbf"
 _NOWHERE = -1  # offset of a line that there is not
 
 
 def open_csv(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of a CSV file; a line that breaks the layout is skipped and counted.
-
-    topic: Only None: a CSV file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of a CSV file, which has no topics; a line that breaks the layout is skipped and counted."""
     refuse_topic(path, FORMAT, topic)
     read = partial(_records, path, range_max)
     return StreamLog(str(path), name=path.name, kind=FORMAT, read=read, read_one=partial(_one, path, range_max))

@@ -41,13 +41,12 @@ from numpy.typing import NDArray
 from curvescan.errors import LogFormatError, OutputError
 from curvescan.io.arrays.columns import DEFAULTS, Record, StreamLog, is_on_grid, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable
 from curvescan.io.log import NO_POSE, Log, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 FORMAT = "NPZ of scans"
-
 _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
@@ -57,10 +56,7 @@ _DAMAGED = "file damaged from here on: what stands before is read"
 
 
 def open_npz(path: Path, *, range_max: float | None = None, topic: str | None = None) -> StreamLog:
-    """Return the scans of an .npz file, read from it a block of rows at a time.
-
-    topic: Only None: such a file has no topics. Raises LogFileError, LogFormatError, InvalidArgumentError.
-    """
+    """Return the scans of an .npz file, which has no topics, read from it a block of rows at a time."""
     refuse_topic(path, FORMAT, topic)
     file = NpzFile(path)
     n, m = _check_arrays(file)
@@ -195,15 +191,11 @@ def _scan(
 
 
 _MAX_ATTEMPTS = 3
-
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives the same bytes
 
 
 def write_npz(path: Path, log: Log, on_scan: Callable[[], object]) -> tuple[str, ...]:
-    """Write a log as .npz, uncompressed; a LogWriter that loses nothing.
-
-    Of a log that grows meanwhile it holds what was there at first; one that shrinks is begun anew.
-    """
+    """Write a log as .npz, uncompressed, with the scans it has at first; a LogWriter that loses nothing."""
     for _ in range(_MAX_ATTEMPTS):
         try:
             return _write(path, log, on_scan)

@@ -24,8 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.io.files.lines import LineMark, read_lines
-from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter, printable
+from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 
@@ -235,7 +234,6 @@ class PlsSigns:
 
 
 SICK_MM_END = 8.192  # end of the scale of a SICK LMS that counts millimetres, metres
-
 _MAX_TAGS = 64
 OTHER_TAGS = "(other)"
 """Where the lines of further unknown names are counted when there are too many names to be a log's."""

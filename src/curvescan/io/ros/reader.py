@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import LASER_SCAN, has_bad_times, scan_of, short_name, shown, stamp_of
@@ -32,11 +32,8 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
-
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
-
 _LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
-
 _MAX_LISTED = 12
 _N_FIRST = 8
 
@@ -52,10 +49,7 @@ class _Survey:
 
 
 class RosbagLog(ScanAccess):
-    """The scans of one laser of a ROS bag, in the order they were received; a Log.
-
-    Opening reads the bag's table of contents and its first scans; the rest is known after one reading of all scans.
-    """
+    """The scans of one laser of a ROS bag, in the order of reception; a Log that is read when it is first asked."""
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         self._bag = Bag(path)
@@ -188,10 +182,7 @@ class RosbagLog(ScanAccess):
         return read_odometry(self._bag, stamps, self._frame, is_unstamped=self._is_unstamped)
 
     def _look_at_first(self) -> bool:
-        """Learn the scans' frame and whether they are stamped, and return whether one can be read.
-
-        Scans at 0 are not stamped; a single one is taken as valid.
-        """
+        """Learn the scans' frame, and that they are stamped unless several are at 0; return whether one can be read."""
         stamps, is_sound = [], False
         for message in islice(self._bag.messages([self.topic]), _N_FIRST):
             try:

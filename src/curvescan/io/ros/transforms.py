@@ -3,8 +3,6 @@
 Frames are compared without their leading slash: ROS 1 knew both ``/base_link`` and ``base_link``.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field
@@ -23,7 +21,6 @@ Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
 """Pose of the child in the parent as ROS writes it: x, y, z, and the quaternion's x, y, z, w."""
 
 FARTHEST = 1e9  # largest translation of a valid transform, metres: no robot drives a million kilometres
-
 _MAX_EDGES = 1024
 _SAME = 1e-4  # largest difference of two transforms taken for equal: metres, and elements of the quaternion
 
@@ -101,10 +98,7 @@ def seven(translation: Any, rotation: Any) -> Transform:
 
 
 def matrix(transform: Transform) -> Floats:
-    """Return the (4, 4) matrix of a transform; its quaternion may be of any length.
-
-    A quaternion of zeros, which some drivers leave where there is no rotation, is no rotation.
-    """
+    """Return the (4, 4) matrix of a transform; its quaternion has any length, and zeros mean no rotation."""
     quaternion = np.array(transform[3:])
     norm = math.hypot(*quaternion)
     x, y, z, w = quaternion / norm if norm != 0.0 else (0.0, 0.0, 0.0, 1.0)
@@ -141,10 +135,7 @@ _TILTED = math.radians(5.0)
 
 
 def laser_mounts(path: Path) -> dict[str, Pose | None]:
-    """Return the pose of each laser of a bag on the robot's base, by topic, seen from above; None where it is unknown.
-
-    Raises LogFileError, LogFormatError.
-    """
+    """Return each laser's pose on the robot's base, from above, by topic; None where it is unknown."""
     bag = Bag(path)
     tree = _first_transforms(bag)
     known = {name for edge in tree.transforms for name in edge}

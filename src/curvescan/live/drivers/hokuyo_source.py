@@ -1,7 +1,5 @@
 """HokuyoSource: Hokuyo's UST and UTM scanners with Ethernet by the package hokuyolx (MIT)."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator
@@ -93,11 +91,7 @@ class HokuyoSource:
 
 
 class _Socket:
-    """A socket that raises when the other side has closed it, and hands out one reply at a time.
-
-    The package would read the end of a closed one for ever, and takes two replies that came together, after a hiccup,
-    for one.
-    """
+    """A socket that raises when the other side closed it, and hands out one reply at a time of those that came."""
 
     def __init__(self, opened: Any) -> None:
         self._opened = opened

@@ -1,7 +1,5 @@
 """SpinningSource: a laser on a serial line that spins; its readings are cut into turns and stamped as they come."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple, Self
 

@@ -1,7 +1,5 @@
 """Turns of a spinning laser: cut from its points, given a time, made into scans."""
 
-from __future__ import annotations
-
 import math
 import statistics
 import time
@@ -33,10 +31,7 @@ class TurnClock:
         self._n_late = 0
 
     def turn(self, arrival: float | None, rate_hz: float = 0.0) -> tuple[float, float]:
-        """Return begin and end of the turn whose last point has just come, seconds.
-
-        arrival: When its last bytes came, seconds; None where that is not known, and turns follow each other.
-        """
+        """Return begin and end of the turn whose last bytes came at `arrival`, seconds; None: turns follow on."""
         if arrival is not None and self._last_arrival is not None and arrival > self._last_arrival:
             self._periods.append(arrival - self._last_arrival)
         self._last_arrival = arrival
@@ -87,10 +82,7 @@ def scan_of_turn(
     limits: tuple[float, float],
     ignore_beams: tuple[int, int] = (0, 0),
 ) -> LaserScan | None:
-    """Return a turn as a scan; None where it has no two directions.
-
-    points (n, 3): direction, radians, range, metres, and strength of each reading.
-    """
+    """Return (n, 3) directions, ranges and strengths, radians and metres, as a scan; None without two directions."""
     table = np.array(points, dtype=np.float64).reshape(-1, 3)
     angles, order = np.unique(np.mod(table[:, 0], 2.0 * np.pi), return_index=True)
     n = angles.size

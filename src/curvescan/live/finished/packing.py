@@ -4,8 +4,6 @@ The length of a JSON text, the text, then the arrays one after the other; in the
 length.
 """
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Mapping, Sequence

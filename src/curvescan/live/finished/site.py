@@ -4,8 +4,6 @@ It keeps no state: with each request the page sends all its edits, so that undo 
 what a replay of the same edits gives.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Mapping

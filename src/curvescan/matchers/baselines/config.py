@@ -4,8 +4,6 @@
 without people), on other seeds than those the results are reported for.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

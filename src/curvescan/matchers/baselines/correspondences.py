@@ -5,8 +5,6 @@ ray can hold anything nearer (the idea of Censi's jump tables, ICRA 2008, withou
 once the scans lie close. Readings are a ring, so that full circles need no seam.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -20,35 +18,21 @@ _TOUCH = 1e-9  # metres: a reading that is itself the least or greatest range of
 
 
 def nearest_readings(points: Points, reference: ScanPoints, max_distance: float) -> tuple[Ints, Floats]:
-    """Return the reading of the reference nearest to each point, and the squared distance to it.
-
-    points (n, 2); ref_idx (n,): Index into the reference's readings, -1 where there is none near enough; squared
-    (n,): Square metres; inf where there is none.
-    """
+    """Return (n,) the reading nearest to each (n, 2) point, -1 for none, and the squared distance to it, or inf."""
     return _nearest_readings(points, reference.points, reference.angles, max_distance)
 
 
 def closest_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
-    """Return the point of the reference's surfaces closest to each point: IDC's closest-point rule.
-
-    The surface between two joined readings is the straight line between them; an isolated reading is a point.
-
-    points (n, 2); partners (n, 2): Metres, frame of the reference; NaN where there is none; squared (n,): Square
-    metres; inf where there is none; ref_idx (n,): The reading of the reference at which the stretch begins; -1 where
-    there is none.
-    """
+    """Return IDC's closest surface points to (n, 2) points, NaN for none, squared distances, where stretches begin."""
     return _closest_points(points, reference.points, reference.angles, reference.is_joined, window, max_distance)
 
 
 def matching_range_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
-    """Return the point of the reference's surfaces at each point's own range: IDC's matching-range rule.
-
-    Of several crossings within the window the one nearest in bearing is taken.
-    """
+    """Return the points of the reference's surfaces, nearest in bearing, at each point's range: IDC's other rule."""
     return _matching_range_points(
         points, reference.points, reference.ranges, reference.angles, reference.is_joined, window, max_distance
     )

@@ -5,8 +5,6 @@ Robotics and Automation 7 (1991); with lines taken from the reference scan by J.
 comparison of scan matching approaches for self-localization in indoor environments", EUROBOT 1996.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,10 +84,7 @@ class CoxMatcher:
 
 
 def _takes_part(reference: CoxFeatures, current: ScanPoints, guess: Pose, config: CoxConfig) -> tuple[Bools, Bools]:
-    """Return which current readings and which lines are in view of the other scan: all without the projection filter.
-
-    A line is in view when half of its readings are.
-    """
+    """Return which current readings, and which lines by half of theirs, the other scan sees; all without the filter."""
     lines, points = reference.lines, reference.points
     if not config.has_projection_filter:
         return np.ones(len(current), dtype=np.bool_), np.ones(len(lines), dtype=np.bool_)

@@ -5,8 +5,6 @@ Systems 4 (1995); the line filter by J.-S. Gutmann and C. Schlegel, "AMOS: compa
 for self-localization in indoor environments", EUROBOT 1996.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -34,10 +32,7 @@ class Peak:
 
 
 def ring_histogram(positions: Floats, weights: Floats, n_bins: int, smoothing: float) -> Floats:
-    """Return a histogram on a ring, each entry shared by two bins, smoothed by a bell.
-
-    positions (n,); weights (n,); result (n_bins,).
-    """
+    """Return a (n_bins,) histogram on a ring, each weighted entry shared by two bins, smoothed by a bell."""
     lower = np.floor(positions)
     share = positions - lower
     bins = lower.astype(np.int64) % n_bins
@@ -49,11 +44,7 @@ def ring_histogram(positions: Floats, weights: Floats, n_bins: int, smoothing: f
 
 
 def best_lag(first: Floats, second: Floats, centre: float, reach: float) -> Peak | None:
-    """Return the lag, within a window, at which the second histogram agrees best with the first.
-
-    first, second (n,); Peak or None: None where a histogram is empty, or the best lag is the window's border and so
-    no peak.
-    """
+    """Return the lag within a window at which two (n,) histograms agree best; None where empty or at the border."""
     n = first.size
     norm = math.sqrt(float(first @ first) * float(second @ second))
     if norm <= 0.0:

@@ -5,8 +5,6 @@ ref, its line passes through q with unit normal n, and the error is n . (x - q).
 pose changes it by J = [n_x, n_y, n . (R p)'] with v' = (-v_y, v_x).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -70,10 +68,7 @@ def iterate(
 
 
 def keep_best(squared: Floats, share: float) -> Bools:
-    """Return which pairs belong to the best share of those that have a partner.
-
-    squared (n,): Squared distances; inf where there is no partner.
-    """
+    """Return which pairs, (n,) squared distances, inf without partner, are the best share of those that have one."""
     paired = np.isfinite(squared)
     n = int(np.count_nonzero(paired))
     n_kept = math.ceil(share * n)
@@ -85,12 +80,7 @@ def keep_best(squared: Floats, share: float) -> Bools:
 
 
 def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -> Bools:
-    """Return which of the kept pairs lie within `factor` times the distance of their own quantile.
-
-    The adaptive gate of Censi's PL-ICP: when most pairs are close, those that are not are outliers.
-
-    squared (n,); kept (n,).
-    """
+    """Return which kept pairs lie within `factor` times their own quantile: the adaptive gate of Censi's PL-ICP."""
     distances = squared[kept]
     if distances.size == 0:
         return kept
@@ -140,10 +130,7 @@ def is_constrained(rows: Floats, points_cur: Points) -> bool:
 def point_to_line_step(
     points_cur: Points, anchors: Points, normals: Points, pose: Pose, repeats: int = 2
 ) -> Pose | None:
-    """Return the pose that minimises the squared normal distances, lines fixed, by Gauss-Newton.
-
-    points_cur (n, 2); anchors, normals (n, 2); pose (3,); result (3,).
-    """
+    """Return the (3,) pose that minimises squared normal distances to (n, 2) fixed lines, by Gauss-Newton."""
     x, y, theta = _gauss_newton(points_cur, anchors, normals, pose, repeats)
     if not math.isfinite(x + y + theta):
         return None

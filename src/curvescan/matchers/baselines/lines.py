@@ -6,8 +6,6 @@ Horowitz 1974; compared with others for laser scans by Nguyen et al., "A compari
 using 2D laser rangefinder for indoor mobile robotics", IROS 2005). Each line is a total least squares fit.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -61,11 +59,7 @@ def extract_lines(points: ScanPoints, config: LinesConfig) -> Lines:
 
 
 def nearest_lines(points: Points, lines: Lines, max_distance: float) -> tuple[Ints, Floats]:
-    """Return the line nearest to each point, and the squared distance to it as a segment with two ends.
-
-    points (n, 2); line_idx (n,): -1 where there is none near enough; squared (n,): Square metres; inf where there is
-    none.
-    """
+    """Return (n,) the line nearest to each (n, 2) point, -1 for none near, and the squared distance to it, or inf."""
     return _nearest_lines(points, lines.centres, lines.directions, lines.extents, max_distance)
 
 

@@ -1,7 +1,5 @@
 """From where an iterated method stopped to a MatchResult: the checks that all of them pass, in one place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -33,10 +31,7 @@ def check_outcome(
     min_share: float,
     covariance: Callable[[], Cov],
 ) -> MatchResult:
-    """Return the result of an iterated method: its pose when it converged and something holds it, or why not.
-
-    matched ((k,) int64, (n,) int64).
-    """
+    """Return the result of an iterated method: its pose when it converged and something holds it, or why not."""
     ref_idx, cur_idx = matched
     if descent.is_lost or cur_idx.size < max(LEAST_PAIRS, min_share * len(current)):
         return failure(method, Outcome.TOO_FEW_PAIRS, reference, current, descent)
@@ -57,10 +52,7 @@ def check_outcome(
 
 
 def _holds(pose: Pose, current: ScanPoints, cur_idx: Ints) -> bool:
-    """Return whether the surfaces the matched readings lie on fix the pose.
-
-    Asked of the current scan's own surfaces: the lines that Cox makes of a round room would say that it has corners.
-    """
+    """Return whether the current scan's own surfaces fix the pose: Cox's lines of a round room would have corners."""
     on_surface = cur_idx[~np.isnan(current.tangents[cur_idx, 0])]
     points, normals = current.points[on_surface], current.normals[on_surface]
     return is_constrained(jacobian(points, normals @ se2.rotation(pose[2]).T, pose), points)

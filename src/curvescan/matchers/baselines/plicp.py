@@ -4,8 +4,6 @@ A. Censi, "An ICP variant using a point-to-line metric", ICRA 2008: each reading
 reference at its nearest reading, outliers are trimmed, the squared normal distances are minimised, and again.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from curvescan import se2

@@ -1,7 +1,5 @@
 """What the iterated methods know of one scan: readings, surfaces, normals; and IDC's filters (Lu and Milios 1997)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -12,7 +10,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, Readings, valid_readings
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 HIDDEN_MARGIN = 0.1  # how far behind another surface a reading must lie to be hidden by it, metres
@@ -38,12 +36,7 @@ def median_filter(readings: Readings, n_readings: int) -> Readings:
 
 
 def is_visible(points: Points, is_joined: Bools, angle_step: float) -> Bools:
-    """Return which readings can be seen from the origin of the frame they are given in (projection filter).
-
-    A reading is hidden when the surface is seen from behind there, or when another surface stands before it.
-
-    points (n, 2); is_joined (n,).
-    """
+    """Return which readings a viewer at the origin sees: from the front, nothing before them (projection filter)."""
     return _is_visible(points, is_joined, max(angle_step, 1e-3), HIDDEN_MARGIN)
 
 
@@ -121,10 +114,7 @@ def sweep_of(scan: LaserScan) -> ScanPoints:
 
 
 def join(readings: Readings) -> ScanPoints:
-    """Return readings with the surfaces they form and the tangents of these.
-
-    Surfaces end where the adaptive breakpoint detector (Borges and Aldon 2004) sees a gap, as for CF-SMA.
-    """
+    """Return readings with their tangents and surfaces, as Borges and Aldon's breakpoint detector (2004) ends them."""
     segments = segment(readings, _SURFACES)
     is_joined = np.zeros(len(readings), dtype=np.bool_)
     tangents = np.full((len(readings), 2), np.nan)
@@ -163,10 +153,7 @@ def hidden_readings(reference: ScanPoints, current: ScanPoints, guess: Pose) -> 
 
 @kernel
 def _tangents(points: Points, starts: Ints, stops: Ints, arm: float) -> Points:
-    """Return the direction of the total least squares line through the readings within `arm` of each.
-
-    At least one neighbour on each side takes part, however far, where the surface has one.
-    """
+    """Return the direction of the total least squares line through each reading and its neighbours within `arm`."""
     tangents = np.full(points.shape, np.nan)
     for s in range(starts.size):
         for i in range(starts[s], stops[s]):

@@ -5,15 +5,13 @@ wall, to the corner at a corner. The direction of that chord, and how it turns f
 the curvature function: a peak is a corner and its height the angle, a flat stretch an arc, zero a line.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import CurvatureConfig
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats, Ints, Points
 
 

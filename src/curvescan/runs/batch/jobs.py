@@ -80,10 +80,7 @@ class LogOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class _LogJob:
-    """What odometry and SLAM of a log have in common.
-
-    What is left to the defaults is filled in: the same options are equal, and have one digest, however they were given.
-    """
+    """What odometry and SLAM of a log share; defaults are filled in, so that the same options have one digest."""
 
     method: str = DEFAULT_METHOD
     """Name of the matcher."""

@@ -11,8 +11,6 @@ that does not change for `LEASE_S` belongs to a batch that has died, and may be 
 else has done so. Clocks of different machines are never compared: each batch measures the age of a claim by its own.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

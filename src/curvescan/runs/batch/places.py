@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import TypeAlias
 
 from curvescan._interrupts import cleaned_up_by
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
@@ -27,8 +28,6 @@ from curvescan.runs.batch.results import (
     WORKERS_LOG,
     BatchRecord,
     Manifest,
-    Results,
-    TaskQueue,
     fleet_table,
     open_manifest,
     parse_record,
@@ -50,7 +49,7 @@ def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
 
 
 class FolderResults:
-    """The results in a folder of this machine; see :class:`Results`."""
+    """The results in a folder of this machine; workers_log: file to which goes what the workers print."""
 
     def __init__(self, root: Path, manifest: Manifest) -> None:
         self.workers_log = root / WORKERS_LOG
@@ -93,7 +92,7 @@ class FolderResults:
 
 
 class ListedTasks:
-    """Tasks that nobody else takes; see :class:`TaskQueue`."""
+    """Tasks that nobody else takes."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._waiting = deque(tasks)
@@ -147,7 +146,7 @@ def open_bucket_results(url: str) -> Iterator[BucketResults]:
 
 
 class BucketResults:
-    """The results in a folder of a bucket; see :class:`.results.Results`."""
+    """The results in a folder of a bucket; records: what is known of each log, by its path or URL."""
 
     def __init__(self, bucket: Bucket, prefix: str, workers_log: Path) -> None:
         self.workers_log = workers_log
@@ -241,7 +240,7 @@ class BucketResults:
 
 
 class SharedTasks:
-    """Tasks that other batches may take as well; see :class:`.results.TaskQueue`."""
+    """Tasks that other batches may take as well."""
 
     def __init__(
         self, results: BucketResults, claims: Claims, tasks: Sequence[Task], on_record: Callable[[BatchRecord], None]
@@ -305,3 +304,7 @@ class SharedTasks:
             self._fresh = deque(task for task in self._fresh if task.name != record.folder)
             if self.n_left() < others:
                 self._on_record(record)
+
+
+Results: TypeAlias = FolderResults | BucketResults
+TaskQueue: TypeAlias = ListedTasks | SharedTasks

@@ -22,10 +22,7 @@ _SETTINGS = {"MPLBACKEND": "Agg"}
 
 
 class RayPool:
-    """Starts actors, each with a core.
-
-    n_workers: How many there may be at once; None for as many as the cluster has cores.
-    """
+    """Starts actors, each with a core, `n_workers` at once; None for as many as the cluster has cores."""
 
     def __init__(self, n_workers: int | None) -> None:
         try:

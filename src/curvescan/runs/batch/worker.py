@@ -6,8 +6,6 @@ or by a `Failure`. When the supervisor is gone, however it went, the pipe ends a
 A log from a bucket is fetched first, and its results are sent when all are there.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pickle

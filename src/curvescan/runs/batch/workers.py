@@ -25,7 +25,7 @@ from curvescan._processes import n_usable_cores, python_command
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.jobs import Job, JobResult
-from curvescan.runs.batch.results import TaskQueue
+from curvescan.runs.batch.places import TaskQueue
 from curvescan.runs.batch.worker import Failure, Ready, Reply, Task
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -5,8 +5,6 @@ Furniture as a laser at shin height sees it: cabinets, desks on panels or legs, 
 Dimensions are those of common office furniture (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,7 +14,6 @@ from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats
 
 WALL_THICKNESS = 0.12  # metres, of inner walls; thick enough for door jambs to show as corners
-
 _SAME = 1e-6
 
 
@@ -62,11 +59,7 @@ def shared_walls(rooms: Sequence[Room]) -> list[tuple[int, int, bool, float, flo
 
 
 def walls_of(rooms: Sequence[Room], doors: Sequence[Door]) -> World:
-    """Return the walls around rooms, as solid boxes, with gaps for the doors.
-
-    Walls that rooms share are built once. Boxes reach half a thickness past corners, so that no slit is
-    left, and end square at doors.
-    """
+    """Return the walls around rooms as solid boxes with gaps for doors, shared ones once, corners without a slit."""
     lines: dict[tuple[bool, float], list[tuple[float, float]]] = {}
     for room in rooms:
         for x in (room.x0, room.x1):
@@ -239,10 +232,7 @@ def _island(half: float, rng: np.random.Generator) -> World:
 
 
 def _against_wall(room: Room, length: float, depth: float, side: int, share: float) -> tuple[Floats, Floats] | None:
-    """Return the pose of a piece of furniture with its back at a wall, and the space it takes; None if it does not fit.
-
-    `side` counts bottom, right, top, left; `share` in [0, 1) says where along the wall.
-    """
+    """Return the pose of furniture at a wall (bottom, right, top, left), a `share` along it, and its space, or None."""
     inset = 0.5 * WALL_THICKNESS + 0.03
     x0, y0, x1, y1 = room.x0 + inset, room.y0 + inset, room.x1 - inset, room.y1 - inset
     space = (x1 - x0 if side % 2 == 0 else y1 - y0) - length

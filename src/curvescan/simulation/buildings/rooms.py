@@ -4,8 +4,6 @@ All builders return a :class:`World` with its walls thin and exact, the floor in
 middle at the origin as each docstring says. Put things in with ``+``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -47,12 +45,7 @@ def corridor(
     pillars: ArrayLike = (),
     has_ends: bool = False,
 ) -> World:
-    """Return a corridor along x, centred on the origin; bare by default: two parallel walls, no ends.
-
-    Motion along a bare corridor is unobservable.
-
-    recesses (n, 3); pillars (m, 3).
-    """
+    """Return a corridor along x about the origin, recesses (n, 3), pillars (m, 3); bare it leaves x unobservable."""
     half, y = 0.5 * length, 0.5 * width
     niches = np.asarray(recesses, dtype=np.float64).reshape(-1, 3)
     walls = np.vstack(

@@ -4,8 +4,6 @@ The drives are smooth, within the limits of :class:`Drive`, and clear of everyth
 sensor frame are one.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math
@@ -50,10 +48,7 @@ class Grid:
         return self._centres(np.argwhere(pieces == pieces[self._nearest_open(start, is_open)]))
 
     def plan(self, start: ArrayLike, goal: ArrayLike, clearance: float) -> Points | None:
-        """Return a walk from start to goal (A*; cells near things count as longer).
-
-        start, goal (2,); result (n, 2): Cell centres, metres; None when there is no way.
-        """
+        """Return a walk of (n, 2) cell centres from start to goal, metres (A*; near things counts longer), or None."""
         is_open = self.clearance >= clearance
         first, last = (self._nearest_open(start, is_open), self._nearest_open(goal, is_open))
         weight = 1.0 + _SHY * np.maximum(1.0 - self.clearance / _COMFORT, 0.0)
@@ -210,10 +205,7 @@ def _wander(world: World, drive: Drive, rng: np.random.Generator, start: Floats,
 
 
 def _roomiest(world: World, rng: np.random.Generator) -> Floats:
-    """Return the (2,) place, of some random ones (near the route, if any), that is farthest from everything.
-
-    A route leaves out what a laser cannot see its way in, as the round room of "office-floor".
-    """
+    """Return the (2,) random place, near the route if any, that is farthest from everything."""
     places = rng.uniform(world.bounds[:2], world.bounds[2:], (64, 2))
     if len(world.route) > 1:
         from_route = np.linalg.norm(places[:, None] - world.route[None], axis=2).min(axis=1)

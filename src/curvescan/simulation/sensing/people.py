@@ -5,8 +5,6 @@ robot and step aside for it; one that the robot would run over, or that falls fa
 away and appears at a random place elsewhere, as if through a door.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,10 +121,7 @@ def _elsewhere(world: World, at: Floats, rng: np.random.Generator) -> Floats:
 
 
 def crowd(world: World, pose: Pose, sensor: Sensor, share: float, people: People, rng: np.random.Generator) -> Floats:
-    """Return circles of people placed around a sensor so that about a wanted share of its beams meets them.
-
-    pose (3,); result (c, 3).
-    """
+    """Return (c, 3) circles of people around a sensor so that about a wanted share of its beams meets them."""
     circles, reached = np.empty((0, 3)), 0.0
     for _ in range(_CROWD_ATTEMPTS if share > 0.0 else 0):
         bearing = pose[2] + sensor.angle_min + rng.random() * sensor.n_beams * sensor.angle_increment

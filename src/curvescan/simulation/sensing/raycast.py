@@ -9,8 +9,6 @@ no slit); a beam running exactly along a wall does not see that wall; a sensor i
 circle from within.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -32,11 +30,7 @@ def cast_rays(
     range_max: float = np.inf,
     people: ArrayLike | None = None,
 ) -> tuple[Floats, Ints]:
-    """Return the exact range of each beam of a fan, and what it hits.
-
-    pose (3,); people (p, 3); ranges (n_beams,): Metres; +inf where nothing is hit within range_max; hit_idx
-    (n_beams,).
-    """
+    """Return the exact range of each beam of a fan, inf where nothing is within range_max, and what it hits."""
     x, y, theta = np.asarray(pose, dtype=np.float64)
     if angle_increment == 0.0:
         raise InvalidArgumentError("angle_increment must not be 0")
@@ -56,12 +50,7 @@ def cast_rays(
 def cast_sweep(
     world: World, poses: Pose, angles: Floats, *, range_max: float = np.inf, people: ArrayLike | None = None
 ) -> tuple[Floats, Ints]:
-    """Return the exact range of each beam of a sweep taken on the move, and what it hits.
-
-    Every beam is tested against everything within reach.
-
-    poses (n, 3); angles (n,).
-    """
+    """Return the exact ranges, and hits, of a sweep on the move, (n, 3) poses: each beam is tested with everything."""
     segments, curves = world.segments, world.curves
     if people is not None and np.size(people):
         curves = np.vstack([curves, full_circles(np.asarray(people, dtype=np.float64))])
@@ -77,10 +66,7 @@ def cast_sweep(
 
 
 def _segment_bearings(segments: Floats, x: float, y: float, range_max: float) -> Floats:
-    """Return (2, n): the bearing of the clockwise end of each segment and the angle it covers, radians.
-
-    The angle is negative for what lies out of range and 2 pi for what touches the sensor.
-    """
+    """Return (2, n): each segment's clockwise end and angle, radians; negative out of range, 2 pi at the sensor."""
     x0, y0, x1, y1 = (segments - np.array([x, y, x, y])).T
     start = np.arctan2(y0, x0)
     turn = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
@@ -103,10 +89,7 @@ def _curve_bearings(curves: Floats, x: float, y: float, range_max: float) -> Flo
 
 
 def _beam_intervals(start: Floats, span: Floats, step: float, n_beams: int) -> tuple[Ints, Ints, Ints]:
-    """Return primitive, first and last beam of every interval to test; a primitive may have several.
-
-    `start` is counted from beam 0; an interval comes back once a turn, hence the shifts.
-    """
+    """Return primitive, first and last beam of every interval to test, counted from beam 0; one may have several."""
     if step < 0.0:
         start = -(start + span)
         step = -step

@@ -1,7 +1,5 @@
 """Laser scanners: where their beams point, how far they see, how they err."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -94,11 +92,7 @@ def cast_beams(
 
 
 def measure(exact: Floats, sensor: Sensor, rng: np.random.Generator) -> Floats:
-    """Return what a sensor reports for exact ranges, with the codes of REP-117.
-
-    Draws the same number of random values whatever the ranges are, so that a person who walks by does not
-    change the noise of the other beams.
-    """
+    """Return what a sensor reports for exact ranges, codes of REP-117; the same number of random draws for any."""
     noise = rng.standard_normal(exact.size)
     is_lost = rng.random(exact.size) < sensor.dropout
     ranges = exact + sensor.sigma_range * noise

@@ -26,8 +26,14 @@ from rosbags.rosbag2 import ReaderError as Ros2Error
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, is_packed, unpack
-from curvescan.io.files.read_errors import BrokenRecordError, printable
+from curvescan.io.files.lines import (
+    MAX_UNPACKED_RATIO,
+    MIN_UNPACKED_LIMIT,
+    BrokenRecordError,
+    is_packed,
+    printable,
+    unpack,
+)
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
 from curvescan.io.ros.bags.hardening.salvage import recorded_bytes, salvage, sqlite_reader, unfinished, with_its_journal
@@ -85,10 +91,7 @@ class Bag:
         return (*(() if self.is_whole else cut), *self._journal_notes, *self._decoder.notes)
 
     def messages(self, topics: Collection[str], received: int | None = None) -> Iterator[Message]:
-        """Yield the messages of these topics in the order they were received, one in memory at a time.
-
-        received: Only those received at this time, nanoseconds, found by the bag's own index; None for all.
-        """
+        """Yield the messages of these topics in order of reception, or only those received at a time, nanoseconds."""
         for file in self._files:
             limit = MIN_UNPACKED_LIMIT + MAX_UNPACKED_RATIO * self._n_given[file]
             with self._opened(file) as reader:
@@ -126,10 +129,7 @@ class Bag:
         return self._decoder.decode(message.data, message.msgtype)
 
     def each(self, topics: Collection[str], use: Callable[[Message, Any], object], n_most: int | None = None) -> int:
-        """Hand the messages of these topics, decoded, to a function, and return how many of them could not be read.
-
-        Damage of the bag ends it: what stands before is used, and the read errors of the scans report it.
-        """
+        """Hand decoded messages to a function, up to where the bag is damaged; return how many could not be read."""
         n_broken = 0
         with suppress(LogFormatError):
             for message in islice(self.messages(topics), n_most):

@@ -1,7 +1,5 @@
 """Chunks of a bag are unpacked no further than recorded data can need, whatever they claim."""
 
-from __future__ import annotations
-
 import bz2
 import importlib
 import sys
@@ -15,9 +13,7 @@ MIN_CHUNK_LIMIT = 16 << 20
 """Up to this many bytes a single chunk may unpack to: recorders begin a new one after 1 to 4 MiB."""
 
 MAX_CHUNK_RATIO = 20
-
 _PIECE_BYTES = 1 << 20
-
 LZ4_MAGIC = b"\x04\x22\x4d\x18"
 _SKIPPABLE = b"\x2a\x4d\x18"
 _TOO_MUCH = (

@@ -23,7 +23,7 @@ from rosbags.rosbag1.reader import Chunk, IndexData, decompressors
 from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.ros.bags.hardening.chunks import Unpacker, packing_of
 
 MIN_INDEX_LIMIT = 1 << 20
@@ -41,7 +41,6 @@ MIN_SUMMARY_LIMIT = 8 << 20
 
 _FOOTER_BYTES = 28  # where the summary starts, and what stands behind that
 _MAX_REPEATS = 100
-
 _MAX_QOS_BYTES = 1 << 16
 _QOS_KEY = b"offered_qos_profiles"
 _IDX_HEADER_BYTES = 55
@@ -189,10 +188,7 @@ def check_chunks(chunks: Collection[ChunkInfo], n_bytes: int) -> None:
 
 
 def check_qos(text: bytes) -> None:
-    """Raise LogFormatError when YAML of a topic's quality of service is not as recorders write it.
-
-    An anchor (``&a``) lets a few hundred bytes multiply without end.
-    """
+    """Raise LogFormatError for a quality of service that no recorder writes: a YAML anchor multiplies without end."""
     if len(text) > _MAX_QOS_BYTES or b"&" in text:
         raise LogFormatError("the quality of service of a topic is not as recorders write it")
 
@@ -212,7 +208,6 @@ MIN_READ_LIMIT = 1 << 30
 """So many bytes a file may be read to from its opening to its closing, and MAX_READ_RATIO times its size."""
 
 MAX_READ_RATIO = 100
-
 _SMALL = 1 << 16
 _NOTHING_TO_SEE = 8
 _RECORD_READ = 2

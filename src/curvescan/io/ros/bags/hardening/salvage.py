@@ -8,8 +8,6 @@ What is looked at in a ROS 2 bag of SQLite before rosbags opens it: that its tab
 A view or a generated column is a program, which may run without end or make values that stand nowhere in the file.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sqlite3
@@ -27,7 +25,7 @@ from rosbags.rosbag1.reader import Header
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.ros.bags.bag_files import BagKind
 from curvescan.io.ros.bags.hardening.chunks import Unpacker
 from curvescan.io.ros.bags.hardening.limits import check_qos
@@ -64,10 +62,7 @@ def recorded_bytes(file: Path, kind: BagKind) -> int:
 
 
 def with_its_journal(file: Path, folder: Path) -> Path:
-    """Return a copy of a SQLite database into which what stands in its -wal or -journal file has been taken.
-
-    Raises OSError, sqlite3.Error.
-    """
+    """Return a copy of a SQLite database that includes its -wal or -journal file. Raises OSError, sqlite3.Error."""
     copy = folder / "bag.db3"
     shutil.copyfile(file, copy)
     for ending in _SQLITE_ENDINGS:

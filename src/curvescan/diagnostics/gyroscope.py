@@ -5,15 +5,13 @@ match badly; undone by the gyroscope's turn over the interval before the stamp t
 bend it explains.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan.deskew import deskew
-from curvescan.diagnostics.prior.agreement import sure_motion
+from curvescan.diagnostics.motion_prior import sure_motion
 from curvescan.io.log import Log
 from curvescan.matchers import match
 from curvescan.scan import LaserScan
@@ -21,7 +19,6 @@ from curvescan.se2 import wrap
 from curvescan.types import Floats
 
 _N_STEPS, _N_TURNS = 150, 60  # steps that the bias is found from, and turns in which sweeps are straightened, at most
-
 _MIN_STEPS, _MIN_TURNS = 20, 15
 _SHARP = math.radians(4.0)  # turns of so much within a sweep bend it by more than a beam
 _BIASED = math.radians(1.0)  # bias from which on a gyroscope is worse than the motion model, radians a second
@@ -49,10 +46,7 @@ class Gyroscope:
 
 
 def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
-    """Return what sure matches say of a gyroscope.
-
-    turned (n,): the angle it has turned by at each scan, radians; NaN where it does not cover the time.
-    """
+    """Return what sure matches say of a gyroscope that turned by (n,) radians at each scan, NaN where unknown."""
     stamps = np.array([scan.stamp for scan in log])
     seconds = np.diff(stamps)
     rates = np.full(turned.size, np.nan)
