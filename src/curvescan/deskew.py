@@ -1,11 +1,8 @@
 """Deskew: turn a sweep that was taken on the move into one that is seen from the middle of the sweep.
 
-A moving sensor measures each beam from another place. If its velocity is known, each reading is moved to where the
-sensor would see it from its place at the middle of the sweep. No reading is moved by more than half a sweep. An error
-of the velocity moves the first half of the readings one way and the second half the other way, and most of it cancels
-in a match. The beams keep their order and their number: labels and masks by beam fit both scans.
-
-A reading that comes to lie behind a nearer one is dropped: it could not be seen from there.
+Each reading is moved to where the sensor would see it from there, by half a sweep at most, so that an error of the
+velocity mostly cancels in a match. The beams keep their order and their number. A reading that comes to lie behind a
+nearer one is dropped: it could not be seen from there.
 """
 
 import math

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.diagnostics.gyroscope import straightened
 from curvescan.diagnostics.inspect import LogReport, inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
-from curvescan.diagnostics.motion_prior import Prior, choose_prior
+from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.log import HeldLog, Log, LogView

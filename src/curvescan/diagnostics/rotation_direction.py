@@ -1,14 +1,8 @@
-"""The rotation direction of a laser: whether the scans turn as the robot does, by its wheels or gyroscope.
+"""Turns of the scans against those of wheels or a gyroscope: whether they go the same way, and how late they come.
 
-A sensor that turns to the left by an angle sees every wall that much further right: the profile of ranges over beams
-shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
-used, and of sharp turns only). Where it has the other sign than the robot's own turn, the beams run the other
-way than the log says.
-
-The lag of a log's odometry: how much later than the scans its headings turn.
-
-Without a common clock a robot's wheels are stamped late, or early. The turns between scans (see ``rotation_direction``)
-are compared with those of the odometry moved in time: the lag is where the two agree best.
+A sensor that turns to the left sees every wall further right: the profile of ranges over beams shifts. The shift that
+makes two profiles agree best is the turn between them; of sharp turns its sign is used. Where it is the other one, the
+beams run the other way than the log says. The lag of a clock of its own is where moved headings agree best.
 """
 
 import math

@@ -1,13 +1,8 @@
 """What a single pass over the scans of a log counts, in memory that does not grow with the readings.
 
-Stamps are kept, 8 bytes a scan; everything else is a handful of counters.
-
-Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
-
-Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last
-digit while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one
-step beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything
-else.
+Beams that should change and do not: a bin that was not refilled repeats its value to the last digit while the beams
+around it change; noise rounded to a step repeats one only as often as it lands one step beside it. A beam on the
+robot's own body keeps its reading within noise while the robot drives past everything else.
 """
 
 from __future__ import annotations

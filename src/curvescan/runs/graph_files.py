@@ -64,7 +64,6 @@ def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
         "candidates": {outcome.name.lower(): outcomes[outcome] for outcome in ClosureOutcome},
         "fragments": slam.n_fragments,
-        "closures_withdrawn_because_places_look_alike": slam.is_deceived,
         "seconds_to_finish": round(seconds_to_finish, 3),
     }
 

@@ -1,9 +1,7 @@
-"""The odometry of a SLAM run in a process of its own.
+"""The odometry of a SLAM run in a process of its own, ahead of the back end, with the same bits.
 
-The odometry knows nothing of the map and need not wait for it: it runs ahead on another core while the back end closes
-loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. When it is
-done, the process calls functions, as long as there is a map to be made and drawn. A process that cannot be started, or
-ends too early, costs time alone: the odometry is then made here, and functions are called here.
+Scans go to it and steps come back through its pipes, in batches; when it is done it calls functions. A process that
+cannot be started, or ends too early, costs time alone: odometry and functions are then run here.
 """
 
 from __future__ import annotations

@@ -142,13 +142,6 @@ class ClosuresConfig:
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
-    max_bend: float = 0.2
-    """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges.
-    Beyond it the closures that did it are withdrawn, and from then on only those are accepted that lie where the graph
-    surely expects them."""
-    max_turn: float = 0.5
-    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a
-    quarter or a half, which the mean does not show."""
     log_odds: float = 8.0
     """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
     what contradicts it."""
@@ -159,17 +152,7 @@ class ClosuresConfig:
     """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "reach",
-            "sigmas",
-            "certain_m",
-            "certain_rad",
-            "gate",
-            "max_bend",
-            "max_turn",
-            "log_odds",
-            "most_log_odds",
-        ):
+        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "log_odds", "most_log_odds"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))

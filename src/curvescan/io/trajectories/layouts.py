@@ -214,7 +214,7 @@ def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
 
 
 def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
-    """Return the poses of a KITTI file; see :func:`curvescan.read_kitti`."""
+    """Return the poses of a KITTI file, of a motion in the plane x, y; stamps are 0, 1, 2, ..."""
     rows = _rows(path, _KITTI)
     return rows._replace(stamps=np.arange(len(rows.stamps), dtype=np.float64))
 

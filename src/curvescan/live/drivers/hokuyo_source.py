@@ -8,8 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE
-from curvescan.live.drivers.turns import TurnClock, to_unix
+from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE, TurnClock, to_unix
 from curvescan.scan import LaserScan
 
 DEFAULT_PORT = 10940

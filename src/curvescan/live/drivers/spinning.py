@@ -5,8 +5,7 @@ from typing import NamedTuple, Self
 
 from curvescan.configs import shipped_table
 from curvescan.errors import SourceError
-from curvescan.live.drivers.transport import EndOfSource, Transport
-from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
+from curvescan.live.drivers.transport import EndOfSource, Transport, TurnClock, scan_of_turn, to_unix
 from curvescan.scan import LaserScan
 
 

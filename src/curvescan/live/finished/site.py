@@ -15,9 +15,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.live.finished.packing import packed
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
-from curvescan.live.finished.view import FinishedView
+from curvescan.live.finished.view import FinishedView, packed
 from curvescan.slam.editing.edits import Edit, ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 

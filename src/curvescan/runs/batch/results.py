@@ -1,8 +1,7 @@
-"""What a batch asks of the place of its results; the manifest, and the table of all logs.
+"""The manifest of a batch, and the table of all logs.
 
-The manifest of a batch: a line of JSON for each log that was run, on the disk before the next one is written.
-
-A later line of the same log stands for an earlier one. A line that was cut short when the machine went is left out.
+A line of JSON for each log that was run, on the disk before the next one is written. A later line of the same log
+stands for an earlier one; one that was cut short when the machine went is left out.
 """
 
 from __future__ import annotations

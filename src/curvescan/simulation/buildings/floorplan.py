@@ -1,8 +1,6 @@
 """Floor plans: rectangular rooms, the doors between them, the walls that follow from both, and furniture.
 
-Furniture as a laser at shin height sees it: cabinets, desks on panels or legs, chairs, bins, columns.
-
-Dimensions are those of common office furniture (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
+Furniture is as a laser at shin height sees it, of common dimensions (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
 """
 
 from collections.abc import Sequence

@@ -58,15 +58,8 @@ class MessageBuilder:
                 "these are not; CSV and NPZ keep them"
             )
         last = scan.angle_min + max(len(scan) - 1, 0) * scan.angle_increment
-        fields = {
-            "angle_min": scan.angle_min,
-            "angle_max": last,
-            "angle_increment": scan.angle_increment,
-            "time_increment": scan.time_increment,
-            "scan_time": scan.scan_time,
-            "range_min": scan.range_min,
-            "range_max": scan.range_max,
-        }
+        names = ("angle_min", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
+        fields = {"angle_max": last} | {name: float(getattr(scan, name)) for name in names}
         with np.errstate(over="ignore", under="ignore"):
             short = {name: float(np.float32(value)) for name, value in fields.items()}
             ranges = scan.ranges.astype(np.float32)
