@@ -44,8 +44,8 @@ _MAX_TITLE = 160
 
 
 @functools.cache
-def _style() -> dict[str, Any]:
-    """Return Matplotlib's defaults with our style.
+def _style() -> Any:
+    """Return Matplotlib's defaults with our style, a dict for rc_context.
 
     Given to rc_context as a file it would cost a quarter of a second: Matplotlib reads its thirty styles first.
     """
