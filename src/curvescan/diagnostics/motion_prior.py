@@ -4,8 +4,6 @@ Short motions from all over a log are matched without a guess. A laser without b
 next: on the turn such sweeps are bent, and match the better the more of the bend the gyroscope's turn takes out.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What every source of scans offers, whether a file or a simulated world; a small log can be held in memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
@@ -56,8 +54,8 @@ class Log(Protocol):
     @overload
     def __getitem__(self, i: int) -> LaserScan: ...
     @overload
-    def __getitem__(self, i: slice) -> Log: ...
-    def __getitem__(self, i: int | slice) -> LaserScan | Log:
+    def __getitem__(self, i: slice) -> "Log": ...
+    def __getitem__(self, i: int | slice) -> "LaserScan | Log":
         """Return scan i, or a view of a slice; negative numbers count from the end. See :class:`ScanAccess`."""
 
 

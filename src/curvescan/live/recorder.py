@@ -1,7 +1,5 @@
 """McapRecorder: scans, poses and map of a live run in an MCAP file for Foxglove, ROS 2 and `curvescan`."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

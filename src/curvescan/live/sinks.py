@@ -1,7 +1,5 @@
 """LiveSink: where tracked scans go; WorkerSink is the base of slow ones, MapSink of those with a map."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Sequence

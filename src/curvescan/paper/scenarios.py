@@ -6,8 +6,6 @@ covariance of Lu and Milios (eqs. 13-18), which needs pairs: each matched readin
 one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -132,7 +130,7 @@ class Share(NamedTuple):
         return self.n_part / self.n_whole if self.n_whole else math.nan
 
     @classmethod
-    def of(cls, part: Bools, whole: Bools) -> Share:
+    def of(cls, part: Bools, whole: Bools) -> "Share":
         """Return the share of `whole`, (n_scans, n_beams), that is also `part`."""
         return cls(int(np.count_nonzero(part & whole)), int(np.count_nonzero(whole)))
 

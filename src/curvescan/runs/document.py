@@ -1,7 +1,5 @@
 """Tables of results, and a report written twice from the same parts: Markdown, and HTML with its figures inside."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class ResultTable:
         *,
         last: Sequence[Sequence[str]] = (),
         keys: int = 1,
-    ) -> ResultTable:
+    ) -> "ResultTable":
         """Return a table with a row an item: each column's name, and what it says of an item; `last` are more rows."""
         rows = [tuple(entry(item) for _, entry in columns) for item in items]
         return cls(title=title, columns=[name for name, _ in columns], rows=[*rows, *last], keys=keys)

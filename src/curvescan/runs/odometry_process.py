@@ -4,8 +4,6 @@ Scans go to it and steps come back through its pipes, in batches; when it is don
 cannot be started, or ends too early, costs time alone: odometry and functions are then run here.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal
@@ -54,7 +52,7 @@ class OdometryProcess:
         self._is_closed = False
         self._process = _start()
 
-    def __enter__(self) -> OdometryProcess:
+    def __enter__(self) -> "OdometryProcess":
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -64,7 +62,7 @@ class OdometryProcess:
             self._process.kill()
             self._process.wait()
 
-    def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> OdometryProcess:
+    def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> "OdometryProcess":
         """Begin to place scans, and return the same object, to be iterated over. odometry_poses (n, 3)."""
         self.odometry = odometry
         self._begun = pickle.dumps(odometry)

@@ -1,7 +1,5 @@
 """Trajectory: poses over time, which are written to files and read from them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -79,8 +77,8 @@ class Trajectory:
     @overload
     def __getitem__(self, i: int) -> Pose: ...
     @overload
-    def __getitem__(self, i: slice) -> Trajectory: ...
-    def __getitem__(self, i: int | slice) -> Pose | Trajectory:
+    def __getitem__(self, i: slice) -> "Trajectory": ...
+    def __getitem__(self, i: int | slice) -> "Pose | Trajectory":
         """Return pose i, or the trajectory of a slice."""
         if not isinstance(i, slice):
             pose: Pose = self.poses[i]
@@ -138,7 +136,7 @@ class Trajectory:
         write_poses(path, self, format=format)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Trajectory:
+    def read(cls, path: str | os.PathLike[str]) -> "Trajectory":
         """Return the trajectory in a file.
 
         Parameters

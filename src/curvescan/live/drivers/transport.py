@@ -4,8 +4,6 @@ The drivers' packages read from an object with ``read``, ``write`` and ``close``
 fallen silent. This one says so: every fault of the line ends in a :class:`curvescan.SourceError` with one sentence.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

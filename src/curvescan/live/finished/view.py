@@ -1,7 +1,5 @@
 """view: finished runs on one page, in a notebook or as one HTML file."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html

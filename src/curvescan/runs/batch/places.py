@@ -4,8 +4,6 @@ An object cannot be appended to, so in a bucket each log has a record of its own
 all its results are there; without it they do not count. manifest.jsonl and fleet.csv gather the records at the end.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket
@@ -37,7 +35,7 @@ from curvescan.runs.batch.worker import Task
 
 
 @contextmanager
-def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
+def open_results(out: str | os.PathLike[str]) -> "Iterator[Results]":
     """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may."""
     if is_url(out):
         with open_bucket_results(os.fspath(out)) as results:
@@ -73,7 +71,7 @@ class FolderResults:
     @contextmanager
     def queue(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> Iterator[TaskQueue]:
+    ) -> "Iterator[TaskQueue]":
         """Give out logs in their order."""
         yield ListedTasks(tasks)
 
@@ -135,7 +133,7 @@ _POLL_S = 1.0  # between two looks at what other batches have done, seconds
 
 
 @contextmanager
-def open_bucket_results(url: str) -> Iterator[BucketResults]:
+def open_bucket_results(url: str) -> "Iterator[BucketResults]":
     """Yield the results in a folder of a bucket; see :func:`open_results`."""
     address, prefix = split_url(url)
     with (
@@ -172,7 +170,7 @@ class BucketResults:
     @contextmanager
     def queue(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> Iterator[TaskQueue]:
+    ) -> "Iterator[TaskQueue]":
         """Give out the logs that no other batch has."""
         with closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims, cleaned_up_by(claims.close):
             self._queue = SharedTasks(self, claims, tasks, on_record)

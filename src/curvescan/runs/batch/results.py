@@ -4,8 +4,6 @@ A line of JSON for each log that was run, on the disk before the next one is wri
 stands for an earlier one; one that was cut short when the machine went is left out.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -24,7 +22,7 @@ FLEET = "fleet.csv"
 WORKERS_LOG = "workers.log"
 
 
-def fleet_table(records: Sequence[BatchRecord]) -> bytes:
+def fleet_table(records: "Sequence[BatchRecord]") -> bytes:
     """Return records as a CSV table, in UTF-8."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")

@@ -5,8 +5,6 @@ A ROS 2 bag is a folder with its storage in one file, or in several that follow 
 needed. A gzip-compressed storage is unpacked to a temporary file, for its readers jump to and fro.
 """
 
-from __future__ import annotations
-
 import bz2
 import importlib
 import re

@@ -5,8 +5,6 @@ and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of 
 reserves n bytes before it reads: CheckedPath does not.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Callable, Collection, Generator
@@ -225,7 +223,7 @@ class CheckedPath:
     def __str__(self) -> str:
         return str(self._path)
 
-    def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
+    def __truediv__(self, key: "CheckedPath | PurePath | str") -> "CheckedPath":
         return CheckedPath(self._path / str(key), self._look, self._rewrite)
 
     @property
