@@ -210,7 +210,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "matchers/baselines": (1737, 47, 40),
     "matchers/cfsma": (1132, 15, 17),
     "matchers/curvescan": (4230, 193, 61),
-    "odometry": (2333, 40, 25),
+    "odometry": (2129, 28, 20),
     "paper": (1951, 114, 0),
     "plots": (767, 37, 0),
     "runs": (1544, 15, 0),
