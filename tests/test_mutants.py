@@ -23,7 +23,7 @@ def test_the_module_that_is_loaded_is_the_mutant():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert module._STALE == 0.4
-    assert mutants._Finder(mutant).find_spec("curvescan.diagnostics.report", None) is None
+    assert mutants._Finder(mutant).find_spec("curvescan.diagnostics.inspect", None) is None
 
 
 def test_mutants_by_rule_change_one_place_each():

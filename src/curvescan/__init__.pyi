@@ -28,7 +28,7 @@ from .io import write_config as write_config
 from .io import write_csv as write_csv
 from .io import write_log as write_log
 from .io import write_tum as write_tum
-from .io.files.read_errors import ReadError as ReadError
+from .io.files.lines import ReadError as ReadError
 from .io.log import Log as Log
 from .io.log import LogSlice as LogSlice
 from .io.ros.writing.bags import write_odometry_mcap as write_odometry_mcap

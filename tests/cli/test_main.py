@@ -31,7 +31,7 @@ from curvescan.cli.options import (
     WorldName,
     results_folder,
 )
-from curvescan.diagnostics.beam_order import BeamOrder
+from curvescan.diagnostics.sensor import BeamOrder
 from curvescan.evaluation.relations import BENCHMARKS
 from curvescan.matchers import MATCHERS
 from curvescan.odometry import KeyframesConfig, Odometry, OdometryConfig

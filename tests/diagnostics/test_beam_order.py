@@ -8,8 +8,7 @@ from dataclasses import replace
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order
-from curvescan.diagnostics.sensor import judge_sensor, odometry_for
+from curvescan.diagnostics.sensor import BeamOrder, judge_beam_order, judge_sensor, odometry_for
 from curvescan.io import SensorSetup, apply_setup, read_log
 from curvescan.simulation import SENSORS
 from curvescan.simulation.driving.pursuit import Drive

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from curvescan import LaserScan
-from curvescan.diagnostics.beam_statistics import BeamStatistics
+from curvescan.diagnostics.statistics import BeamStatistics
 
 N_BEAMS = 180
 

@@ -16,9 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from curvescan.diagnostics.inspect import inspect_log, summarise_time
+from curvescan.diagnostics.inspect import LogReport, inspect_log, summarise_time
 from curvescan.diagnostics.issues import find_issues, report_as_plain
-from curvescan.diagnostics.report import LogReport
 from curvescan.diagnostics.statistics import LogStatistics
 from curvescan.io import Log, ReadError, read_log
 from curvescan.io.log import ScanAccess

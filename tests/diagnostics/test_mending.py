@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 import curvescan as cs
-from curvescan.diagnostics.mending import StreamMender, mend
+from curvescan.diagnostics.preparation import StreamMender, mend
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.sensor_setup import SensorSetup, apply_setup
 from curvescan.scan import mirrored

@@ -73,7 +73,7 @@ def test_a_run_says_what_is_wrong_with_its_arguments(log_file, tmp_path):
 
 
 def test_reversed_beams_are_judged_alike_by_run_odometry_and_info(tmp_path, monkeypatch):
-    from curvescan.diagnostics.beam_order import BeamOrder
+    from curvescan.diagnostics.sensor import BeamOrder
 
     log = cs.simulate("office", n_scans=6, seed=1)
     found = BeamOrder(n_pairs=19, gain=-1.0, standard_error=0.1)

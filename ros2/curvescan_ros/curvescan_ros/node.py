@@ -30,7 +30,7 @@ import curvescan
 from curvescan import se2
 from curvescan.deskew import middle_of_sweep
 from curvescan.io.config import read_config
-from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.io.files.lines import BrokenRecordError
 from curvescan.io.ros.messages import scan_of
 from curvescan.io.ros.transforms import FrameTree, frame_name
 from curvescan.live import Tracker

@@ -15,19 +15,17 @@ import tyro
 from curvescan._version import described
 from curvescan.cli.commands.batch import batch
 from curvescan.cli.commands.demo import demo, warm_up
-from curvescan.cli.commands.evaluate import evaluate
-from curvescan.cli.commands.info import convert, info
+from curvescan.cli.commands.info import convert, info, match
 from curvescan.cli.commands.live import live
-from curvescan.cli.commands.match import match
 from curvescan.cli.commands.paper import bench, calibrate, experiments
-from curvescan.cli.commands.results import edit_map, view
+from curvescan.cli.commands.results import edit_map, evaluate, view
 from curvescan.cli.commands.slam import localize, odometry, slam
 from curvescan.cli.console import with_flags
 from curvescan.cli.help import overview, short_help
 from curvescan.cli.options import config_tables
 from curvescan.configs import nearest
 from curvescan.errors import CurvescanError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,

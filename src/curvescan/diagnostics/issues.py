@@ -9,7 +9,7 @@ from string import Formatter
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from curvescan.configs import shipped_table
-from curvescan.diagnostics.report import LogReport, ReadingCode
+from curvescan.diagnostics.inspect import LogReport, ReadingCode
 
 _LOW_VALID_SHARE = 0.25
 _UNEVEN = 3.0

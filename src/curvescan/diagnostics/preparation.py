@@ -2,14 +2,198 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
 
-from curvescan.diagnostics.issues import Issue
-from curvescan.diagnostics.mending import Mended, mend
-from curvescan.diagnostics.prior.choice import Prior, choose_prior
-from curvescan.diagnostics.sensor import SensorJudgement
-from curvescan.io.log import Log
-from curvescan.types import Pose
+import numpy as np
+
+from curvescan.diagnostics.gyroscope import straightened
+from curvescan.diagnostics.inspect import LogReport, inspect_log
+from curvescan.diagnostics.issues import Issue, find_issues
+from curvescan.diagnostics.motion_prior import Prior, choose_prior
+from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
+from curvescan.io.arrays.memory import as_log
+from curvescan.io.log import HeldLog, Log, LogView
+from curvescan.io.sensor_setup import SensorSetup, apply_setup, setup_of
+from curvescan.scan import LaserScan
+from curvescan.types import Floats, Pose
+
+_DROPS = ("stale_beams", "undeclared_codes", "ring", "fixed_beams")  # kinds of issues whose mending leaves readings out
+_JUDGED_AT = (100, 1000)  # scans after which a running laser is judged
+_ROUNDS = 4  # most inspections: what is mended first can hide what is mended next
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mended:
+    """A log after :func:`mend`."""
+
+    log: Log  # the log without the faults; the log itself where nothing was mended
+    done: tuple[Issue, ...]  # what was mended; ``mending`` of each says how
+    issues: tuple[Issue, ...]  # what is still wrong or odd with it
+    report: LogReport  # what is in it now
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was mended, a sentence each."""
+        return tuple(
+            f"{issue.mending}; as_is=True {'keeps' if issue.kind in _DROPS else 'leaves'} them" for issue in self.done
+        )
+
+
+def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mended:
+    """Return a log mended where it is wrong beyond doubt: no-return codes, stale, turned or mirrored beams.
+
+    Parameters
+    ----------
+    log : Log
+        Any log.
+    as_is : bool
+        Whether to mend nothing, and only say what is wrong.
+    is_order_needed : bool
+        Whether to find out in which order the beams were swept, which takes a second: sweeps are deskewed by it.
+    """
+    done: tuple[Issue, ...] = ()
+    given = setup_of(log)
+    for _ in range(_ROUNDS):
+        report = inspect_log(log, judge_sensor(log, is_order_needed=is_order_needed))
+        issues = find_issues(report)
+        faults = [i for i in issues if i.mending and not _is_set(given, i) and i.kind not in {d.kind for d in done}]
+        if as_is or not faults:
+            break
+        log, done = HeldLog(_without(log, faults, report)), (*done, *faults)
+    return Mended(log=log, done=done, issues=issues, report=report)
+
+
+def _is_set(given: SensorSetup, fault: Issue) -> bool:
+    """Return whether the user has set by hand what the remedy of a fault would set."""
+    name = "" if fault.remedy is None else fault.remedy.argument
+    if name in ("clockwise", "upside_down"):
+        return given.clockwise or given.upside_down is not None
+    return bool(np.any(getattr(given, name, False)))
+
+
+def _without(log: Log, faults: list[Issue], report: LogReport) -> Log:
+    """Return a log without its faults."""
+    kinds = {fault.kind for fault in faults}
+    for without in _filters(kinds, report):
+        log = _Filtered(log, without)
+    remedies = dict(fault.remedy for fault in faults if fault.remedy is not None)
+    range_max = remedies.get("range_max", math.inf)
+    gyroscope = report.gyroscope
+    if kinds & {"undeclared_codes", "gyro_in_degrees", "gyro_bias", "bent_sweeps"}:
+        log = _Corrected(
+            log,
+            range_max=float(range_max) if isinstance(range_max, float) else math.inf,
+            scale=math.radians(1.0) if "gyro_in_degrees" in kinds else 1.0,
+            bias=gyroscope.bias if gyroscope and "gyro_bias" in kinds else 0.0,
+            seconds=report.time.step_median if "bent_sweeps" in kinds else 0.0,
+        )
+    setup = SensorSetup(
+        upside_down=False,
+        clockwise="turns_against" in kinds,
+        drop_stale="stale_beams" in kinds,
+        backwards="beams_reversed" in kinds,
+    )
+    return apply_setup(log, setup)
+
+
+def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserScan], LaserScan]]:
+    """Return what leaves out the readings of a ring, and of beams that see the robot."""
+    filters: list[Callable[[LaserScan], LaserScan]] = []
+    if "ring" in kinds and report.ring is not None:
+        filters.append(report.ring.without)
+    if "fixed_beams" in kinds and report.fixed_beams is not None:
+        filters.append(report.fixed_beams.without)
+    return filters
+
+
+class StreamMender:
+    """Mends the scans of a running laser by what the first of them show: codes, a ring, stale beams, the robot itself.
+
+    It judges after some seconds and once more after a minute or two; what it says then stands.
+
+    tell: called with a sentence when something is mended, or no longer is.
+    """
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+        self._first: list[LaserScan] = []
+        self._done: dict[str, Issue] = {}
+        self._before, self._range_max = np.empty(0), math.inf
+        self._filters: list[Callable[[LaserScan], LaserScan]] = []
+
+    def add(self, scan: LaserScan) -> LaserScan:
+        """Return the next scan, mended."""
+        if len(self._first) < _JUDGED_AT[-1]:
+            self._first.append(scan)
+            if len(self._first) in _JUDGED_AT:
+                self._judge()
+        before, self._before = self._before, scan.ranges
+        if scan.range_max > self._range_max:
+            scan = replace(scan, range_max=self._range_max)
+        if "stale_beams" in self._done and len(before) == len(scan):
+            scan = replace(scan, ranges=np.where(scan.valid & (scan.ranges == before), np.nan, scan.ranges))
+        for without in self._filters:
+            scan = without(scan)
+        return scan
+
+    def _judge(self) -> None:
+        report = inspect_log(as_log(self._first), SensorJudgement(beam_order=None, rotation=None))
+        found = {i.kind: i for i in find_issues(report) if i.mending and i.kind in _DROPS}
+        for kind, issue in found.items():
+            if kind not in self._done or issue.argument != self._done[kind].argument:
+                self._tell(f"from scan {len(self._first):,} on {issue.mending}")
+        for kind in self._done.keys() - found.keys():
+            self._tell(f"from scan {len(self._first):,} on no longer {self._done[kind].mending}")
+        limits = dict(i.remedy for i in found.values() if i.remedy)
+        self._filters = _filters(found, report)
+        self._done, self._range_max = found, float(str(limits.get("range_max", math.inf)))
+
+
+class _Filtered(LogView):
+    """A Log without some readings of each scan."""
+
+    def __init__(self, log: Log, without: Callable[[LaserScan], LaserScan]) -> None:
+        super().__init__(log)
+        self._without = without
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return map(self._without, self._log)
+
+    def _scan_at(self, i: int) -> LaserScan:
+        return self._without(self._log[i])
+
+
+class _Corrected(LogView):
+    """A Log with a limit of its readings, its gyroscope corrected, and its sweeps straightened by the gyroscope."""
+
+    def __init__(self, log: Log, *, range_max: float, scale: float, bias: float, seconds: float) -> None:
+        super().__init__(log)
+        self._range_max, self._seconds = range_max, seconds
+        self._turned = super().turned_by_gyro()
+        self._rates = np.empty(0)
+        if self._turned is not None:
+            stamps = np.array([scan.stamp for scan in log])
+            self._turned = scale * self._turned - bias * (stamps - stamps[:1])
+            steps = np.diff(stamps, prepend=np.nan)
+            self._rates = np.full(steps.size, np.nan)
+            np.divide(np.diff(self._turned, prepend=np.nan), steps, out=self._rates, where=steps > 0.0)
+
+    def turned_by_gyro(self) -> Floats | None:
+        """Return the angle that the gyroscope has turned by at each scan, radians."""
+        return self._turned
+
+    def __iter__(self) -> Iterator[LaserScan]:
+        return (self._corrected(k, scan) for k, scan in enumerate(self._log))
+
+    def _scan_at(self, i: int) -> LaserScan:
+        return self._corrected(i, self._log[i])
+
+    def _corrected(self, k: int, scan: LaserScan) -> LaserScan:
+        if scan.range_max > self._range_max:
+            scan = replace(scan, range_max=self._range_max)
+        return straightened(scan, float(self._rates[k]), self._seconds) if self._seconds > 0.0 else scan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,21 +2,99 @@
 
 Judged once, here, for `info`, for :func:`curvescan.run` and for every odometry made with
 :func:`curvescan.odometry_for`, so that all of them say and do the same.
+
+Whether a log lists the beams of a sweep in the order in which they were swept.
+
+Some drivers turn the order of the readings round so that they run counter-clockwise, and leave time_increment as it
+was. Deskewing such scans doubles their distortion. Where the sensor turns at a changing rate the distortion of two
+scans differs, and they agree the better the more of it is taken away: each pair is matched deskewed as the log says,
+and as if the beams had been swept in the reverse order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
+import numpy as np
+
 from curvescan.configs import as_config
-from curvescan.diagnostics.beam_order import BeamOrder, judge_beam_order
+from curvescan.deskew import deskew, sweep_shift
 from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.io.log import Log
+from curvescan.matchers import match, prepare
 from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
 from curvescan.odometry import Odometry, OdometryConfig
+from curvescan.odometry.deskewing import Deskewer
+from curvescan.scan import LaserScan
+from curvescan.types import Floats
+
+_LEAST_SHIFT = 0.03  # pairs count whose sweeps move readings by this much, metres
+_CERTAIN = 4.0  # standard errors that the mean gain must be from zero
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamOrder:
+    """In which order beams were swept."""
+
+    n_pairs: int  # pairs of scans that distinguish the two orders
+    gain: float  # mean of the matches' scores as the log says, less that in the reverse order; NaN without pairs
+    standard_error: float  # of the gain; NaN with fewer than two pairs
+
+    @property
+    def is_reversed_order(self) -> bool:
+        """Whether the log certainly has the beams in the reverse order: ``read_log(..., backwards=True)``."""
+        return self.gain < -_CERTAIN * self.standard_error
+
+    @property
+    def is_forwards(self) -> bool:
+        """Whether the log certainly has the beams in the order in which they were swept."""
+        return self.gain > _CERTAIN * self.standard_error
+
+
+def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
+    """Return in which order the beams of a log's scans were swept, as far as its motion determines it."""
+    gains: list[float] = []
+    deskewer = Deskewer()
+    held: deque[tuple[LaserScan, Floats]] = deque(maxlen=3)  # each with the velocity before it
+    before = None
+    for scan in scans:
+        deskewer = deskewer.ticked(scan)
+        current = prepare(scan)
+        velocity = np.full(3, math.nan)
+        if before is not None:
+            result = match(before, current)
+            if result.ok:
+                velocity = deskewer.velocity(result.pose)
+        before = current
+        held.append((scan, velocity))
+        if len(held) == 3:
+            gains += _gain(held)
+    if not gains:
+        return BeamOrder(n_pairs=0, gain=math.nan, standard_error=math.nan)
+    error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
+    return BeamOrder(n_pairs=len(gains), gain=float(np.mean(gains)), standard_error=error)
+
+
+def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:
+    """Return by how much scans agree better in the order of the log than in reverse; none if undetermined."""
+    (first, v_first), (second, v_second), (_, v_third) = held
+    # at a scan the mean of the velocities before and after it
+    velocities = (0.5 * (v_first + v_second), 0.5 * (v_second + v_third))
+    if not np.isfinite(velocities).all() or first.time_increment == 0.0:
+        return []
+    if sweep_shift(second, velocities[1]) < _LEAST_SHIFT:
+        return []
+    scores = []
+    for sign in (1.0, -1.0):
+        pair = [prepare(deskew(scan, sign * v)) for scan, v in zip((first, second), velocities, strict=True)]
+        scores.append(match(*pair).score)
+    return [scores[0] - scores[1]] if np.isfinite(scores).all() else []
+
 
 _N_ORDER_SCANS = 300
 

@@ -1,6 +1,13 @@
 """What a single pass over the scans of a log counts, in memory that does not grow with the readings.
 
 Stamps are kept, 8 bytes a scan; everything else is a handful of counters.
+
+Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
+
+Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last
+digit while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one
+step beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything
+else.
 """
 
 from __future__ import annotations
@@ -8,14 +15,153 @@ from __future__ import annotations
 import math
 from array import array
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.diagnostics.beam_statistics import BeamStatistics
 from curvescan.diagnostics.top_of_range import TopOfRange
 from curvescan.scan import LaserScan
-from curvescan.types import Floats
+from curvescan.types import Bools, Floats
+
+_CHANGED = 8.0
+"""Median change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
+
+_NEAR = 4  # changes of up to so many steps are counted to estimate how often one of zero is expected
+
+_MIN_CHANGES = 20
+_MIN_STEP = 1e-4
+_MIN_PAIRS = 10
+
+_FIXED = 0.03  # largest standard deviation of a beam that keeps its reading, metres
+
+_MOVING = 0.2
+"""Standard deviation that half of the other beams exceed when the sensor moves, metres: where it stands, walls
+stand."""
+
+_MAX_FIXED_SHARE = 0.3
+_FAR = 1e6  # deviations count up to this many metres, so that a reading of 1e300 has a square
+_BODY = 1.5  # how far from its laser a robot may reach, metres
+_EDGE = 3  # beams from those that see the robot to those that see past it; between them are some that see both
+
+
+class FixedBeams(NamedTuple):
+    """Runs of beams, first and last, that keep their reading while the sensor moves: they see the robot."""
+
+    runs: tuple[tuple[int, int], ...]
+    n_beams: int  # of the scans that have them
+
+    def without(self, scan: LaserScan) -> LaserScan:
+        """Return a scan in which they are no readings."""
+        if len(scan) != self.n_beams:
+            return scan
+        ranges = scan.ranges.copy()
+        for first, last in self.runs:
+            ranges[first : last + 1] = np.nan
+        return replace(scan, ranges=ranges)
+
+
+@dataclass
+class BeamStatistics:
+    """Counters over consecutive sweeps, and sums a beam; memory follows the number of beams."""
+
+    n_pairs: int = 0  # pairs of consecutive sweeps between which the scene changed
+    # readings of these pairs that are valid in both: all, those that are equal, and those that are not but lie within
+    # four steps
+    n_compared: int = 0
+    n_equal: int = 0
+    n_near: int = 0
+    n_equal_neighbours: int = 0  # readings that are equal, and so are those of the next beam
+    _previous: Floats | None = None
+    _n_scans: int = 0
+    _base: Floats = field(default_factory=lambda: np.empty(0))
+    _counts: Floats = field(default_factory=lambda: np.empty(0))
+    _sums: Floats = field(default_factory=lambda: np.empty(0))
+    _squares: Floats = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def stale_share(self) -> float:
+        """Share of readings that repeat the sweep before beyond noise, 0 to 1; NaN where too few sweeps tell."""
+        if self.n_pairs < _MIN_PAIRS:
+            return np.nan
+        expected = self.n_near / (2 * _NEAR)
+        return max(self.n_equal - expected, 0.0) / self.n_compared
+
+    @property
+    def stale_run(self) -> float:
+        """Share of the readings that repeat the sweep before beside another that does; NaN without any."""
+        return self.n_equal_neighbours / self.n_equal if self.n_equal else np.nan
+
+    @property
+    def n_blind(self) -> int:
+        """Beams of the first arrangement that never gave a valid reading."""
+        return int(np.count_nonzero(self._counts == 0.0))
+
+    @property
+    def fixed_beams(self) -> FixedBeams | None:
+        """Beams that keep their reading while the sensor moves; None without any, or where it stands.
+
+        Beside the robot the room begins at once. A wall that is passed straight on keeps its readings too, but beams
+        change little by little along it.
+        """
+        well_seen = 2 * self._counts > self._n_scans
+        if not well_seen.any():
+            return None
+        counts = np.maximum(self._counts, 1.0)
+        means = self._sums / counts
+        deviations = np.sqrt(np.maximum(self._squares / counts - means**2, 0.0))
+        is_near = np.nan_to_num(self._base + means, nan=np.inf) < _BODY
+        fixed = well_seen & is_near & (deviations < _FIXED)
+        others = deviations[well_seen & ~fixed]
+        if np.count_nonzero(fixed) > _MAX_FIXED_SHARE * np.count_nonzero(well_seen):
+            return None
+        if not others.size or np.median(others) < _MOVING:
+            return None
+        is_wall = well_seen & ~fixed & (deviations < _MOVING)
+        beside = np.concatenate((np.zeros(_EDGE, dtype=np.bool_), is_wall, np.zeros(_EDGE, dtype=np.bool_)))
+        runs = tuple((a, b) for a, b in _runs(fixed) if not (beside[a] or beside[b + 2 * _EDGE]))
+        return FixedBeams(runs, fixed.size) if runs else None
+
+    def add(self, scan: LaserScan) -> None:
+        """Count one sweep."""
+        ranges = np.where(scan.valid, scan.ranges, np.nan)
+        previous, self._previous = self._previous, ranges
+        if not self._n_scans:
+            self._base = np.full(len(scan), np.nan)
+            self._counts, self._sums, self._squares = np.zeros((3, len(scan)))
+        if len(scan) == self._counts.size:
+            self._n_scans += 1
+            # deviations from the first reading, not readings: their squares keep their digits
+            np.copyto(self._base, ranges, where=np.isnan(self._base))
+            deviation = np.where(scan.valid, ranges - self._base, 0.0).clip(-_FAR, _FAR)
+            self._counts += scan.valid
+            self._sums += deviation
+            self._squares += deviation**2
+        if previous is not None and previous.size == ranges.size:
+            self._add_pair(np.abs(ranges - previous))
+
+    def _add_pair(self, changes: Floats) -> None:
+        is_equal = changes == 0.0
+        n_neighbours = int(np.count_nonzero(is_equal[1:] & is_equal[:-1]))
+        changes = changes[np.isfinite(changes)]
+        changed = changes[changes > 0.0]
+        if changed.size < _MIN_CHANGES:
+            return
+        step = max(float(changed.min()), _MIN_STEP)
+        if not np.median(changes) > _CHANGED * step:
+            return
+        self.n_equal_neighbours += n_neighbours
+        self.n_pairs += 1
+        self.n_compared += changes.size
+        self.n_equal += changes.size - changed.size
+        self.n_near += int(np.count_nonzero(changed < (_NEAR + 0.5) * step))
+
+
+def _runs(mask: Bools) -> tuple[tuple[int, int], ...]:
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    first, beyond = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return tuple((int(a), int(b) - 1) for a, b in zip(first, beyond, strict=True))
+
 
 Layout = tuple[int, float, float, bool]  # number of beams, angle_min, mean step, whether the sweep is a full circle
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
+from curvescan.io.files.lines import ReadError
 from curvescan.io.files.output import output_folder
-from curvescan.io.files.read_errors import ReadError
 from curvescan.io.log import Log, pick_scans
 from curvescan.io.reading import PoseFile, read_log, read_poses
 from curvescan.io.sensor_setup import SensorSetup, apply_setup

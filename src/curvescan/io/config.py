@@ -11,7 +11,7 @@ from typing import Any
 
 from curvescan.configs import changed, check_names
 from curvescan.errors import InvalidArgumentError, LogFileError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 
 _MAX_CHARS = 1 << 15  # all parameters of all methods take 5,000; the parser's time grows with the square of the depth
 

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Protocol, TypeAlias, cast, overload, runtime_checkable
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.read_errors import ReadError
+from curvescan.io.files.lines import ReadError
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Pose

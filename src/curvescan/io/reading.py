@@ -17,8 +17,7 @@ from typing import Protocol, cast
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
 from curvescan.io.arrays.coreslam import N_COLUMNS
 from curvescan.io.arrays.csv_file import header_names, is_content
-from curvescan.io.files.lines import read_head
-from curvescan.io.files.read_errors import as_path
+from curvescan.io.files.lines import as_path, read_head
 from curvescan.io.log import Log
 from curvescan.io.ros.bags.bag_files import BagKind, storage_files
 from curvescan.io.sensor_setup import SensorSetup, apply_setup

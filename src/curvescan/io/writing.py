@@ -20,8 +20,8 @@ import numpy as np
 from curvescan.configs import look_up
 from curvescan.errors import CurvescanError, InvalidArgumentError, OutputError
 from curvescan.io.arrays.memory import as_log
+from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file, output_folder
-from curvescan.io.files.read_errors import as_path
 from curvescan.io.log import Log
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

@@ -11,7 +11,7 @@ import numpy as np
 
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.diagnostics.verdict import judge
-from curvescan.io.files.read_errors import ReadError
+from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.live.pipeline import LiveReport

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from curvescan.diagnostics.mending import StreamMender
+from curvescan.diagnostics.preparation import StreamMender
 from curvescan.errors import require
 from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from curvescan import se2
 from curvescan.odometry.config import MotionConfig
-from curvescan.se2.angles import wrap_angle
-from curvescan.se2.uncertain import UncertainPose, identity
+from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
 from curvescan.types import Pose
 
 LONGEST_STEP = 1_000.0

@@ -23,7 +23,7 @@ from curvescan.deskew import deskew, middle_of_sweep
 from curvescan.errors import InvalidArgumentError
 from curvescan.io import read_log
 from curvescan.io.arrays.memory import MemoryLog
-from curvescan.io.files.read_errors import as_path
+from curvescan.io.files.lines import as_path
 from curvescan.io.log import MountedLog
 from curvescan.io.ros.transforms import laser_mounts
 from curvescan.io.trajectories.trajectory import Trajectory

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from curvescan import se2
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.log import Log
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.mapping.occupied_cells import occupied_cells

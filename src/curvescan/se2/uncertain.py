@@ -11,9 +11,16 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.se2.angles import wrap_angle
 from curvescan.types import Cov, Floats, Pose
 from curvescan.types import UncertainPose as UncertainPose
+
+
+@kernel
+def wrap_angle(angle: float) -> float:
+    """Return an angle brought into (-pi, pi], radians; what lies inside keeps all its digits."""
+    wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return math.pi if wrapped == -math.pi else wrapped
+
 
 _LEAST_VARIANCE = 1e-18  # square metres and radians: a nanometre and a nanoradian
 

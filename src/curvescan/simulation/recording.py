@@ -23,7 +23,7 @@ from curvescan.simulation.sensing.sensors import Sensor, cast_beams, choose_sens
 from curvescan.types import Bools, Floats, Pose
 
 if TYPE_CHECKING:
-    from curvescan.io.files.read_errors import ReadError
+    from curvescan.io.files.lines import ReadError
 
 _DEFAULT_SCANS = 200
 

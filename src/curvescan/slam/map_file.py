@@ -13,8 +13,8 @@ import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, OutputError
 from curvescan.io.arrays.npz_file import NpzFile
+from curvescan.io.files.lines import as_path
 from curvescan.io.files.output import output_file
-from curvescan.io.files.read_errors import as_path
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.scan import LaserScan

@@ -10,8 +10,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan._jit import kernel
-from curvescan.se2.angles import wrap_angle
-from curvescan.se2.uncertain import UncertainPose, compose
+from curvescan.se2.uncertain import UncertainPose, compose, wrap_angle
 from curvescan.slam.config import PlacesConfig
 from curvescan.slam.pose_graph.graph import PoseGraph
 from curvescan.slam.pose_graph.removal import carry_over, heir_of

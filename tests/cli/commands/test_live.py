@@ -13,7 +13,7 @@ import pytest
 
 from curvescan import read_log, simulate, write_log
 from curvescan.cli.main import run
-from curvescan.diagnostics.beam_order import BeamOrder
+from curvescan.diagnostics.sensor import BeamOrder
 from curvescan.simulation import SENSORS
 
 

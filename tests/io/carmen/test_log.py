@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
 from curvescan.io.carmen.lines import flaser_angle_increment
 from curvescan.io.carmen.log import CarmenLog
-from curvescan.io.files.read_errors import ReadError
+from curvescan.io.files.lines import ReadError
 from tests.carmen_files import RANGES, configured, flaser, odom, write
 
 

@@ -12,7 +12,7 @@ import tyro
 
 from curvescan._interrupts import reported_as
 from curvescan.cli.options import Flag, LogFlags, LogUse, MapConfig, OdometryFlags, OdometryRules
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.slam.config import SlamConfig
 

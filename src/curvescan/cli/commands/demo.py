@@ -103,7 +103,7 @@ def _map_simulation(simulated: Callable[[], Simulation], out: Path, rules: SlamF
 
 
 def _map_public_log(name: str, out: Path, rules: SlamFlags) -> int:
-    from curvescan.cli.commands.evaluate import evaluate
+    from curvescan.cli.commands.results import evaluate
     from curvescan.cli.commands.slam import slam
     from curvescan.cli.console import ERR
     from curvescan.io.datasets import fetch

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter
 from curvescan.io.log import NO_POSE, PoseRow, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

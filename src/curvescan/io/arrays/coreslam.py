@@ -21,8 +21,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.io.arrays.columns import Record, StreamLog
-from curvescan.io.files.lines import LineMark, read_line_at, read_lines
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadErrorCounter, read_line_at, read_lines
 from curvescan.io.log import PoseRow, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Pose

@@ -29,8 +29,15 @@ from curvescan.io.arrays.columns import (
     make_pose,
     make_scan,
 )
-from curvescan.io.files.lines import LineMark, read_line_at, read_lines, text_file
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
+from curvescan.io.files.lines import (
+    BrokenRecordError,
+    LineMark,
+    ReadErrorCounter,
+    printable,
+    read_line_at,
+    read_lines,
+    text_file,
+)
 from curvescan.io.log import Log, refuse_topic, scans_with_poses
 from curvescan.scan import LaserScan
 from curvescan.types import Floats

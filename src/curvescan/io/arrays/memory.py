@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.files.read_errors import ReadError
+from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

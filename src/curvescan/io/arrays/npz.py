@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from curvescan.errors import LogFormatError, OutputError
 from curvescan.io.arrays.columns import DEFAULTS, Record, StreamLog, is_on_grid, make_pose, make_scan
 from curvescan.io.arrays.npz_file import NpzFile
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable
 from curvescan.io.log import NO_POSE, Log, refuse_topic
 from curvescan.scan import LaserScan
 from curvescan.types import Floats

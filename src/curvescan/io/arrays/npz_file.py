@@ -27,8 +27,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from curvescan.errors import LogFileError, LogFormatError
-from curvescan.io.files.lines import is_packed, unpack, unpacked_limit
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import is_packed, printable, unpack, unpacked_limit
 from curvescan.types import Floats
 
 _BLOCK_BYTES = 1 << 20

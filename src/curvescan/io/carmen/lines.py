@@ -24,8 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvescan.io.files.lines import LineMark, read_lines
-from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter, printable
+from curvescan.io.files.lines import BrokenRecordError, LineMark, ReadError, ReadErrorCounter, printable, read_lines
 from curvescan.io.log import NO_POSE, PoseRow
 from curvescan.types import Floats, Ints
 

@@ -39,8 +39,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import LogFileError, LogFormatError, OutputError
 from curvescan.io.carmen.lines import SCAN_PARSERS, Index, ScanRecord, build_index, tag_of
-from curvescan.io.files.lines import read_line_at, read_lines, text_file
-from curvescan.io.files.read_errors import BrokenRecordError, ReadErrorCounter, printable
+from curvescan.io.files.lines import BrokenRecordError, ReadErrorCounter, printable, read_line_at, read_lines, text_file
 from curvescan.io.log import Log, ScanAccess, refuse_topic, scans_with_poses
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan

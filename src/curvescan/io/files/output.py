@@ -20,7 +20,7 @@ from typing import Any
 
 from curvescan._interrupts import cleaned_up_by, held_back, note_written
 from curvescan.errors import CurvescanError, OutputError
-from curvescan.io.files.read_errors import as_path, printable
+from curvescan.io.files.lines import as_path, printable
 
 __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 

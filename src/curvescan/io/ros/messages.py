@@ -13,8 +13,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from curvescan.errors import InvalidArgumentError, LogFormatError
-from curvescan.io.files.lines import ZSTD_MAGIC
-from curvescan.io.files.read_errors import BrokenRecordError
+from curvescan.io.files.lines import ZSTD_MAGIC, BrokenRecordError
 from curvescan.scan import LaserScan
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.read_errors import BrokenRecordError, ReadError, ReadErrorCounter
+from curvescan.io.files.lines import BrokenRecordError, ReadError, ReadErrorCounter
 from curvescan.io.log import ScanAccess
 from curvescan.io.ros.bags.bag import Bag, Message
 from curvescan.io.ros.messages import LASER_SCAN, has_bad_times, scan_of, short_name, shown, stamp_of

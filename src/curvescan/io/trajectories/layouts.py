@@ -20,9 +20,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import CurvescanError, InvalidArgumentError, LogFileError, LogFormatError, OutputError
-from curvescan.io.files.lines import GZIP_MAGIC, read_head
+from curvescan.io.files.lines import GZIP_MAGIC, printable, read_head
 from curvescan.io.files.output import output_file
-from curvescan.io.files.read_errors import printable
 from curvescan.types import Cov, Floats, Pose
 
 TrajectoryFormat: TypeAlias = Literal["tum", "csv", "kitti"]  # formats in which a trajectory is written and read

@@ -23,8 +23,7 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError
-from curvescan.io.files.lines import read_lines
-from curvescan.io.files.read_errors import ReadErrorCounter, as_path
+from curvescan.io.files.lines import ReadErrorCounter, as_path, read_lines
 from curvescan.io.trajectories.layouts import checked, writing_text
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.types import Bools, Cov, Floats, Pose, PoseEdge

@@ -13,7 +13,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import CurvatureConfig
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats, Ints, Points
 
 

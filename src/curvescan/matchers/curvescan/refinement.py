@@ -38,7 +38,7 @@ from curvescan.matchers.curvescan.normal_equations import (
     YY,
     add_square,
 )
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 TURN_SIGMA = 0.3

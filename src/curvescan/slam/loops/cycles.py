@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Cov, Floats, Ints, Pose
 
 

@@ -26,8 +26,14 @@ from rosbags.rosbag2 import ReaderError as Ros2Error
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import CurvescanError, LogFileError, LogFormatError
-from curvescan.io.files.lines import MAX_UNPACKED_RATIO, MIN_UNPACKED_LIMIT, is_packed, unpack
-from curvescan.io.files.read_errors import BrokenRecordError, printable
+from curvescan.io.files.lines import (
+    MAX_UNPACKED_RATIO,
+    MIN_UNPACKED_LIMIT,
+    BrokenRecordError,
+    is_packed,
+    printable,
+    unpack,
+)
 from curvescan.io.ros.bags.bag_files import BagKind, bag_kind, recorded_counts, storage_files
 from curvescan.io.ros.bags.hardening.limits import CheckedMcapReader, CheckedRos1Reader
 from curvescan.io.ros.bags.hardening.salvage import recorded_bytes, salvage, sqlite_reader, unfinished, with_its_journal

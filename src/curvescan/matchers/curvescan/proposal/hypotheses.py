@@ -14,7 +14,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.curvescan.features.keypoints import DIRECTION, FX, FY, KIND, TURN
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_at
 from curvescan.matchers.curvescan.features.surfels import RANGE
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 _BEHIND = 0.1

@@ -17,7 +17,7 @@ from curvescan.matchers.curvescan.features.range_image import RangeImage, bearin
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
 from curvescan.matchers.curvescan.normal_equations import N_SUMS, XX, XY, YY
 from curvescan.matchers.curvescan.refinement import TURN_SIGMA, accumulate
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
 _RIGHT_ANGLES = 4.0  # directions a right angle apart are one axis

@@ -23,7 +23,7 @@ from rosbags.rosbag1.reader import Chunk, IndexData, decompressors
 from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.ros.bags.hardening.chunks import Unpacker, packing_of
 
 MIN_INDEX_LIMIT = 1 << 20

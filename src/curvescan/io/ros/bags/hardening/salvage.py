@@ -27,7 +27,7 @@ from rosbags.rosbag1.reader import Header
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
-from curvescan.io.files.read_errors import printable
+from curvescan.io.files.lines import printable
 from curvescan.io.ros.bags.bag_files import BagKind
 from curvescan.io.ros.bags.hardening.chunks import Unpacker
 from curvescan.io.ros.bags.hardening.limits import check_qos

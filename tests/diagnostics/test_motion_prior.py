@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.mending import mend
-from curvescan.diagnostics.prior.choice import choose_prior
+from curvescan.diagnostics.motion_prior import choose_prior
+from curvescan.diagnostics.preparation import mend
 from curvescan.io.trajectories.trajectory import Trajectory
 from tests.diagnostics.test_inspect import FakeLog
 from tests.scenes import room_scan

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.prior.lag import odometry_lag, without_lag
+from curvescan.diagnostics.rotation_direction import odometry_lag, without_lag
 
 
 def late(log, lag):

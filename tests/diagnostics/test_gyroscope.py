@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from curvescan.deskew import deskew
-from curvescan.diagnostics.mending import mend
-from curvescan.diagnostics.prior.gyroscope import judge_gyroscope
+from curvescan.diagnostics.gyroscope import judge_gyroscope
+from curvescan.diagnostics.preparation import mend
 from tests.diagnostics.test_inspect import FakeLog
 from tests.scenes import room_scan
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from curvescan.deskew import deskew
-from curvescan.diagnostics.prior.agreement import sure_motion
+from curvescan.diagnostics.motion_prior import sure_motion
 from curvescan.io.log import Log
 from curvescan.matchers import match
 from curvescan.scan import LaserScan
