@@ -12,7 +12,7 @@ from curvescan._jit import kernel
 from curvescan.matchers.cfsma.config import SegmentationConfig
 from curvescan.matchers.cfsma.segmentation import segment
 from curvescan.scan import LaserScan, Readings, valid_readings
-from curvescan.se2.angles import wrap_angle
+from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Bools, Floats, Ints, Points, Pose
 
 HIDDEN_MARGIN = 0.1  # how far behind another surface a reading must lie to be hidden by it, metres
