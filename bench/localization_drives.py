@@ -4,7 +4,8 @@ Run as ``python bench/localization_drives.py CACHE LOG...`` on logs that curvesc
 ``robotdata*.log.gz``. Each log makes a map, kept in CACHE; every other log is localized in it. With ``--prior`` also
 with an initial pose 1 m and 20 deg off, with ``--plain`` also in the map's cells alone, with ``--halves`` the halves of
 each log in each other's maps. No truth is needed: right fixes put one map on the other alike, and the placement that
-most poses support is the reference.
+most poses support is the reference. Of halves it is the map of the whole log, seen from the keyframe that lies nearest,
+so that bending elsewhere does not count.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ import gzip
 import itertools
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -137,22 +139,55 @@ def is_same(drive: Drive, found: Localized, placement: Pose) -> Bools:
     return same
 
 
-def placement_of(drive: Drive, found: Localized) -> tuple[Pose | None, float]:
-    """Return the placement of two maps that most known poses support, and the share that does; None where nothing was found."""
+def kept_placement(drive: Drive, other: Drive, found: Localized, cache: Path) -> Pose:
+    """Return the placement of two maps that most known poses support, of NaN where nothing was found.
+
+    One that more than half of the poses of a run without a guess support is kept for all later runs.
+    """
+    file = cache / f"{drive.log.name}-in-{other.log.name}.npy"
     known = np.flatnonzero(found.is_known)
-    if len(known) == 0:
-        return None, 0.0
+    if file.exists() or not len(known):
+        kept: Pose = np.load(file) if file.exists() else np.full(3, np.nan)
+        return kept
     tried = known[np.linspace(0, len(known) - 1, min(len(known), 60)).astype(int)]
     each = placements(drive, found, tried)
     shares = np.array([np.mean(is_same(drive, found, placement)[known]) for placement in each])
     best = int(np.argmax(shares))
-    return each[best], float(shares[best])
+    if shares[best] > 0.5:
+        np.save(file, each[best])
+    return each[best]
 
 
-def line_of(name: str, drive: Drive, found: Localized, placement: Pose | None) -> str:
+def same_as_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Callable[[Localized], Bools]:
+    """Return what says whether poses lie where the map of the whole log has them, from the nearest keyframe.
+
+    own (n, 3), other_in_whole (m, 3): Poses of the scans of both halves in that map.
+    """
+
+    def same(found: Localized) -> Bools:
+        keyframes = other.slam_map.poses
+        nearest = np.argmin(np.hypot(*(np.nan_to_num(found.poses)[:, np.newaxis] - keyframes)[..., :2].T), axis=0)
+        there = other_in_whole[other.slam_map.indices[nearest]]
+        in_whole = se2.compose(there, se2.between(keyframes[nearest], found.poses))
+        x, y, theta = se2.between(own, in_whole).T
+        is_near: Bools = (np.hypot(x, y) < SAME_M) & (np.abs(theta) < SAME_RAD)
+        return is_near
+
+    return same
+
+
+def first_of_whole(own: Pose, other: Drive, other_in_whole: Pose) -> Pose:
+    """Return (3,) the first pose of a half in the map of the other one."""
+    there = other_in_whole[other.slam_map.indices]
+    nearest = int(np.argmin(np.hypot(*(there - own[0])[:, :2].T)))
+    first: Pose = se2.compose(other.slam_map.poses[nearest], se2.between(there[nearest], own[0]))
+    return first
+
+
+def line_of(name: str, found: Localized, same: Callable[[Localized], Bools]) -> str:
     """Return a row of the table, and say where false poses are."""
     known, fixes = found.is_known, found.fixes
-    false = known & ~(is_same(drive, found, placement) if placement is not None else np.zeros_like(known))
+    false = known & ~same(found)
     first = int(np.argmax(known)) if known.any() else -1
     # a fix is false where the pose given with it is
     n_false = int(np.count_nonzero(false[fixes]))
@@ -175,39 +210,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     given.cache.mkdir(parents=True, exist_ok=True)
     logs = [read_drive(path) for path in given.logs]
+    wholes = [make_drive(log, given.cache) for log in logs] if given.halves else []
     logs = [half for log in logs for half in halves_of(log)] if given.halves else logs
     drives = [make_drive(log, given.cache) for log in logs]
+    # of each half, where its scans are in the map of the whole
+    parts = [whole.poses[k * (len(whole.poses) // 2) :][: len(whole.poses) // 2] for whole in wholes for k in (0, 1)]
     sys.stdout.write("| drive in map | fixes | false | first at scan | with a pose | false poses | ms a scan |\n")
     for i, j in itertools.permutations(range(len(drives)), 2):
         if (given.only and given.only != f"{i + 1},{j + 1}") or (given.halves and i // 2 != j // 2):
             continue
         drive, other = drives[i], drives[j]
         found = localized(drive, other.slam_map)
-        reference, share = placement_of(drive, found)
-        file = given.cache / f"{drive.log.name}-in-{other.log.name}.npy"
-        # the placement that most poses of a run without a guess support is kept for all later runs
-        if file.exists():
-            reference = np.load(file)
-        elif reference is not None and share > 0.5:
-            np.save(file, reference)
+        if given.halves:
+            same = same_as_whole(parts[i], other, parts[j])
+            begin = first_of_whole(parts[i], other, parts[j])
+        else:
+            placement = kept_placement(drive, other, found, given.cache)
+            same = partial(is_same, drive, placement=placement)
+            begin = se2.compose(placement, drive.poses[0])
         name = f"{i + 1} in {j + 1}"
-        sys.stdout.write(line_of(name, drive, found, reference) + "\n")
+        sys.stdout.write(line_of(name, found, same) + "\n")
         sys.stdout.flush()
         plain_map = plain_map_of(other, given.cache) if given.plain else None
         if plain_map is not None:
             plain = localized(drive, plain_map)
             off = np.hypot(*(plain.poses - found.poses)[:, :2].T)
-            text = line_of(f"{name}, plain map", drive, plain, reference)
+            text = line_of(f"{name}, plain map", plain, same)
             sys.stdout.write(f"{text} {np.nanmedian(off):.3f} m from the pose in map.csmap\n")
             sys.stdout.flush()
-        if not given.prior or reference is None:
+        if not given.prior or np.isnan(begin).any():
             continue
-        begin = se2.compose(reference, drive.poses[0]) + PRIOR_OFF
-        prior = cs.UncertainPose(begin, np.diag(PRIOR_SIGMA**2))
+        prior = cs.UncertainPose(begin + PRIOR_OFF, np.diag(PRIOR_SIGMA**2))
         for kind, where in (("initial pose", other.slam_map), ("plain map, initial pose", plain_map)):
             if where is not None:
                 started = localized(drive, where, prior)
-                sys.stdout.write(line_of(f"{name}, {kind}", drive, started, reference) + "\n")
+                sys.stdout.write(line_of(f"{name}, {kind}", started, same) + "\n")
                 sys.stdout.flush()
 
 

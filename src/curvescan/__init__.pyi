@@ -3,7 +3,6 @@
 from . import se2 as se2
 from .diagnostics.inspect import inspect_log as inspect_log
 from .diagnostics.issues import find_issues as find_issues
-from .diagnostics.sensor import odometry_for as odometry_for
 from .errors import CurvescanError as CurvescanError
 from .errors import InvalidArgumentError as InvalidArgumentError
 from .errors import LogFileError as LogFileError
@@ -35,7 +34,6 @@ from .io.ros.writing.bags import write_odometry_mcap as write_odometry_mcap
 from .io.trajectories.layouts import write_kitti as write_kitti
 from .io.trajectories.relations import write_g2o as write_g2o
 from .io.trajectories.trajectory import Trajectory as Trajectory
-from .io.trajectories.trajectory import read_kitti as read_kitti
 from .live.finished.view import view as view
 from .mapping.config import OccupancyConfig as OccupancyConfig
 from .mapping.map_server import write_map as write_map

@@ -4,8 +4,6 @@ Compiling takes seconds, once a version. A wait longer than a second is reported
 "curvescan" says so as a warning, which Python prints on stderr where no logging is set up.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import gc

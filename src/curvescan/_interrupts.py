@@ -1,26 +1,24 @@
 """Ctrl-C and SIGTERM: held back where work must not be cut in two, and otherwise the end of a command, at once.
 
-An exception that a signal raises can appear between any two instructions: inside a callback of a C library that
-swallows it, or in the middle of a clean-up. So a loop that keeps what there is so far looks whether it should stop
-(:func:`stoppable`), what must be done whole holds the signals back (:func:`held_back`), and the command line ends the
-process without an exception (:func:`end_at_once`), after the clean-ups that were registered.
+An exception that a signal raises can appear between any two instructions, in the middle of a clean-up too. So loops
+ask whether to stop (:func:`stoppable`), what must be done whole holds signals back (:func:`held_back`), and the
+command line ends the process without an exception (:func:`end_at_once`).
 """
-
-from __future__ import annotations
 
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from types import FrameType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 NOTHING_WRITTEN = "interrupted, nothing written"
 
 CleanUp: TypeAlias = Callable[[], object]
+_T = TypeVar("_T")
 
 _clean_ups: list[CleanUp] = []
 _sentences: list[str] = [NOTHING_WRITTEN]
@@ -83,24 +81,23 @@ def _handled_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[
             signal.signal(each, handler_before)
 
 
-@contextmanager
-def cleaned_up_by(clean_up: CleanUp) -> Iterator[None]:
+def cleaned_up_by(clean_up: CleanUp) -> AbstractContextManager[None]:
     """Have a function called before the process is ended at once by a signal inside; it must not raise or take long."""
-    _clean_ups.append(clean_up)
-    try:
-        yield
-    finally:
-        _clean_ups.remove(clean_up)
+    return _among(_clean_ups, clean_up)
+
+
+def reported_as(sentence: str) -> AbstractContextManager[None]:
+    """Have a signal that arrives inside reported by this sentence."""
+    return _among(_sentences, sentence)
 
 
 @contextmanager
-def reported_as(sentence: str) -> Iterator[None]:
-    """Have a signal that arrives inside reported by this sentence."""
-    _sentences.append(sentence)
+def _among(items: list[_T], item: _T) -> Iterator[None]:
+    items.append(item)
     try:
         yield
     finally:
-        _sentences.remove(sentence)
+        items.remove(item)
 
 
 def note_written(what: str) -> None:

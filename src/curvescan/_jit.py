@@ -5,8 +5,6 @@
 the first run compiles; see :mod:`curvescan._kernel_cache`.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar

@@ -13,8 +13,6 @@ this processor is taken first, then code for any processor of its kind (NUMBA_CP
 results.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """Cores, processes that import what this one can, and a lock on a file that ends with the process that holds it."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The version of the package, which results are marked with, and the commit that it was made of."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Where the beams of a sweep point: evenly spaced, or given one by one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -4,8 +4,6 @@ One function for every call that takes a ``config=``, and for the tables of a TO
 with the nearest name, a value of the wrong type or out of range one with the rule.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import numbers

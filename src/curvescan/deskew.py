@@ -1,14 +1,9 @@
 """Deskew: turn a sweep that was taken on the move into one that is seen from the middle of the sweep.
 
-A moving sensor measures each beam from another place. If its velocity is known, each reading is moved to where the
-sensor would see it from its place at the middle of the sweep. No reading is moved by more than half a sweep. An error
-of the velocity moves the first half of the readings one way and the second half the other way, and most of it cancels
-in a match. The beams keep their order and their number: labels and masks by beam fit both scans.
-
-A reading that comes to lie behind a nearer one is dropped: it could not be seen from there.
+Each reading is moved to where the sensor would see it from there, by half a sweep at most, so that an error of the
+velocity mostly cancels in a match. The beams keep their order and their number. A reading that comes to lie behind a
+nearer one is dropped: it could not be seen from there.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -105,11 +100,7 @@ def usual_period(stamps: Sequence[float], scan_time: float = 0.0) -> float:
 
 
 def n_periods(stamps: Sequence[float], period: float) -> int:
-    """Return how many periods the last step of a clock took: two or three where scans were lost, else one.
-
-    Return 0 at a pause and at the step after it: it is not known how long the motion took. The result is a whole
-    number, so that a stamp that jitters changes nothing.
-    """
+    """Return the whole number of periods of a clock's last step: more where scans were lost, 0 about a pause."""
     steps = [after - before for before, after in pairwise(stamps[-3:])]
     if any(_MOST_PERIODS + 0.5 < step / period <= _LEAP for step in steps):
         return 0
@@ -151,7 +142,7 @@ def _from_the_middle(
 
 @kernel
 def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
-    """Return (n,) which readings stay in sight: the farther one goes where bearings do not grow by `least`."""
+    """Return (n,) which readings stay in sight: of two whose bearings are out of order the farther is dropped."""
     n = bearings.size
     stack = np.empty(n, dtype=np.int64)
     top = 0

@@ -5,8 +5,6 @@ A *reading* that is NaN, infinite, zero or out of range is data and never an err
 no pose is a result (:class:`curvescan.Outcome`) and never an error.
 """
 
-from __future__ import annotations
-
 
 class CurvescanError(Exception):
     """Root of all errors raised on purpose by curvescan."""

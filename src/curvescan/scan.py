@@ -5,8 +5,6 @@ reading is valid when it is a positive number in ``[range_min, range_max]`` of 1
 infinity, 0, a negative value, a driver's code such as 81.91 or 1e9) is *no reading*: data, never an error.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -270,7 +268,6 @@ def valid_readings(scan: LaserScan) -> Readings:
 
 
 _FAR = 250.0  # metres: no 2D laser without a stated limit measures all of its surroundings farther than this
-
 _TINY = float(np.finfo(np.float64).smallest_subnormal)
 _FARTHEST = 1e4
 """No robot's laser sees 10 km: what drivers say beyond is a code for no return (FLT_MAX, 1e9), and squares of such

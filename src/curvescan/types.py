@@ -4,8 +4,6 @@ The aliases carry meaning for the reader; shapes stand in the docstrings and are
 data enters the library.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 

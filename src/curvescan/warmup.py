@@ -4,8 +4,6 @@ Machine code is kept on disk, so that this takes seconds in the first run of a v
 can be made for another machine: for an image, or for a package that brings it.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import subprocess

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import curvescan as cs
-from curvescan.diagnostics.sensor import BeamOrder, judge_beam_order, judge_sensor, odometry_for
+from curvescan.diagnostics.sensor import BeamOrder, judge_beam_order, judge_sensor
 from curvescan.io import SensorSetup, apply_setup, read_log
 from curvescan.simulation import SENSORS
 from curvescan.simulation.driving.pursuit import Drive
@@ -24,8 +24,8 @@ def test_a_lively_drive_tells_the_order_of_the_beams():
     assert judge_beam_order(log).is_forwards
     reversed_log = apply_setup(log, SensorSetup(backwards=True))
     assert not judge_sensor(reversed_log).can_deskew
-    assert not odometry_for(reversed_log).config.deskew
-    assert odometry_for(log).config.deskew
+    assert not judge_sensor(reversed_log).can_deskew
+    assert judge_sensor(log).can_deskew
 
 
 def test_what_cannot_tell_says_nothing():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from curvescan.deskew import deskew
-from curvescan.diagnostics.gyroscope import judge_gyroscope
+from curvescan.diagnostics.motion_prior import judge_gyroscope
 from curvescan.diagnostics.preparation import mend
 from tests.diagnostics.test_inspect import FakeLog
 from tests.scenes import room_scan

@@ -111,7 +111,7 @@ def test_each_reason_names_what_helps_and_wheels_where_there_are_some():
     assert "odometry_prior=True" in reason(n_parts=2, motion="left out")
     assert "a log with wheel odometry" in reason(n_parts=2, motion="none")
     assert "odometry" not in reason(n_parts=2, motion="used", engine="slam")
-    figures = {"n_parts": 2, "is_cut": True, "n_failed": 50, "is_aliased": True, "contradictions": ((3, 3, 0.0, 0.0),)}
+    figures = {"n_parts": 2, "is_cut": True, "n_failed": 50, "contradictions": ((3, 3, 0.0, 0.0),)}
     for one in verdict_of(evidence(engine="slam", **figures)).reasons:
         assert "what helps: " in one
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from curvescan import LaserScan, Odometry, Slam
 from curvescan.live import LogSource, SimulatedSource, Tracker, Viewer, run_live
+from curvescan.live.live_map import warm_up
 from curvescan.live.server import PageServer
-from curvescan.live.warm_up import warm_up
 from curvescan.simulation import SENSORS
 
 RATE = 40.0

@@ -14,8 +14,8 @@ from curvescan import InvalidArgumentError, Odometry, SourceError, simulate
 from curvescan.live import ScanSource, Tracker, run_live
 from curvescan.live.drivers import open_driver, transport
 from curvescan.live.drivers.lds2d_source import Lds2dSource
-from curvescan.live.drivers.turns import TurnClock, scan_of_turn
-from curvescan.live.warm_up import warm_up
+from curvescan.live.drivers.transport import TurnClock, scan_of_turn
+from curvescan.live.live_map import warm_up
 
 pytest.importorskip("serial", reason="pyserial is not installed (extra lidar)")
 pytest.importorskip("lds2d", reason="lds2d is not installed (extra lidar)")

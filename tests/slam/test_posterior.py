@@ -7,7 +7,14 @@ import pytest
 
 from curvescan import se2
 from curvescan.slam.pose_graph.optimization import optimize, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
+from curvescan.slam.pose_graph.posterior import (
+    design_effect,
+    heading_drift,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+    without_floor,
+)
 from tests.slam.graphs import SIGMAS, loop, measured_edges
 
 N = 60
@@ -76,3 +83,21 @@ def test_the_own_noise_is_that_of_the_best_match_in_the_axes_of_the_map() -> Non
     across = np.diag(np.square([1.0, 3.0, 1.0]) * SIGMAS[0] ** 2)
     np.testing.assert_allclose(found, np.stack([across, across, 4.0 * across]), atol=1e-12)
     assert not own_noise(poses, ends, covariances, np.zeros(3, dtype=bool)).any()
+
+
+def test_edges_side_by_side_do_not_average_the_drift_of_the_heading() -> None:
+    poses = np.column_stack((0.5 * np.arange(N), np.zeros(N), np.zeros(N)))
+    for reach in (1, 3):
+        ends = np.array([(i, j) for i in range(N) for j in range(i + 1, min(i + 1 + reach, N))])
+        drift = heading_drift(ends, se2.between(poses[ends[:, 0]], poses[ends[:, 1]]), N)
+        # the heading alone: a chain of scalars, pose 0 known
+        information = np.zeros((N, N))
+        for (i, j), variance in zip(ends.tolist(), drift.tolist(), strict=True):
+            information[[i, j], [i, j]] += 1.0 / variance
+            information[[i, j], [j, i]] -= 1.0 / variance
+        at_end = np.linalg.inv(information[1:, 1:])[-1, -1]
+        np.testing.assert_allclose(at_end, 1e-6 * 0.5 * (N - 1), rtol=0.15)
+
+
+def test_closures_of_loops_do_not_drift() -> None:
+    assert heading_drift(np.array([[0, 30]]), np.array([[1.0, 0.0, 0.0]]), 40).tolist() == [0.0]

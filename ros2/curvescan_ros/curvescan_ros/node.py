@@ -35,7 +35,7 @@ from curvescan.io.ros.messages import scan_of
 from curvescan.io.ros.transforms import FrameTree, frame_name
 from curvescan.live import Tracker
 from curvescan.live.base_motion import BaseMotion
-from curvescan.live.warm_up import warm_up
+from curvescan.live.live_map import warm_up
 from curvescan.matchers.registry import find_matcher
 from curvescan.odometry import OdometryConfig
 from curvescan.odometry.rig import RigJoiner

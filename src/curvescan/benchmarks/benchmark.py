@@ -1,7 +1,5 @@
 """All that `curvescan bench` measures: time, success, accuracy and consistency of every method, and its tables."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

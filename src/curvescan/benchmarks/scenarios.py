@@ -7,8 +7,6 @@ pose is the square of how its range changes with the pose, over the noise. There
 other scan, as noisy as the first, so that each beam that both scans can compare carries the noise twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -132,7 +130,7 @@ def score_open(
 
 def _tried(
     pairs: Iterable[ScanPair], methods: Sequence[str], on_pair: Callable[[], None] | None
-) -> dict[str, list[_Try]]:
+) -> "dict[str, list[_Try]]":
     """Return what each method makes of each pair."""
     tried: dict[str, list[_Try]] = {method: [] for method in methods}
     for pair in pairs:
@@ -144,7 +142,7 @@ def _tried(
     return tried
 
 
-def _score_open(method: str, world: str, tries: list[_Try]) -> OpenScore:
+def _score_open(method: str, world: str, tries: "list[_Try]") -> OpenScore:
     matched = [one for one in tries if one.result.ok]
     nees = np.array([one.nees for one in matched])
     flagged = [one.result.degenerate_direction is not None for one in matched]

@@ -1,7 +1,5 @@
 """The command line: finds the command, makes its flags, and turns every error into one sentence."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os
@@ -28,23 +26,10 @@ from curvescan.errors import CurvescanError
 from curvescan.io.files.lines import printable
 
 COMMANDS: dict[str, Callable[..., int]] = {
-    "demo": demo,
-    "info": info,
-    "convert": convert,
-    "odometry": odometry,
-    "slam": slam,
-    "localize": localize,
-    "batch": batch,
-    "live": live,
-    "view": view,
-    "map": edit_map,
-    "match": match,
-    "evaluate": evaluate,
-    "experiments": experiments,
-    "calibrate": calibrate,
-    "bench": bench,
-    "warm-up": warm_up,
-}
+    "demo": demo, "info": info, "convert": convert, "odometry": odometry, "slam": slam, "localize": localize,
+    "batch": batch, "live": live, "view": view, "map": edit_map, "match": match, "evaluate": evaluate,
+    "experiments": experiments, "calibrate": calibrate, "bench": bench, "warm-up": warm_up,
+}  # fmt: skip
 
 HELP_ALL = "--help-all"
 FIRST_STEPS = """\
@@ -59,7 +44,6 @@ All commands: curvescan -h"""
 
 MAX_SENTENCE = 4_000  # longest sentence about an error, characters: a path may have so many
 MAX_NAME = 80  # longest name of a command in a sentence
-
 DONE, BAD_INPUT, BAD_COMMAND_LINE, UNTRUSTED, INTERRUPTED = 0, 1, 2, 3, 130
 
 

@@ -1,7 +1,5 @@
 """Help on one screen: what a command does and its own flags, a line each; --help-all shows every parameter."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import shutil
@@ -112,7 +110,7 @@ def _arguments(command: Callable[..., int]) -> tuple[list[Flag], list[Flag], int
     return positional, flags, n_groups
 
 
-def _fields(kind: Any, found: _Extras) -> tuple[list[Flag], int]:
+def _fields(kind: Any, found: "_Extras") -> tuple[list[Flag], int]:
     """Return the flags of a record of flags, and how many groups of parameters it leaves to --help-all."""
     if not found.is_flat:
         return [], 1
@@ -130,7 +128,7 @@ def _fields(kind: Any, found: _Extras) -> tuple[list[Flag], int]:
     return flags, n_groups
 
 
-def _flag(name: str, kind: Any, found: _Extras, text: str, group: str = "") -> Flag:
+def _flag(name: str, kind: Any, found: "_Extras", text: str, group: str = "") -> Flag:
     name = f"--{name.replace('_', '-')}"
     flag = f"{name} {_values(kind, found.metavar)}".rstrip()
     has_choices = len(flag) > _MAX_FLAG - 4

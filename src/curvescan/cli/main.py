@@ -1,18 +1,12 @@
 """The entry point: sees to it that Ctrl-C ends in a sentence, from the first import on, and runs the command line."""
 
-from __future__ import annotations
-
 import sys
 
 from curvescan._interrupts import end_commands_at_once
 
 
 def main() -> None:
-    """Run the command line and exit with its status.
-
-    0 done, 1 bad input, 2 bad command line, 3 done but the trajectory is not to be trusted (the last line says why),
-    130 and 143 when Ctrl-C or SIGTERM ended it before there was a result.
-    """
+    """Run the command line and exit: 0 done, 1 bad input, 2 bad command line, 3 not to be trusted, 130, 143 signals."""
     end_commands_at_once()
     sys.exit(run(sys.argv[1:]))
 

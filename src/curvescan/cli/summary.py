@@ -1,7 +1,5 @@
 """A run in a few lines, for the terminal."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -31,11 +29,6 @@ def report(run: Run, out: Path) -> int:
     engine = run.engine
     if isinstance(engine, Slam):
         OUT.print(f"{engine!r}; finished in {run.record.seconds_to_finish:.1f} s")
-        if engine.is_deceived:
-            OUT.print(
-                "places look alike: loop closures bent the odometry more than it can err and were withdrawn; the "
-                "map is mostly the odometry's"
-            )
     if isinstance(engine, Localizer) and run.first_fix is not None:
         OUT.print(f"first found in {engine.map!r} at scan {run.first_fix:,}")
     for remark in (*(issue.what for issue in run.issues if issue.kind == "read_error"), *run.left_out):

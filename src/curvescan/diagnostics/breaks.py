@@ -4,8 +4,6 @@ Three things break it and leave covariances as they are: a scanner that repeats 
 a map that wheels alone tie though the scans on either side should match, and scans on the wrong side of a loss.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

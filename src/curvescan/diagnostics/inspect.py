@@ -1,7 +1,5 @@
 """inspect_log: what is in a log and what is wrong with it, found in one pass over its scans, and one over its turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from curvescan import se2
-from curvescan.diagnostics.gyroscope import Gyroscope, judge_gyroscope
+from curvescan.diagnostics.motion_prior import Gyroscope, judge_gyroscope
 from curvescan.diagnostics.rotation_direction import RotationDirection, odometry_lag
 from curvescan.diagnostics.sensor import BeamOrder, SensorJudgement, judge_sensor
 from curvescan.diagnostics.statistics import FixedBeams, LogStatistics

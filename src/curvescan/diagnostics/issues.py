@@ -1,7 +1,5 @@
 """The issues of a log: tests and figures here, and in issues.toml what is said of each in sentences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
@@ -158,12 +156,15 @@ _FIGURES: dict[str, Figure] = {
 }
 
 
-class _Sentences(Formatter):
-    """Fills in the figures of a log."""
+class Sentences(Formatter):
+    """Fills in figures: what it is called with, and those that a table makes of the first of it."""
+
+    def __init__(self, figures: Mapping[str, Figure]) -> None:
+        self._figures = figures
 
     def get_value(self, key: int | str, args: Any, kwargs: Any) -> Any:
-        """Return the report, what was found before, or a figure."""
-        return kwargs[key] if key in kwargs else _FIGURES[str(key)](kwargs["r"])
+        """Return what is given by that name, or a figure."""
+        return kwargs[key] if key in kwargs else self._figures[str(key)](next(iter(kwargs.values())))
 
     def format_field(self, value: Any, format_spec: str) -> Any:
         """Return a figure as text; after "n " stands a noun that it counts."""
@@ -177,7 +178,7 @@ def _counted(count: int, noun: str) -> str:
 
 def find_issues(report: LogReport) -> tuple[Issue, ...]:
     """Return what is wrong or odd with a log, each with its consequence; empty for a sound one."""
-    fill = _Sentences().format
+    fill = Sentences(_FIGURES).format
     issues = []
     for e in report.read_errors:
         rest = "; the rest of the log is read" * ("is read" not in e.rule)

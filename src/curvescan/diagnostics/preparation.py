@@ -1,17 +1,14 @@
 """prepare_log: a log as every run takes it, mended, with the motion prior that agrees with its scans."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.diagnostics.gyroscope import straightened
 from curvescan.diagnostics.inspect import LogReport, inspect_log
 from curvescan.diagnostics.issues import Issue, find_issues
-from curvescan.diagnostics.motion_prior import Prior, choose_prior
+from curvescan.diagnostics.motion_prior import Prior, choose_prior, straightened
 from curvescan.diagnostics.sensor import SensorJudgement, judge_sensor
 from curvescan.io.arrays.memory import as_log
 from curvescan.io.log import HeldLog, Log, LogView
@@ -109,12 +106,7 @@ def _filters(kinds: Collection[str], report: LogReport) -> list[Callable[[LaserS
 
 
 class StreamMender:
-    """Mends the scans of a running laser by what the first of them show: codes, a ring, stale beams, the robot itself.
-
-    It judges after some seconds and once more after a minute or two; what it says then stands.
-
-    tell: called with a sentence when something is mended, or no longer is.
-    """
+    """Mends a running laser's scans by what the first show: codes, a ring, stale beams; it tells when that changes."""
 
     def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell = tell

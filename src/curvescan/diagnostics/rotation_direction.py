@@ -1,17 +1,9 @@
-"""The rotation direction of a laser: whether the scans turn as the robot does, by its wheels or gyroscope.
+"""Turns of the scans against those of wheels or a gyroscope: whether they go the same way, and how late they come.
 
-A sensor that turns to the left by an angle sees every wall that much further right: the profile of ranges over beams
-shifts. The shift that makes two profiles agree best is the turn between them (for no match: only its sign is
-used, and of sharp turns only). Where it has the other sign than the robot's own turn, the beams run the other
-way than the log says.
-
-The lag of a log's odometry: how much later than the scans its headings turn.
-
-Without a common clock a robot's wheels are stamped late, or early. The turns between scans (see ``rotation_direction``)
-are compared with those of the odometry moved in time: the lag is where the two agree best.
+A sensor that turns to the left sees every wall further right: the profile of ranges over beams shifts. The shift that
+makes two profiles agree best is the turn between them; of sharp turns its sign is used. Where it is the other one, the
+beams run the other way than the log says. The lag of a clock of its own is where moved headings agree best.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterable
@@ -36,7 +28,6 @@ _TRUNCATED = 0.5  # differences of range count up to this many metres: what lies
 _MAX_CELLS = 1 << 18  # that are compared at once
 _CLEARER = 0.8  # a shift counts where its cost is less than this share of that of the same shift the other way
 _DEGREES = (30.0, 90.0)  # a gyroscope that turns so many times as far as the scans gives degrees
-
 _MIN_TURNS = 10
 _MIN_SHARE = 0.8
 _CERTAIN_SHARE = 0.9
@@ -137,10 +128,8 @@ def _costs(shifted: Floats, profile: Floats) -> Floats:
 _N_WINDOWS = 12
 _WINDOW = 15  # steps on either side of a sharp turn that are compared
 _LAGS = np.arange(-10, 31) * 0.05  # lags that are tried, seconds: an odometry is late more often than early
-
 _LEAST_LAG = 0.1
 _BETTER = 0.6  # a lag is found where it leaves less than this share of the differences
-
 _MIN_STEPS = 30
 
 

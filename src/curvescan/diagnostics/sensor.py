@@ -1,34 +1,22 @@
 """What a log's scans say of its sensor: in which order the beams were swept, and which way it turns.
 
-Judged once, here, for `info`, for :func:`curvescan.run` and for every odometry made with
-:func:`curvescan.odometry_for`, so that all of them say and do the same.
-
-Whether a log lists the beams of a sweep in the order in which they were swept.
-
-Some drivers turn the order of the readings round so that they run counter-clockwise, and leave time_increment as it
-was. Deskewing such scans doubles their distortion. Where the sensor turns at a changing rate the distortion of two
-scans differs, and they agree the better the more of it is taken away: each pair is matched deskewed as the log says,
-and as if the beams had been swept in the reverse order.
+Some drivers turn the order of the readings round and leave time_increment as it was; deskewing then doubles the
+distortion. Where the sensor turns at a changing rate two scans agree the better the more of it is taken away: each
+pair is matched deskewed as the log says, and as if the beams had been swept in reverse.
 """
-
-from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
-from curvescan.configs import as_config
 from curvescan.deskew import deskew, sweep_shift
 from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
-from curvescan.matchers.registry import DEFAULT_METHOD, MatcherConfig, Method
-from curvescan.odometry import Odometry, OdometryConfig
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
 from curvescan.types import Floats
@@ -125,34 +113,3 @@ def beam_order_of_log(log: Log) -> BeamOrder | None:
     if first is None or first.time_increment <= 0.0:
         return None
     return judge_beam_order(islice(log, _N_ORDER_SCANS))
-
-
-def odometry_for(
-    log: Log,
-    method: Method | str = DEFAULT_METHOD,
-    *,
-    config: OdometryConfig | Mapping[str, Any] | None = None,
-    matcher: MatcherConfig | None = None,
-) -> Odometry:
-    """Return a fresh odometry for the scans of a log, as ``curvescan odometry`` uses it.
-
-    It does not deskew sweeps whose beams the log lists in reverse.
-
-    Parameters
-    ----------
-    log : Log
-        Whose scans will be added.
-    method, config, matcher
-        As :class:`curvescan.Odometry` takes them.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When the method is unknown, or a configuration is of another class or has an unknown key.
-    """
-    hint = "the configuration of the matcher is given as matcher="
-    config = as_config(config, OdometryConfig.of_method(method), hint=hint)
-    if config.deskew:
-        judged = SensorJudgement(beam_order=beam_order_of_log(log), rotation=None)
-        config = replace(config, deskew=judged.can_deskew)
-    return Odometry(method, config=config, matcher=matcher)

@@ -1,13 +1,8 @@
 """What a single pass over the scans of a log counts, in memory that does not grow with the readings.
 
-Stamps are kept, 8 bytes a scan; everything else is a handful of counters.
-
-Beams that do not say what is there now: bins that keep an old value, beams that look at the robot itself.
-
-Both are detected by beams that should change and do not. A bin that was not refilled repeats its value to the last
-digit while the beams around it change; noise that is rounded to a step repeats a value only as often as it lands one
-step beside it. A beam on the robot's own body keeps its reading within noise while the robot drives past everything
-else.
+Beams that should change and do not: a bin that was not refilled repeats its value to the last digit while the beams
+around it change; noise rounded to a step repeats one only as often as it lands one step beside it. A beam on the
+robot's own body keeps its reading within noise while the robot drives past everything else.
 """
 
 from __future__ import annotations
@@ -28,11 +23,9 @@ _CHANGED = 8.0
 """Median change from sweep to sweep, in steps of the readings, from which on the scene counts as changing."""
 
 _NEAR = 4  # changes of up to so many steps are counted to estimate how often one of zero is expected
-
 _MIN_CHANGES = 20
 _MIN_STEP = 1e-4
 _MIN_PAIRS = 10
-
 _FIXED = 0.03  # largest standard deviation of a beam that keeps its reading, metres
 
 _MOVING = 0.2
@@ -99,11 +92,7 @@ class BeamStatistics:
 
     @property
     def fixed_beams(self) -> FixedBeams | None:
-        """Beams that keep their reading while the sensor moves; None without any, or where it stands.
-
-        Beside the robot the room begins at once. A wall that is passed straight on keeps its readings too, but beams
-        change little by little along it.
-        """
+        """Beams that keep their reading beside a room that begins at once, while the sensor moves; None without any."""
         well_seen = 2 * self._counts > self._n_scans
         if not well_seen.any():
             return None

@@ -5,8 +5,6 @@ readings they become arcs in the map, and hold the odometry back, as they move a
 is seen at many distances as the sensor moves; a code stays where it is and comes from beams all around.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,7 +22,6 @@ _MIN_SHARE = 0.002  # least share of all readings in the band: fewer leave no ar
 _MIN_BEAMS = 0.5
 """Least share of the beams that have been in the band: the far end of a room is seen by fewer, from one place."""
 _STRAYS = 0.0005  # share of the largest readings that may lie above the band: single wrong ones
-
 _WIDTHS, _LOOSE_WIDTHS = (1, 2, 5, 10), (1, 2, 5, 10, 20)  # of a ring, bins: of any readings, of those of no surface
 _TIMES = 4
 """How much denser a ring is than what lies beside it; in 17 real logs without codes no band is twice as dense."""

@@ -5,18 +5,16 @@ final poses, sure matches that contradict the finished map, scans that are not i
 the readings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
+from curvescan.configs import shipped_table
 from curvescan.diagnostics.breaks import Break, find_breaks
-from curvescan.diagnostics.issues import Issue
+from curvescan.diagnostics.issues import Issue, Sentences
 from curvescan.diagnostics.preparation import PreparedLog
 from curvescan.io.log import CountedLog
 from curvescan.odometry.run import RunRecord
@@ -94,7 +92,6 @@ class Evidence:
     breaks: tuple[Break, ...] = ()
     n_parts: int = 1
     contradictions: tuple[tuple[int, int, float, float], ...] = ()
-    is_aliased: bool = False
     motion: str = "none"
     faults: tuple[str, ...] = ()
 
@@ -138,112 +135,64 @@ class Evidence:
         return max(MAX_SIGMA, (MAX_SIGMA_SHARE if self.is_slam else MAX_DRIFT) * length)
 
 
-class _Reason(NamedTuple):
-    """A row: what speaks against a result, where it does, and what helps."""
-
-    test: Callable[[Evidence], bool]
-    what: Callable[[Evidence], str]
-    remedy: Callable[[Evidence], str]
+def _is_guessed(e: Evidence) -> bool:
+    """Return whether odometry, or SLAM whose covariances cannot tell it either, guesses the motion."""
+    return e.is_guessed and e.engine != "localization" and not (e.is_slam and e.open_share <= MAX_OPEN_SHARE_SLAM)
 
 
-_BREAKS = {
-    "frozen": "scans {b.first:,} to {b.last:,} show a sensor that stands, {how} {b.metres:.1f} m: the scanner may have "
-    "repeated a scan; what helps: look at these scans, and record them again",
-    "untied": "scan {b.first:,} does not match the scan before it, and wheels alone say how the parts before and after "
-    "it lie to each other; what helps: drive from one part to the other once more",
-    "misplaced": "where the track was lost, scans {b.first:,} to {b.last:,} lie {b.metres:.1f} m off; what helps: "
-    "leave them out",
+_TESTS: dict[str, Callable[[Evidence], bool]] = {
+    "too_few": lambda e: e.n_scans < 2,
+    "cut": lambda e: e.is_cut,
+    "parts": lambda e: e.n_parts > 1,
+    "not_found": lambda e: e.engine == "localization" and e.found < MIN_FOUND,
+    "unmatched": lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
+    "uncertain": lambda e: e.n_parts == 1 and e.sigma > e.most_sigma,
+    "guessed": _is_guessed,
+    "frozen": lambda e: any(b.kind == "frozen" for b in e.breaks),
+    "untied": lambda e: any(b.kind == "untied" for b in e.breaks),
+    "misplaced": lambda e: any(b.kind == "misplaced" for b in e.breaks),
+    "contradicted": lambda e: bool(e.contradictions),
 }
-"""What is said of the longest break of a kind."""
+"""Where each reason of verdict.toml holds."""
 
 
-def _of_break(kind: str) -> _Reason:
-    """Return the row of a kind of breaks."""
-
-    def what(e: Evidence) -> str:
-        longest = max((b for b in e.breaks if b.kind == kind), key=lambda b: b.metres)
-        how = "while the wheels drive" if e.motion == "used" else "and the scans after it leap by"
-        return _BREAKS[kind].format(b=longest, how=how)
-
-    return _Reason(lambda e: any(b.kind == kind for b in e.breaks), what, lambda _: "")
+def _end(e: Evidence) -> str:
+    known = f"{e.n_scans:,} of about {e.n_recorded:,} scans are there"
+    return known if e.n_recorded > e.n_scans else "its end is missing"
 
 
-_REASONS = (
-    _Reason(
-        lambda e: e.n_scans < 2,
-        lambda e: f"the log gave {e.n_scans} scan{'s' * (not e.n_scans)}, a motion needs two",
-        lambda _: "",
-    ),
-    _Reason(
-        lambda e: e.is_cut,
-        lambda e: (
-            f"the log is cut short: {e.n_scans:,} of about {e.n_recorded:,} scans are there"
-            if e.n_recorded > e.n_scans
-            else "the log is cut short: its end is missing"
-        ),
-        lambda _: "copy or record it again, or take the result for its beginning alone",
-    ),
-    _Reason(
-        lambda e: e.n_parts > 1,
-        lambda e: (
-            f"the {'map' if e.is_slam else 'trajectory'} is in {e.n_parts} parts, "
-            "and how they lie to each other is unknown"
-        ),
-        lambda e: _by_motion(e, "drive from one part to the other once more"),
-    ),
-    _Reason(
-        lambda e: e.engine == "localization" and e.found < MIN_FOUND,
-        lambda e: (
-            f"the sensor was found in the map in {e.found:.0%} of the scans, first in scan "
-            f"{int(np.argmax(e.is_known)):,}"
-            if e.is_known.any()
-            else "the sensor was not found in the map"
-        ),
-        lambda _: "a map that shows the rest too: SLAM with map= continues it",
-    ),
-    _Reason(
-        lambda e: e.engine != "localization" and e.n_unmatched > e.most_unmatched,
-        lambda e: (
-            f"{e.n_unmatched:,} of {e.n_scans - 1:,} scans are not matched ({e.n_unmatched / (e.n_scans - 1):.0%}), "
-            f"up to {_longest(e.is_unmatched):,} in a row"
-        ),
-        lambda e: _by_motion(e, "a wider field of view or a slower drive"),
-    ),
-    _Reason(
-        lambda e: e.n_parts == 1 and e.sigma > e.most_sigma,
-        lambda e: (
-            f"the position is uncertain by up to {e.sigma:.1f} m (standard deviation)"
-            + (
-                f"; in {int(np.count_nonzero(e.is_open)):,} scans, up to {_longest(e.is_open):,} in a row, "
-                "motion along one direction is unobservable"
-            )
-            * bool(e.is_open.any())
-        ),
-        lambda e: _by_motion(e, "a drive that comes back there" if e.is_slam else "SLAM, which closes loops"),
-    ),
-    _Reason(
-        lambda e: (
-            e.engine != "localization" and e.is_guessed and not (e.is_slam and e.open_share <= MAX_OPEN_SHARE_SLAM)
-        ),
-        lambda e: f"in {e.open_share:.0%} of the scans motion along one direction is unobservable",
-        lambda e: _by_motion(e, "a laser that sees farther"),
-    ),
-    *map(_of_break, _BREAKS),
-    _Reason(
-        lambda e: bool(e.contradictions),
-        lambda e: (
-            f"{sum(c[0] for c in e.contradictions):,} sure matches from "
-            f"{sum(c[1] for c in e.contradictions):,} keyframes "
-            f"contradict the map, most at x {e.contradictions[0][2]:.0f} m, y {e.contradictions[0][3]:.0f} m"
-        ),
-        lambda e: _by_motion(e, "look there with `curvescan view`, which mends closures by hand"),
-    ),
-    _Reason(
-        lambda e: e.is_aliased,
-        lambda _: "places look alike: loop closures that bent the map were withdrawn",
-        lambda e: _by_motion(e, "look at the map with `curvescan view`"),
-    ),
-)
+def _found(e: Evidence) -> str:
+    if not e.is_known.any():
+        return "not found in the map"
+    return f"found in the map in {e.found:.0%} of the scans, first in scan {int(np.argmax(e.is_known)):,}"
+
+
+def _where_open(e: Evidence) -> str:
+    n_open, longest = int(np.count_nonzero(e.is_open)), _longest(e.is_open)
+    where = f"; in {n_open:,} scans, up to {longest:,} in a row, motion along one direction is unobservable"
+    return where * bool(n_open)
+
+
+_FILL = Sentences(
+    {
+        "end": _end,
+        "found": _found,
+        "where_open": _where_open,
+        "made": lambda e: "map" if e.is_slam else "trajectory",
+        "n_steps": lambda e: e.n_scans - 1,
+        "unmatched_share": lambda e: e.n_unmatched / (e.n_scans - 1),
+        "longest_unmatched": lambda e: _longest(e.is_unmatched),
+        "closing": lambda e: "a drive that comes back there" if e.is_slam else "SLAM, which closes loops",
+        "how": lambda e: "while the wheels drive" if e.motion == "used" else "and the scans after it leap by",
+        "n_matches": lambda e: sum(c[0] for c in e.contradictions),
+        "n_keyframes": lambda e: sum(c[1] for c in e.contradictions),
+    }
+).format
+_BY_MOTION = {
+    "left out": "the log's wheels or gyroscope, odometry_prior=True; or ",
+    "none": "a log with wheel odometry; or ",
+}
+"""What helps where wheels would: those of the log where they were left out, wheels where it has none."""
 
 
 def judge(record: RunRecord, engine: Engine, prepared: PreparedLog | None = None) -> Verdict:
@@ -253,11 +202,13 @@ def judge(record: RunRecord, engine: Engine, prepared: PreparedLog | None = None
 
 def verdict_of(evidence: Evidence) -> Verdict:
     """Return the verdict on the figures of a result."""
-    reasons = [
-        f"{reason.what(evidence)}{f'; what helps: {remedy}' if (remedy := reason.remedy(evidence)) else ''}"
-        for reason in _REASONS
-        if reason.test(evidence)
-    ]
+    reasons = []
+    for name, row in shipped_table(__package__, "verdict.toml").items():
+        if _TESTS[name](evidence):
+            longest = max((b for b in evidence.breaks if b.kind == name), key=lambda b: b.metres, default=None)
+            helps = _BY_MOTION.get(evidence.motion, "") * row.get("by_motion", False) + row.get("helps", "")
+            sentence = row["what"] + f"; what helps: {helps}" * bool(helps)
+            reasons.append(_FILL(sentence, e=evidence, b=longest))
     reasons += evidence.faults
     return Verdict(is_trusted=not reasons, reasons=tuple(reasons))
 
@@ -287,7 +238,6 @@ def evidence_of(record: RunRecord, engine: Engine, prepared: PreparedLog | None 
         sigma=_largest_sigma(record, engine),
         n_parts=n_parts,
         contradictions=contradictions,
-        is_aliased=isinstance(engine, Slam) and engine.is_deceived,
         motion="used" if record.has_prior else "left out" if prepared and prepared.prior.sentence else "none",
         faults=_faults(issues),
     )
@@ -304,15 +254,6 @@ def _faults(issues: Sequence[Issue]) -> tuple[str, ...]:
         for issue in issues
         if issue.kind in _SPOILING
     )
-
-
-def _by_motion(e: Evidence, else_helps: str) -> str:
-    """Return what helps: the wheels of the log where they were left out, wheels where it has none."""
-    helps = {
-        "left out": "the log's wheels or gyroscope, odometry_prior=True; or ",
-        "none": "a log with wheel odometry; or ",
-    }
-    return helps.get(e.motion, "") + else_helps
 
 
 def _largest_sigma(record: RunRecord, engine: Engine) -> float:

@@ -6,8 +6,6 @@ robots", IEEE Transactions on Robotics 29, 2013, treat wheels and a laser so). A
 a way fixes its direction: a drive needs both.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ has corrected: a match that differs from them by more than their errors can expl
 checked by hand (see ``relations.py``), the method's odometry of the whole log is measured against them.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Errors of a trajectory against reference poses: truth, or what a SLAM system made of the same log."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

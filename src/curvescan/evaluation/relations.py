@@ -6,8 +6,6 @@ separately. Near relations, between scans a few seconds apart, measure the match
 place, measure what has added up in between, which a trajectory without loop closing cannot avoid.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -133,7 +131,7 @@ class RelationErrors:
     scan: Ints  # (n,): index of the later scan in the trajectory
     place: Floats  # (n,): length of the trajectory up to it, metres
     between: Floats  # (n,): length of the trajectory between the two scans, metres
-    benchmark: BenchmarkLog | None = None  # published errors of the same log, where there are any
+    benchmark: "BenchmarkLog | None" = None  # published errors of the same log, where there are any
 
     def __len__(self) -> int:
         return len(self.translation)
@@ -162,7 +160,7 @@ def relation_errors(
     laser_pose: ArrayLike = (0.0, 0.0, 0.0),
     *,
     near: float = NEAR,
-    benchmark: BenchmarkLog | None = None,
+    benchmark: "BenchmarkLog | None" = None,
 ) -> RelationErrors:
     """Return the errors of a sensor's trajectory against relations of its robot. laser_pose (3,)."""
     robot = se2.compose(trajectory.poses, se2.inverse(laser_pose))

@@ -6,8 +6,6 @@ algorithms", Autonomous Robots 27 (2009): the error of a *relative* pose does no
 an absolute one does.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -34,7 +32,7 @@ class Spread:
     max: float
 
     @classmethod
-    def of(cls, values: Floats) -> Spread:
+    def of(cls, values: Floats) -> "Spread":
         """Return the figures of values of any shape, none of them NaN."""
         if values.size == 0:
             nan = float("nan")

@@ -4,8 +4,6 @@
 file, never from its name.
 """
 
-from __future__ import annotations
-
 from curvescan.io import datasets
 from curvescan.io.arrays.memory import MemoryLog, log_from_arrays
 from curvescan.io.config import read_config, write_config
@@ -20,27 +18,8 @@ from curvescan.io.trajectories.trajectory import Trajectory, read_csv, read_tum
 from curvescan.io.writing import WRITERS, write_log
 
 __all__ = [
-    "WRITERS",
-    "Log",
-    "MemoryLog",
-    "PoseFile",
-    "ReadError",
-    "Relations",
-    "SensorSetup",
-    "Trajectory",
-    "apply_setup",
-    "datasets",
-    "log_from_arrays",
-    "output_folder",
-    "pick_scans",
-    "read_config",
-    "read_csv",
-    "read_log",
-    "read_poses",
-    "read_relations",
-    "read_tum",
-    "write_config",
-    "write_csv",
-    "write_log",
+    "WRITERS", "Log", "MemoryLog", "PoseFile", "ReadError", "Relations", "SensorSetup", "Trajectory",
+    "apply_setup", "datasets", "log_from_arrays", "output_folder", "pick_scans", "read_config", "read_csv",
+    "read_log", "read_poses", "read_relations", "read_tum", "write_config", "write_csv", "write_log",
     "write_tum",
-]
+]  # fmt: skip

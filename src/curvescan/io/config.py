@@ -1,7 +1,5 @@
 """Configurations to TOML files and back: one table a method, one sub-table a stage."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Nothing is shipped: each file comes from the public repository that holds it. By
 same name is the same bytes for everybody. Of a file that is published compressed it is that of the content.
 """
 
-from __future__ import annotations
-
 import bz2
 import io
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What every source of scans offers, whether a file or a simulated world; a small log can be held in memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
@@ -56,8 +54,8 @@ class Log(Protocol):
     @overload
     def __getitem__(self, i: int) -> LaserScan: ...
     @overload
-    def __getitem__(self, i: slice) -> Log: ...
-    def __getitem__(self, i: int | slice) -> LaserScan | Log:
+    def __getitem__(self, i: slice) -> "Log": ...
+    def __getitem__(self, i: int | slice) -> "LaserScan | Log":
         """Return scan i, or a view of a slice; negative numbers count from the end. See :class:`ScanAccess`."""
 
 
@@ -77,10 +75,7 @@ class GyroLog(Protocol):
     """A log that also holds a gyroscope."""
 
     def turned_by_gyro(self) -> Floats | None:
-        """Return (n_scans,) the angle about z that the gyroscope has turned by at each scan, NaN where not covered.
-
-        Radians if its driver keeps to REP-103. None without a gyroscope.
-        """
+        """Return (n_scans,) angles about z by the gyroscope at each scan, radians by REP-103, NaN where not covered."""
 
 
 @runtime_checkable
@@ -132,25 +127,14 @@ class LogView(ScanAccess):
     def __init__(self, log: Log) -> None:
         self._log = log
 
-    @property
-    def below(self) -> Log:
-        """The log below."""
-        return self._log
-
-    @property
-    def name(self) -> str:
-        """Name of the log below."""
-        return self._log.name
-
-    @property
-    def format(self) -> str:
-        """Format of the log below."""
-        return self._log.format
-
-    @property
-    def odometry(self) -> Trajectory | None:
-        """Wheel odometry of the log below."""
-        return self._log.odometry
+    # what the log below says
+    below = property(lambda self: cast(Log, self._log))
+    name = property(lambda self: str(self._log.name))
+    format = property(lambda self: str(self._log.format))
+    odometry = property(lambda self: cast(Trajectory | None, self._log.odometry))
+    read_errors = property(lambda self: cast(tuple[ReadError, ...], self._log.read_errors))
+    tag_counts = property(lambda self: cast(Mapping[str, int], self._log.tag_counts))
+    notes = property(lambda self: cast(tuple[str, ...], self._log.notes))
 
     def robot_odometry(self) -> Trajectory | None:
         """Return the wheel odometry of the robot, where the log below knows the laser's mount."""
@@ -171,21 +155,6 @@ class LogView(ScanAccess):
     def why_estimated(self) -> str:
         """Return what the log below says."""
         return self._log.why_estimated() if isinstance(self._log, EstimatedLog) else ""
-
-    @property
-    def read_errors(self) -> tuple[ReadError, ...]:
-        """Faults of the log below."""
-        return self._log.read_errors
-
-    @property
-    def tag_counts(self) -> Mapping[str, int]:
-        """Messages of the log below."""
-        return self._log.tag_counts
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Remarks on the log below."""
-        return self._log.notes
 
     def __len__(self) -> int:
         return len(self._log)

@@ -4,8 +4,6 @@ A format is one row: a name, a sniff that looks at the first bytes after unpacki
 ``"module:function"``, imported when a file of the format is met. Rows are tried in order.
 """
 
-from __future__ import annotations
-
 import os
 import pkgutil
 import re
@@ -31,11 +29,7 @@ class LogReader(Protocol):
     """Opens a log of one format; the function or class a row of the table names."""
 
     def __call__(self, path: Path, *, range_max: float | None, topic: str | None) -> Log:
-        """Return the log, having made sure that it holds a scan.
-
-        range_max: Upper limit of a valid reading, metres, in place of that of the log; None to use the log's; topic:
-        Which of several lasers to read, where a format names them; None for the only one.
-        """
+        """Return the log, which holds a scan; range_max: in place of the log's limit; topic: of several lasers."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,8 +3,6 @@
 One record, and one view of a log that applies it to every scan and to the wheel odometry: readers know nothing of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace

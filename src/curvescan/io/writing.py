@@ -5,8 +5,6 @@ imported when it is used. What each format loses of a scan stands with its write
 a sentence each.
 """
 
-from __future__ import annotations
-
 import os
 import pkgutil
 import sqlite3

@@ -1,9 +1,9 @@
 from .foxglove import FoxgloveSink as FoxgloveSink
 from .pipeline import LiveReport as LiveReport
 from .pipeline import run_live as run_live
-from .queues import BoundedQueue as BoundedQueue
 from .recorder import McapRecorder as McapRecorder
 from .results import ResultsSink as ResultsSink
+from .sinks import BoundedQueue as BoundedQueue
 from .sinks import LiveSink as LiveSink
 from .sources import LogSource as LogSource
 from .sources import ScanSource as ScanSource

@@ -1,7 +1,5 @@
 """What a laser's poses mean for the robot's base: pose in odom, twist, map -> odom. No ROS in here."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """FoxgloveSink: a live run as the node's ROS 2 messages on a websocket (extra ``curvescan[foxglove]``)."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable
@@ -9,7 +7,7 @@ from typing import Any
 
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
 from curvescan.io.ros.writing.message_building import MessageBuilder
-from curvescan.live.ros_messages import MAP_TOPIC, TOPICS, LiveMessages
+from curvescan.live.recorder import MAP_TOPIC, TOPICS, LiveMessages
 from curvescan.live.server import local_url
 from curvescan.live.sinks import MapSink, SavedMap
 from curvescan.live.tracker import TrackedScan

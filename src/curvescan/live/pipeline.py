@@ -14,8 +14,7 @@ import numpy as np
 
 from curvescan._interrupts import stoppable
 from curvescan.errors import CurvescanError
-from curvescan.live.queues import BoundedQueue
-from curvescan.live.sinks import LiveSink
+from curvescan.live.sinks import BoundedQueue, LiveSink
 from curvescan.live.sources import ScanSource
 from curvescan.live.tracker import TrackedScan, Tracker
 from curvescan.scan import LaserScan

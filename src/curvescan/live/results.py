@@ -1,7 +1,5 @@
 """ResultsSink: the results folder of a live run, the same as of an offline one."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -62,10 +60,7 @@ class ResultsSink(MapSink):
         log: PreparedLog | None = None,
         command: Sequence[str] = (),
     ) -> tuple[str, ...]:
-        """Write the results into a folder, after the sink was closed; of a log they are those of the offline command.
-
-        A laser's scans have gone: its maps are drawn from those kept, one for every 0.15 m and 20 degrees.
-        """
+        """Write the results into a folder once the sink is closed; a laser's maps are drawn from the scans kept."""
         scans = _Passed(name, report.n_scans) if log is None else log.log
         is_partial = report.error is not None or len(scans) > report.n_scans
         has_prior = log is not None and log.odometry_poses is not None

@@ -6,8 +6,6 @@ of its own (DNS rebinding); scripts, styles and connections are limited to itsel
 token of this server, which only its own page can read; where other machines may look on, there are no actions.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hmac
 import ipaddress

@@ -60,10 +60,7 @@ _PAUSED = 0.05
 
 
 class Paced:
-    """A source that we make ourselves, at the pace of its stamps; it can be paused, and hurried on to a scan.
-
-    Subclasses write :meth:`_made`.
-    """
+    """A source that we make ourselves, by `_made`, at the pace of its stamps; it can be paused and hurried on."""
 
     is_live = False
 

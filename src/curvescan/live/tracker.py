@@ -1,7 +1,5 @@
 """Tracker: one verb for odometry, SLAM and localization, and what a sink gets of each scan."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Sequence

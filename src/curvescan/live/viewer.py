@@ -221,7 +221,7 @@ class Viewer(MapSink):
                 pose = self._final[min(self._scan_event["index"], len(self._final) - 1)]
                 now: dict[str, Any] = {"pose": [round(v, 5) for v in pose.tolist()]}
                 if self._tracker is not None and isinstance(self._tracker.engine, Slam):
-                    # some were withdrawn on the way, others joined keyframes that have gone
+                    # some lost their weight on the way, others joined keyframes that have gone
                     now["n_closures"] = self._tracker.engine.backend.count_matches()[0]
                 self._scan_event = self._scan_event | now
         self._draw()

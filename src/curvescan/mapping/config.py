@@ -1,7 +1,5 @@
 """What an occupancy map is made with."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ After Núñez et al. 2009, section 2.2: the segments without a partner are the d
 separates what moved from what only came into view.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence

@@ -6,8 +6,6 @@ just above 0.196, so that it is unknown, but below the 0.25 that Nav2's own map_
 places come back as free. Hence 0.196 here.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 
 from curvescan.errors import InvalidArgumentError, LogFileError, LogFormatError, MissingPackageError, OutputError
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.grid_editing import moved
 from curvescan.mapping.occupancy import OccupancyGrid
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
@@ -101,11 +100,12 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
         raise LogFormatError(f"{path} is no map of map_server that can be read: it has no {error.args[0]}") from error
     except ValueError as error:
         raise LogFormatError(f"{path} is no map of map_server that can be read: {error}") from error
-    if yaw != 0.0:
-        raise LogFormatError(f"{path} is turned by {yaw:g} rad against its frame: turn the picture")
     surest = np.log([config.highest / (1.0 - config.highest), config.lowest / (1.0 - config.lowest)])
     log_odds = np.where(is_occupied, surest[0], np.where(is_free, surest[1], 0.0)).astype(np.float32)
-    return OccupancyGrid(log_odds=np.ascontiguousarray(log_odds[::-1]), origin=np.array([x, y]), config=config)
+    log_odds = np.ascontiguousarray(log_odds[::-1])
+    if yaw == 0.0:
+        return OccupancyGrid(log_odds=log_odds, origin=np.array([x, y]), config=config)
+    return moved(OccupancyGrid(log_odds=log_odds, origin=np.zeros(2), config=config), (x, y, yaw))
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:

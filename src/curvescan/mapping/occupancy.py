@@ -6,8 +6,6 @@ et al., "OctoMap", Autonomous Robots 2013: a scan changes a cell once, hits go b
 clamped, so that the map follows a changing place.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -71,12 +69,12 @@ class OccupancyGrid:
     @property
     def is_occupied(self) -> Bools:
         """(n_rows, n_columns) whether something stands in a cell."""
-        return self.log_odds > _log_odds(self.config.occupied_from)
+        return self.log_odds > log_odds_of(self.config.occupied_from)
 
     @property
     def is_free(self) -> Bools:
         """(n_rows, n_columns) whether a cell was seen to be empty; neither free nor occupied is unknown."""
-        return self.log_odds < _log_odds(self.config.free_to)
+        return self.log_odds < log_odds_of(self.config.free_to)
 
     @property
     def occupied_centres(self) -> Points:
@@ -97,7 +95,7 @@ class OccupancyBuilder:
     def __init__(self, config: OccupancyConfig | Mapping[str, Any] | None = None) -> None:
         self.config = as_config(config, OccupancyConfig())
         c = self.config
-        self._steps = np.array([_log_odds(p) for p in (c.hit, c.miss, c.lowest, c.highest)])
+        self._steps = np.array([log_odds_of(p) for p in (c.hit, c.miss, c.lowest, c.highest)])
         self._corner = np.zeros(2, dtype=np.int64)  # of the grid, in cells from the frame's origin
         self._log_odds = np.zeros((0, 0), dtype=np.float32)
         self._marks = np.zeros((0, 0), dtype=np.int32)
@@ -196,7 +194,7 @@ class OccupancyBuilder:
         if held.all():
             first = np.minimum(first, self._corner)
             beyond = np.maximum(beyond, self._corner + held)
-        self._check_size(beyond - first)
+        check_map_size(beyond - first, self.config.resolution)
         # room to grow by half wherever it had to grow, so that few scans pay for it
         margin = np.maximum(_FIRST_MARGIN, (beyond - first) // 2)
         roomy_first = np.where(first < self._corner, first - margin, first)
@@ -213,19 +211,22 @@ class OccupancyBuilder:
             marks[j : j + n_rows, i : i + n_columns] = self._marks
         self._corner, self._log_odds, self._marks = corner, log_odds, marks
 
-    def _check_size(self, n_cells: Floats) -> None:
-        if not _n_bytes(n_cells) <= MAX_BYTES:  # also where it is no number
-            width, height = n_cells * self.config.resolution
-            raise MapTooLargeError(
-                f"an occupancy map may take {MAX_BYTES >> 30} GiB, and {width:,.0f} m by {height:,.0f} m in cells of "
-                f"{self.config.resolution:g} m take more: choose larger cells (the resolution of OccupancyConfig) or a "
-                "smaller range_max; if the place is not that large, the trajectory has gone astray"
-            )
+
+def check_map_size(n_cells: Floats, resolution: float) -> None:
+    """Raise MapTooLargeError where so many columns and rows are more than a map may take."""
+    if not _n_bytes(n_cells) <= MAX_BYTES:  # also where it is no number
+        width, height = n_cells * resolution
+        raise MapTooLargeError(
+            f"an occupancy map may take {MAX_BYTES >> 30} GiB, and {width:,.0f} m by {height:,.0f} m in cells of "
+            f"{resolution:g} m take more: choose larger cells (the resolution of OccupancyConfig) or a smaller "
+            "range_max; if the place is not that large, the trajectory has gone astray"
+        )
 
 
 def _n_bytes(n_cells: Floats) -> float:
     return float(n_cells[0]) * float(n_cells[1]) * _CELL_BYTES
 
 
-def _log_odds(probability: float) -> float:
+def log_odds_of(probability: float) -> float:
+    """Return the log-odds of a probability."""
     return math.log(probability / (1.0 - probability))

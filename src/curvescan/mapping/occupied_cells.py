@@ -1,7 +1,5 @@
 """The cells of a square grid in which readings ended: the map as points, light enough to be drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np
@@ -26,11 +24,7 @@ def occupied_cells(scans: Iterable[LaserScan], poses: Pose, cell: float = 0.05) 
 
 
 class OccupiedCells:
-    """Cells of a square grid that points fell into; memory follows the area and not the number of points.
-
-    A cell is one integer, its column in the upper and its row in the lower half: such are sorted ten times as fast as
-    pairs. Places beyond the 2^31st cell, 100,000 km away, fall into that cell.
-    """
+    """Cells of a square grid that points fell into, column and row in one integer; memory follows the area."""
 
     def __init__(self, cell: float) -> None:
         if not cell > 0.0:

@@ -1,7 +1,5 @@
 """The maps of a run from one pass over its scans: static cells, dynamic cells, free space."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import tee

@@ -5,8 +5,6 @@ through the side it meets first. How many columns and rows it has to cross is kn
 neither miss its last cell nor run past it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Two scans in, the pose of the second seen from the first out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,21 +13,9 @@ from curvescan.scan import LaserScan
 from curvescan.types import UncertainPose
 
 __all__ = [
-    "DEFAULT_METHOD",
-    "MATCHERS",
-    "Candidate",
-    "Label",
-    "MatchResult",
-    "Matcher",
-    "MatcherConfig",
-    "Method",
-    "Outcome",
-    "PreparedScan",
-    "find_matcher",
-    "match",
-    "prepare",
-    "prepared",
-]
+    "DEFAULT_METHOD", "MATCHERS", "Candidate", "Label", "MatchResult", "Matcher", "MatcherConfig", "Method",
+    "Outcome", "PreparedScan", "find_matcher", "match", "prepare", "prepared",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

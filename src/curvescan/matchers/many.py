@@ -1,7 +1,5 @@
 """Many matches in one call: each scan prepared once, the work shared out among processes of this machine."""
 
-from __future__ import annotations
-
 import itertools
 import multiprocessing
 import signal

@@ -1,7 +1,5 @@
 """What goes into a match and what comes out: the prior, checked, and the result with its outcome."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
@@ -19,7 +17,6 @@ WIDE_SIGMA = (2.0, 2.0, 1.5)
 """Standard deviations about standing still that hold where nothing is known: metres, metres, radians."""
 
 WIDE_PRIOR = UncertainPose(np.zeros(3), np.diag(np.square(WIDE_SIGMA)))
-
 _GUESS_COVARIANCE = np.diag(np.square(GUESS_SIGMA))
 _GUESS_COVARIANCE.setflags(write=False)
 

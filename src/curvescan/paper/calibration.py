@@ -6,8 +6,6 @@ the least at which planes show none, as it finds most corners. n and S_min: see
 :mod:`curvescan.paper.calibration_pairs`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

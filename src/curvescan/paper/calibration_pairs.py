@@ -4,8 +4,6 @@ n: accuracy against time. S_min: pairs of characteristic points of consecutive s
 rejected.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The paper's five experiments in one go (its sections 3.2 and 3.3): seeded, so that a rerun gives the same numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 

@@ -5,8 +5,6 @@ them, and the second is moved on paper. Harder variants stand beside it: more no
 second scan, and a sensor that is moved itself, so that surfaces hide and show and are sampled anew.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator

@@ -1,34 +1,21 @@
 """The report of the paper's experiments: tables, figures and what contradicts the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from curvescan._version import __version__
+from curvescan.configs import shipped_table
+from curvescan.paper import tables
 from curvescan.paper.experiments import CONSISTENT, Experiments, ScenarioComparison
 from curvescan.paper.random_transform import N_PAPER_CONDITIONS, RandomTransformRuns
 from curvescan.paper.scenarios import ScenarioResult
-from curvescan.paper.tables import (
-    covariance_table,
-    draw_both_maps,
-    draw_discarded,
-    draw_end,
-    draw_errors,
-    draw_maps,
-    draw_trajectories,
-    drive_table,
-    dynamic_table,
-    log_relation_table,
-    log_table,
-    random_transform_table,
-)
 from curvescan.runs.document import Part, ResultTable, save_document
 from curvescan.runs.evaluation import number_or_null, relation_record
 from curvescan.runs.results import write_record
 
+_TEXT = shipped_table(__package__, "report.toml")
 PAPER_PARAMETERS = {"cfsma": "7", "idc": "4", "cox": "5", "histogram": "2"}  # table VI of the paper
 
 
@@ -136,20 +123,11 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
         f"on simulated scans by curvescan {__version__}, seed {results.seed}"
         + (", quick: ten runs, one seed and a quarter of the scans." if results.is_quick else ".")
     )
-    yield (
-        "Each is done under the paper's conditions (a real LMS200's noise of 5 mm, turns of at most 4 degrees from a "
-        "scan to the next, 3 people) and under hard ones (10 mm, turns of up to 17 degrees, 20 people). The scans are "
-        "simulated; the building is ours."
-    )
+    yield _TEXT["conditions"]
     yield "## Experiment 1: random transform"
-    yield (
-        "Two scans of one place, the second moved by 100 ± 50 mm on each axis and 15 ± 5 degrees. Walkers walk on for "
-        "0.2 s between the scans; other people stand elsewhere in each of the two. One place a seed is one scene, as "
-        "the paper has it; else each run has a building of its own. cfsma runs as printed, and once more with the "
-        "consistency test of its pairs, which the paper has not."
-    )
-    yield random_transform_table(results.random_transforms)
-    draw_errors(folder / "errors.png", results.random_transforms)
+    yield _TEXT["experiment_1"]
+    yield tables.random_transform_table(results.random_transforms)
+    tables.draw_errors(folder / "errors.png", results.random_transforms)
     yield ("errors.png", "Errors of the matches that did not fail; the dashed lines bound a right one.")
     for drive in results.drives:
         yield from _drive_parts(folder, drive)
@@ -157,9 +135,9 @@ def _paper_parts(folder: Path, results: Experiments) -> Iterator[Part]:
 
 def _log_parts(results: Experiments) -> Iterator[Part]:
     yield ("## Real logs" if results.drives else f"# Every method on real logs (curvescan {__version__})")
-    yield log_table(results.logs)
+    yield tables.log_table(results.logs)
     if any(judged.relations is not None for judged in results.logs):
-        yield log_relation_table(results.logs)
+        yield tables.log_relation_table(results.logs)
 
 
 def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
@@ -170,44 +148,31 @@ def _drive_parts(folder: Path, drive: ScenarioComparison) -> Iterator[Part]:
     yield f"## Experiment {experiment.number}: {experiment.title}, {experiment.condition} conditions"
     yield (
         f"{len(drive.log):,} scans over {lengths} m, {1e3 * drive.log.sensor.sigma_range:.0f} mm of noise, "
-        f"{experiment.n_people} people walking; {shares} % of the beams hit people. {_PAPER_TEXT[experiment.number]}"
+        f"{experiment.n_people} people walking; {shares} % of the beams hit people. "
+        + _TEXT[f"experiment_{experiment.number}"]
     )
-    yield drive_table(drive)
-    yield covariance_table(drive)
+    yield tables.drive_table(drive)
+    yield tables.covariance_table(drive)
     if experiment.n_people:
-        yield dynamic_table(drive)
+        yield tables.dynamic_table(drive)
     yield from _lost_ways(drive)
-    draw_maps(folder / f"maps_{name}.png", drive)
-    yield (f"maps_{name}.png", f"Maps of all methods at the same scale; truth dashed. {_FIGURE_8}")
-    draw_trajectories(folder / f"trajectories_{name}.png", drive)
+    tables.draw_maps(folder / f"maps_{name}.png", drive)
+    yield (f"maps_{name}.png", f"Maps of all methods at the same scale; truth dashed. {_TEXT['figure_8']}")
+    tables.draw_trajectories(folder / f"trajectories_{name}.png", drive)
     yield (f"trajectories_{name}.png", "Trajectories of all methods in one figure, truth dashed.")
     if "cfsma" not in drive.results:
         return
     if experiment.number == 2:
-        draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
+        tables.draw_both_maps(folder / f"figure_7b_{name}.png", drive, "cfsma")
         yield (f"figure_7b_{name}.png", "As figure 7: the map by cfsma, and the one from wheel odometry.")
-        draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
+        tables.draw_end(folder / f"figure_7c_{name}.png", drive, "cfsma")
         yield (f"figure_7c_{name}.png", "As figure 7c: the way by cfsma about start and end.")
     if experiment.n_people:
-        draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
+        tables.draw_discarded(folder / f"figure_9a_{name}.png", drive, "cfsma")
         yield (
             f"figure_9a_{name}.png",
             "As figure 9a: map by cfsma; what it left unmatched is grey, people among it orange.",
         )
-
-
-_PAPER_TEXT = {
-    2: "The paper's robot ended at about (46, 52) mm by measurement and at about (29, 26) mm, 3.9 deg by its "
-    "matching (signs lost).",
-    3: "The paper: 325 scans over about 60 m; CF-SMA, IDC and Cox are alike, Cox a little off in angle, Histogram's "
-    "pose suffers from abrupt errors (Tables II and III, entries lost in our copy).",
-    4: "The paper: 525 scans over about 80 m with some people; the same tables (IV and V, entries lost in our copy).",
-}
-
-_FIGURE_8 = (
-    "The text of figure 8 in the paper: CF-SMA, IDC and Cox give alike maps, Cox's a little turned; Histogram's breaks "
-    "where its pose jumps."
-)
 
 
 def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:
@@ -216,13 +181,9 @@ def _lost_ways(drive: ScenarioComparison) -> Iterator[str]:
         lost = result.lost
         if result.errors.drift <= 0.01 or lost.n_failed + lost.n_wrong == 0:
             continue
-        yield (
-            f"{method} ends more than 1 % of the path away (first seed): {lost.n_failed} of the matches failed and "
-            f"{lost.n_wrong} were off by more than 0.1 m or 2 deg. In these steps the robot moved {lost.motion:.2f} m "
-            f"and turned {np.degrees(lost.turn):.1f} deg in the mean, in all others {lost.usual_motion:.2f} m and "
-            f"{np.degrees(lost.usual_turn):.1f} deg. With the true motion in their place the end would be off by "
-            f"{lost.end_without:.3f} m, {100 * lost.end_without / result.errors.path_length:.2f} % of the path."
-        )
+        turns = {"turn": np.degrees(lost.turn), "usual_turn": np.degrees(lost.usual_turn)}
+        share = 100 * lost.end_without / result.errors.path_length
+        yield _TEXT["lost_way"].format(method=method, lost=lost, share=share, **turns)
 
 
 def _verdicts(results: Experiments) -> Iterator[str]:
@@ -264,11 +225,9 @@ def _accuracy_verdicts(results: Experiments) -> Iterator[str]:
         x, y, _ = runs.mean_of_right
         all_x, all_y, _ = runs.mean_of_all
         holds = "reproduced" if min(x, y) <= 0.012 and max(x, y) <= 0.022 else "not reproduced"
-        yield (
-            f"Experiment 1, {condition.title} ({len(runs.errors):,} runs). The paper: mean errors of 12 mm in x and 22 "
-            f"mm in y. Here {1e3 * x:.1f} and {1e3 * y:.1f} mm for the {100 * runs.right_share:.1f} % of the runs that "
-            f"are right, which is {holds}; {1e3 * all_x:.1f} and {1e3 * all_y:.1f} mm with the wrong ones among them."
-        )
+        means = {"x": 1e3 * x, "y": 1e3 * y, "all_x": 1e3 * all_x, "all_y": 1e3 * all_y}
+        about = {"title": condition.title, "n": len(runs.errors), "right": 100 * runs.right_share, "holds": holds}
+        yield _TEXT["accuracy"].format(**about, **means)
 
 
 def _median(drive: ScenarioComparison, method: str, figure: Callable[[ScenarioResult], float]) -> float:

@@ -1,16 +1,10 @@
 """The paper's experiments 2, 3 and 4: runs of a robot, every method on the same scans (its sections 3.2 and 3.3).
 
-Each is done under two conditions. The paper's: the noise of a real LMS200, turns of at most 4 degrees from a scan to
-the next (a footnote of section 2.3 says that they are small), a few people. Hard ones: twice the noise, turns of up to
-17 degrees, a crowd.
-
-The covariance of Lu and Milios (eqs. 13-18) for a match of any method, as the paper's Tables II to V have it.
-
-The paper gives all four methods this covariance, so that they can be compared. It needs pairs of points; a method that
-matches points to lines or to peaks has none, so each matched reading is paired with the nearest matched one.
+Under the paper's conditions: the noise of a real LMS200, turns of at most 4 degrees from a scan to the next (section
+2.3), few people; and under hard ones: twice the noise, turns of up to 17 degrees, a crowd. All methods get the
+covariance of Lu and Milios (eqs. 13-18), which needs pairs: each matched reading is paired with the nearest matched
+one.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -136,7 +130,7 @@ class Share(NamedTuple):
         return self.n_part / self.n_whole if self.n_whole else math.nan
 
     @classmethod
-    def of(cls, part: Bools, whole: Bools) -> Share:
+    def of(cls, part: Bools, whole: Bools) -> "Share":
         """Return the share of `whole`, (n_scans, n_beams), that is also `part`."""
         return cls(int(np.count_nonzero(part & whole)), int(np.count_nonzero(whole)))
 

@@ -1,7 +1,5 @@
 """The tables and figures of the paper's experiments and of real logs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures of an evaluation: errors along the path, and the trajectory as a map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

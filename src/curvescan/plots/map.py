@@ -1,7 +1,5 @@
 """Maps as pictures: of a run, of wheels alone (the paper's figure 7), of occupancy and graphs; what figures share."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -38,7 +36,6 @@ PAIRED = "#00796b"
 FIRST, SECOND = "#0072b2", "#d55e00"
 """Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
 SEGMENT_COLOURS = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
-
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160

@@ -1,7 +1,5 @@
 """The paper's figures of one match: segments (4), curvature functions (5), matched points (6 and 9)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

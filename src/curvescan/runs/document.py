@@ -1,11 +1,10 @@
 """Tables of results, and a report written twice from the same parts: Markdown, and HTML with its figures inside."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
@@ -37,7 +36,7 @@ class ResultTable:
         *,
         last: Sequence[Sequence[str]] = (),
         keys: int = 1,
-    ) -> ResultTable:
+    ) -> "ResultTable":
         """Return a table with a row an item: each column's name, and what it says of an item; `last` are more rows."""
         rows = [tuple(entry(item) for _, entry in columns) for item in items]
         return cls(title=title, columns=[name for name, _ in columns], rows=[*rows, *last], keys=keys)
@@ -73,7 +72,12 @@ _WIDTH = 120  # of a table's lines in a report, characters
 def save_document(folder: Path, title: str, parts: Sequence[Part]) -> None:
     """Write report.md and report.html into an existing folder."""
     text = write_markdown(folder / "report.md", parts)
-    page = _PAGE.format(title=escape(title), body=_html(folder, text))
+    page = (
+        files(__package__)
+        .joinpath("report.html")
+        .read_text("utf-8")
+        .format(title=escape(title), body=_html(folder, text))
+    )
     (folder / "report.html").write_text(page, encoding="utf-8", newline="\n")
 
 
@@ -105,22 +109,3 @@ def _html(folder: Path, text: str) -> str:
                 inner.attrs["src"] = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html
-
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<style>
-body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
-table {{ border-collapse: collapse; margin: 1rem 0; font-size: 13px; }}
-th, td {{ border-bottom: 1px solid #ddd; padding: 0.25rem 0.6rem; text-align: right; }}
-th:first-child, td:first-child {{ text-align: left; }}
-img {{ max-width: 100%; }}
-</style>
-</head>
-<body>
-{body}</body>
-</html>
-"""

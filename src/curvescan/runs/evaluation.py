@@ -1,12 +1,10 @@
 """Errors of trajectories in a folder: a report with tables, a record and figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import get_args
@@ -88,19 +86,20 @@ def evaluate(
     require(tolerance >= 0.0, "tolerance must be at least 0 s", tolerance)
     own = _poses_of(trajectory).trajectory
     about = _about(trajectory, relations if relations is not None else reference, laser_pose)
+    errors: RelationErrors | ReferenceErrors
     with nullcontext() if out is None else output_folder(out) as folder:
         if relations is not None:
             known = find_benchmark(benchmark, "" if isinstance(relations, Relations) else Path(relations).name)
             given = relations if isinstance(relations, Relations) else read_relations(relations)
-            by_relations = relation_errors(own, given, laser_pose, near=near, benchmark=known)
-            if folder is not None:
-                save_relation_evaluation(folder, by_relations, own, about=about | {"near_s": near})
-            return by_relations
-        assert reference is not None
-        errors = reference_errors(own, _poses_of(reference), laser_pose, tolerance=tolerance)
+            errors = relation_errors(own, given, laser_pose, near=near, benchmark=known)
+            about["near_s"] = near
+        else:
+            assert reference is not None
+            errors = reference_errors(own, _poses_of(reference), laser_pose, tolerance=tolerance)
+            about["tolerance_s"] = tolerance
         if folder is not None:
-            save_reference_evaluation(folder, errors, about=about | {"tolerance_s": tolerance})
-        return errors
+            _save(folder, about, errors, own)
+    return errors
 
 
 def _about(trajectory: object, measured_against: object, laser_pose: ArrayLike) -> dict[str, object]:
@@ -123,19 +122,6 @@ def _name(source: object) -> str:
     return str(source) if isinstance(source, str | os.PathLike) else repr(source)
 
 
-def save_relation_evaluation(
-    folder: Path, errors: RelationErrors, trajectory: Trajectory, *, about: Mapping[str, object]
-) -> None:
-    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder."""
-    draw_relation_errors(folder / "errors.png", errors)
-    draw_relation_places(folder / "trajectory.png", errors, trajectory)
-    figures = [
-        ("errors.png", "Near relations along the path, and far ones against the path between their scans."),
-        ("trajectory.png", "The trajectory, and where the worst near relations are."),
-    ]
-    _save(folder, about, errors, figures, {"relations": relation_record(errors)})
-
-
 def relation_record(errors: RelationErrors) -> dict[str, object]:
     """Return the errors of relations as a JSON file holds them: metres, radians."""
     record: dict[str, object] = {"given": errors.n_given, "missing": errors.n_missing}
@@ -145,14 +131,7 @@ def relation_record(errors: RelationErrors) -> dict[str, object]:
     return record
 
 
-def save_reference_evaluation(folder: Path, errors: ReferenceErrors, *, about: Mapping[str, object]) -> None:
-    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder."""
-    draw_reference_errors(folder / "errors.png", errors)
-    draw_overlay(folder / "trajectory.png", errors)
-    figures = [
-        ("errors.png", "Errors along the path of the reference."),
-        ("trajectory.png", "The trajectory, aligned, and the reference."),
-    ]
+def _reference_record(errors: ReferenceErrors) -> dict[str, object]:
     record: dict[str, object] = {
         "poses": errors.n_poses,
         "reference_poses": errors.n_reference,
@@ -166,7 +145,7 @@ def save_reference_evaluation(folder: Path, errors: ReferenceErrors, *, about: M
         record[f"rpe_{name}_translation_m"] = _record(Spread.of(one.translation))
         record[f"rpe_{name}_rotation_rad"] = _record(Spread.of(one.rotation))
     totals = errors.totals
-    record |= {
+    return record | {
         "path_m": totals.path_length,
         "turned_rad": totals.turned,
         "end_translation_m": totals.end_translation,
@@ -175,18 +154,29 @@ def save_reference_evaluation(folder: Path, errors: ReferenceErrors, *, about: M
         "heading_drift_per_metre_rad": number_or_null(totals.turn_per_metre),
         "heading_drift_per_turn": number_or_null(totals.turn_drift),
     }
-    _save(folder, about, errors, figures, {"reference": record})
 
 
 def _save(
-    folder: Path,
-    about: Mapping[str, object],
-    errors: RelationErrors | ReferenceErrors,
-    figures: Sequence[tuple[str, str]],
-    record: dict[str, object],
+    folder: Path, about: Mapping[str, object], errors: RelationErrors | ReferenceErrors, trajectory: Trajectory
 ) -> None:
+    """Write evaluation.md, evaluation.json, errors.png and trajectory.png into an existing folder."""
+    record: dict[str, object]
+    if isinstance(errors, RelationErrors):
+        draw_relation_errors(folder / "errors.png", errors)
+        draw_relation_places(folder / "trajectory.png", errors, trajectory)
+        texts = (
+            "Near relations along the path, and far ones against the path between their scans.",
+            "The trajectory, and where the worst near relations are.",
+        )
+        record = {"relations": relation_record(errors)}
+    else:
+        draw_reference_errors(folder / "errors.png", errors)
+        draw_overlay(folder / "trajectory.png", errors)
+        texts = ("Errors along the path of the reference.", "The trajectory, aligned, and the reference.")
+        record = {"reference": _reference_record(errors)}
     facts = "\n".join(f"- {key.replace('_', ' ')}: {value}" for key, value in about.items())
     notes, tables = tables_of(errors)
+    figures = zip(("errors.png", "trajectory.png"), texts, strict=True)
     parts: list[Part] = ["# Evaluation", facts, *notes, *tables, *figures]
     write_markdown(folder / "evaluation.md", parts)
     whole = {"curvescan": __version__, **about, **record}

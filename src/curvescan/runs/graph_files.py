@@ -1,7 +1,5 @@
 """Files of a run beside poses and maps: the graph, its loop-closure candidates, and view.npz for `curvescan view`."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -66,7 +64,6 @@ def describe_graph(slam: Slam, seconds_to_finish: float) -> dict[str, object]:
         "closures_without_weight": int(np.count_nonzero(graph.is_closure & (graph.weights < 0.5))),
         "candidates": {outcome.name.lower(): outcomes[outcome] for outcome in ClosureOutcome},
         "fragments": slam.n_fragments,
-        "closures_withdrawn_because_places_look_alike": slam.is_deceived,
         "seconds_to_finish": round(seconds_to_finish, 3),
     }
 
@@ -94,9 +91,7 @@ def edges_of(steps: Iterable[Step]) -> list[PoseEdge]:
 
 
 VIEW_FILE = "view.npz"
-
 MAX_BEAMS = 240  # beams of a scan that are kept at most: every second or third of one that has more
-
 _CENTIMETRES = 100.0
 _FARTHEST = 65_000  # longest range that is kept, centimetres; 0 is no reading
 

@@ -1,12 +1,8 @@
-"""The odometry of a SLAM run in a process of its own.
+"""The odometry of a SLAM run in a process of its own, ahead of the back end, with the same bits.
 
-The odometry knows nothing of the map and need not wait for it: it runs ahead on another core while the back end closes
-loops. The bits are the same. Scans go to the process and steps come back through its pipes, in batches. When it is
-done, the process calls functions, as long as there is a map to be made and drawn. A process that cannot be started, or
-ends too early, costs time alone: the odometry is then made here, and functions are called here.
+Scans go to it and steps come back through its pipes, in batches; when it is done it calls functions. A process that
+cannot be started, or ends too early, costs time alone: odometry and functions are then run here.
 """
-
-from __future__ import annotations
 
 import os
 import pickle
@@ -28,9 +24,7 @@ from curvescan.types import Pose
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
-
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1"}
-
 _BATCH = 32  # scans sent at once
 _AHEAD = 32  # batches that the odometry may be ahead, so that memory does not grow with the log
 _LOOK_S = 0.2  # time after which a thread that waits looks whether it is still wanted, seconds
@@ -58,7 +52,7 @@ class OdometryProcess:
         self._is_closed = False
         self._process = _start()
 
-    def __enter__(self) -> OdometryProcess:
+    def __enter__(self) -> "OdometryProcess":
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -68,7 +62,7 @@ class OdometryProcess:
             self._process.kill()
             self._process.wait()
 
-    def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> OdometryProcess:
+    def place(self, odometry: Odometry, scans: Iterable[LaserScan], odometry_poses: Pose | None) -> "OdometryProcess":
         """Begin to place scans, and return the same object, to be iterated over. odometry_poses (n, 3)."""
         self.odometry = odometry
         self._begun = pickle.dumps(odometry)

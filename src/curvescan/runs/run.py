@@ -1,7 +1,5 @@
 """run and localize: a log in; trajectory, map and verdict out, and a results folder. What the commands call."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections import deque

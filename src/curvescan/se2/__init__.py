@@ -4,12 +4,7 @@ A pose is ``[x, y, theta]``; ``pose_a_b`` is the pose of frame b in frame a, so 
 p_b + t`` and ``compose(pose_a_b, pose_b_c)`` is ``pose_a_c``: inner letters cancel. All functions broadcast over
 leading dimensions and return new float64 arrays. A single pose, of which an odometry composes a dozen a scan, goes by
 plain numbers: the same operations in the same order, a tenth of the time.
-
-First-order propagation of covariances follows Smith, Self and Cheeseman, "Estimating uncertain spatial
-relationships in robotics", 1990.
 """
-
-from __future__ import annotations
 
 import math
 from typing import cast
@@ -18,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.types import Cov, Floats, Points, Pose
+from curvescan.types import Floats, Points, Pose
 
 
 def wrap(angle: ArrayLike) -> Floats:
@@ -185,53 +180,6 @@ def rotation(theta: float) -> Floats:
     """Return the (2, 2) rotation matrix of an angle in radians."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.array([[cos, -sin], [sin, cos]])
-
-
-def compose_covariance(pose_a_b: ArrayLike, cov_a_b: Cov, pose_b_c: ArrayLike, cov_b_c: Cov) -> Cov:
-    """Return the covariance of compose(pose_a_b, pose_b_c), the two being independent.
-
-    Parameters
-    ----------
-    pose_a_b, pose_b_c : (3,) array_like
-        [x, y, theta]; metres, metres, radians.
-    cov_a_b, cov_b_c : (3, 3) float64
-        Their covariances.
-
-    Returns
-    -------
-    (3, 3) float64
-        Symmetric; to first order.
-    """
-    first, second = _as_pose(pose_a_b, "pose_a_b"), _as_pose(pose_b_c, "pose_b_c")
-    cos, sin = np.cos(first[2]), np.sin(first[2])
-    jacobian_first = np.eye(3)
-    jacobian_first[0, 2] = -sin * second[0] - cos * second[1]
-    jacobian_first[1, 2] = cos * second[0] - sin * second[1]
-    jacobian_second = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    cov = jacobian_first @ cov_a_b @ jacobian_first.T + jacobian_second @ cov_b_c @ jacobian_second.T
-    return cast(Cov, 0.5 * (cov + cov.T))
-
-
-def inverse_covariance(pose_a_b: ArrayLike, cov_a_b: Cov) -> Cov:
-    """Return the covariance of inverse(pose_a_b), to first order.
-
-    Parameters
-    ----------
-    pose_a_b : (3,) array_like
-        [x, y, theta]; metres, metres, radians.
-    cov_a_b : (3, 3) float64
-        Its covariance.
-
-    Returns
-    -------
-    (3, 3) float64
-        Symmetric.
-    """
-    x, y, theta = _as_pose(pose_a_b, "pose_a_b")
-    cos, sin = np.cos(theta), np.sin(theta)
-    jacobian = np.array([[-cos, -sin, sin * x - cos * y], [sin, -cos, cos * x + sin * y], [0.0, 0.0, -1.0]])
-    cov = jacobian @ cov_a_b @ jacobian.T
-    return cast(Cov, 0.5 * (cov + cov.T))
 
 
 def _wrapped(angle: float) -> float:

@@ -4,8 +4,6 @@ To first order, as in Smith, Self and Cheeseman, "Estimating uncertain spatial r
 pose at a time, in kernels: the odometry does this a dozen times a scan.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

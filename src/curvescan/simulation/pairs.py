@@ -1,7 +1,5 @@
 """simulate_pairs(): scan pairs with a known relative pose, for benchmarks of matchers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload

@@ -1,16 +1,15 @@
 """simulate(): a recorded drive with everything known: poses, what each beam met, who walked by."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.scan import LaserScan
@@ -21,9 +20,6 @@ from curvescan.simulation.driving.pursuit import Drive, OdometryNoise, wheel_odo
 from curvescan.simulation.sensing.people import NOISE, ODOMETRY, PATH, PEOPLE, WORLD, People, child, walk
 from curvescan.simulation.sensing.sensors import Sensor, cast_beams, choose_sensor, measure, sight
 from curvescan.types import Bools, Floats, Pose
-
-if TYPE_CHECKING:
-    from curvescan.io.files.lines import ReadError
 
 _DEFAULT_SCANS = 200
 

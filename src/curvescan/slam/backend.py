@@ -18,7 +18,6 @@ from curvescan.slam.jobs import Job, Problem
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loop_search import LoopSearch
 from curvescan.slam.loops.audit import Contradiction
-from curvescan.slam.loops.bending import is_bent
 from curvescan.slam.loops.closures import Closure, is_loop
 from curvescan.slam.map import SlamMap
 from curvescan.types import Cov, Pose
@@ -50,11 +49,6 @@ class Backend:
     def closures(self) -> list[Closure]:
         """Loop-closure candidates that were matched, and what became of them."""
         return self._search.closures
-
-    @property
-    def n_withdrawals(self) -> int:
-        """How often closures were withdrawn."""
-        return self._search.n_withdrawals
 
     def load(self, slam_map: SlamMap) -> None:
         """Take a map to continue."""
@@ -109,15 +103,8 @@ class Backend:
     def _await(self) -> None:
         """Take the result of the optimization under way, if one is."""
         if self._job is not None:
-            self._adopt(self._job)
+            self._map.adopt(self._job.result())
             self._job = None
-
-    def _adopt(self, job: Job) -> None:
-        """Take the poses of an optimization, and withdraw the closures that bend the odometry."""
-        self._map.adopt(job.result())
-        if self.n_withdrawals < 2 and is_bent(self.graph, self.config.closures):
-            self._map.fall_back(self._search.withdraw())
-            self._adopt(self._new_job())
 
     def _thin(self) -> None:
         """Let the oldest keyframes of places that hold too many go."""
@@ -148,7 +135,7 @@ class Backend:
 
     def _settle(self) -> None:
         self._search.settle()
-        self._adopt(self._new_job(is_last=True))
+        self._map.adopt(self._new_job(is_last=True).result())
 
     def count_matches(self) -> tuple[int, int]:
         """Return how many loop closures the graph follows, and how many matches of other neighbours."""

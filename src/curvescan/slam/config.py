@@ -131,8 +131,8 @@ class ClosuresConfig:
     n_uncertain: int = 6
     """The same for those of a relative pose that is not well known."""
     min_similarity: float = 0.4
-    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. Of 2,758
-    below it on Intel and ACES two in a hundred were of any use."""
+    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. On Intel
+    and ACES, 2 % of 2,758 candidates below it were of use."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0
@@ -142,13 +142,6 @@ class ClosuresConfig:
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
     """Least confidence of a match: the probability that it is right."""
-    max_bend: float = 0.2
-    """Most that the closed map may bend the odometry: mean squared Mahalanobis distance of the motion model's edges.
-    Beyond it the closures that did it are withdrawn, and from then on only those are accepted that lie where the graph
-    surely expects them."""
-    max_turn: float = 0.5
-    """Most that it may turn a single step of the odometry that matches measured, radians. A folded map turns one by a
-    quarter or a half, which the mean does not show."""
     log_odds: float = 8.0
     """Least log odds of a closure, or of a set of them that agree: its matches' own, where the graph expects it, less
     what contradicts it."""
@@ -159,17 +152,7 @@ class ClosuresConfig:
     """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "reach",
-            "sigmas",
-            "certain_m",
-            "certain_rad",
-            "gate",
-            "max_bend",
-            "max_turn",
-            "log_odds",
-            "most_log_odds",
-        ):
+        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "log_odds", "most_log_odds"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -179,7 +162,7 @@ class ClosuresConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class OptimizerConfig:
-    """Optimization: when and how robustly."""
+    """When the graph is optimized, and how robustly against wrong edges."""
 
     limit: float = 16.0
     """Squared Mahalanobis distance beyond which an edge loses its weight."""
@@ -213,6 +196,6 @@ class SlamConfig:
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    """Optimization: when and how robustly."""
+    """When the graph is optimized, and how robustly against wrong edges."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""

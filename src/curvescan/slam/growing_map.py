@@ -198,22 +198,6 @@ class GrowingMap:
         self._belief = Belief(k, solution.poses, solution.covariances)
         self.since = onward
 
-    def fall_back(self, is_kept: Bools) -> None:
-        """Give up edges, and lay the keyframes out anew along the odometry.
-
-        is_kept (m,).
-        """
-        graph = self.graph
-        graph.keep_edges(is_kept)
-        is_step = np.zeros(graph.n_poses, dtype=np.bool_)
-        is_step[graph.ends[graph.is_step, 1]] = True
-        ways = se2.between(graph.poses[:-1], graph.poses[1:])
-        for k in range(1, graph.n_poses):
-            way = self._motions[k].pose if is_step[k] else ways[k - 1]
-            graph.poses[k] = se2.compose(graph.poses[k - 1], way)
-        graph.weights[:] = 1.0
-        self.fragments = components(graph.ends, graph.n_poses).tolist()
-
     def thin(self) -> Bools | None:
         """Let the oldest keyframes of places that hold too many go, and return which rows stay; None where all do."""
         rules, belief = self.config.places, self.belief

@@ -17,7 +17,14 @@ from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, normal_equations, squared_distances
-from curvescan.slam.pose_graph.posterior import design_effect, own_noise, variance_factor, with_own_noise, without_floor
+from curvescan.slam.pose_graph.posterior import (
+    design_effect,
+    heading_drift,
+    own_noise,
+    variance_factor,
+    with_own_noise,
+    without_floor,
+)
 from curvescan.slam.pose_graph.robust import optimize_robustly
 from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Cov, Floats, Ints, Pose
@@ -155,8 +162,9 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     # steps that matches did not measure leave small residuals, and are not the surer for it
     by = np.where(is_match, max(factor, 1.0), 1.0)
     by *= design_effect(solved.ends, is_match, len(poses), 1.0 - noise.kept)
-    scaled = edges._replace(information=edges.information / by[:, np.newaxis, np.newaxis])
-    found = _marginals(poses, scaled, weights, labels, k)
+    scaled = covariances * by[:, np.newaxis, np.newaxis]
+    scaled[:, 2, 2] += heading_drift(solved.ends, solved.measured, len(poses))
+    found = _marginals(poses, Edges.of(solved.ends, solved.measured, scaled), weights, labels, k)
     common = noise.common(covariances)
     # of what a match leaves open it says nothing
     is_full = is_match & (np.trace(covariances[:, :2, :2], axis1=1, axis2=2) < _OPEN)

@@ -18,7 +18,6 @@ from curvescan.slam.config import SlamConfig
 from curvescan.slam.growing_map import GrowingMap
 from curvescan.slam.loops.agreement import best_group, log_odds_of
 from curvescan.slam.loops.audit import N_NEAR, Contradiction, contradictions, groups_against
-from curvescan.slam.loops.bending import suspects
 from curvescan.slam.loops.candidates import choose_candidates
 from curvescan.slam.loops.closures import Closure, ClosureOutcome, closure_of, is_certain, is_loop, is_near
 from curvescan.types import Bools
@@ -39,8 +38,6 @@ class LoopSearch:
     ----------
     closures : list of Closure
         Candidates that were matched, and what became of them, by the numbers of their keyframes.
-    n_withdrawals : int
-        How often closures were withdrawn.
     is_urgent, is_surprised : bool
         Whether the graph is to be optimized at once, or soon, for the closures since :meth:`settle`.
     """
@@ -48,7 +45,6 @@ class LoopSearch:
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
         self.closures: list[Closure] = []
-        self.n_withdrawals = 0
         self.is_urgent = self.is_surprised = False
         self._map = growing
         self._queue: deque[Candidate] = deque()
@@ -113,15 +109,13 @@ class LoopSearch:
 
     def audit(self) -> list[tuple[list[Closure], float]]:
         """Return groups of matches against the map, by row, and the odds of each less those of what it contradicts."""
-        growing, chain = self._map, self._map.chain()
-        tied = set(map(tuple, growing.graph.ends[growing.graph.is_closure].tolist()))
+        growing, chain, followed = self._map, self._map.chain(), self._edges(is_followed=True)
         tried = {(c.i, c.j): c for c in self._by_row() if c.is_loop}  # the latest of each pair
-        known = [c for c in tried.values() if c.is_accepted]
+        known = [c for pair, c in tried.items() if pair in followed]
         refused = [
             c
             for pair, c in tried.items()
-            if not (pair in tied or c.outcome is ClosureOutcome.WITHDRAWN)
-            and (c.is_whole and is_near(UncertainPose(c.pose, c.covariance), self.config))
+            if pair not in followed and c.is_whole and is_near(UncertainPose(c.pose, c.covariance), self.config)
         ]
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
@@ -129,13 +123,19 @@ class LoopSearch:
             found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
         return found
 
+    def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
+        """Return the ends of loop closures in the graph; is_followed: of those alone that have their weight."""
+        graph = self._map.graph
+        chosen = graph.is_closure & ((graph.weights > 0.5) | (not is_followed))
+        return set(map(tuple, graph.ends[chosen].tolist()))
+
     def reopen(self, audited: list[tuple[list[Closure], float]]) -> bool:
-        """Accept what contradicts the map and is likelier than what it contradicts; return whether anything is."""
-        likelier = [group for group, log_odds in audited if log_odds > self.config.closures.log_odds]
-        for group in likelier:
-            for one in group:
-                self._accept(replace(one, outcome=ClosureOutcome.AGREED))
-        return len(likelier) > 0
+        """Accept what contradicts the map and is likelier than what it contradicts; return whether any of it is new."""
+        tied = self._edges(is_followed=False)
+        new = [one for group, log_odds in audited if log_odds > 0.0 for one in group if (one.i, one.j) not in tied]
+        for one in new:
+            self._accept(replace(one, outcome=ClosureOutcome.AGREED))
+        return len(new) > 0
 
     def contradictions(self, audited: list[tuple[list[Closure], float]]) -> list[Contradiction]:
         """Return what contradicts the map as it was audited, of what is likelier than the closures against it."""
@@ -166,7 +166,7 @@ class LoopSearch:
                 self._remember(closure)
             return [self._accept(closure)]
         if closure.outcome is ClosureOutcome.WAITING:
-            if is_known or self.n_withdrawals > 0 or not is_near(expected, self.config):
+            if is_known or not is_near(expected, self.config):
                 closure = replace(closure, outcome=ClosureOutcome.UNEXPECTED)
             else:
                 return self._wait(closure)
@@ -232,19 +232,3 @@ class LoopSearch:
         self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
         self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]
-
-    def withdraw(self) -> Bools:
-        """Take back the closures that bend the odometry, and return (m,) which edges of the graph stay."""
-        rows = suspects(self.closures, self.config.keyframes.n_linked, all_of_them=self.n_withdrawals > 0)
-        self.n_withdrawals += 1
-        for row in rows:
-            self.closures[row] = replace(self.closures[row], outcome=ClosureOutcome.WITHDRAWN)
-        # what was carried over from keyframes that are gone has no record, and is not above suspicion either
-        trusted = {(c.i, c.j) for c in self.closures if c.is_accepted}
-        graph = self._map.graph
-        ends = self._map.keyframes.numbers[graph.ends]
-        is_kept = ~graph.is_closure | (ends < self._map.n_loaded).all(axis=1)
-        is_kept |= np.array([tuple(pair) in trusted for pair in ends.tolist()])
-        self._pool.clear()
-        self._queue.clear()
-        return is_kept

@@ -202,11 +202,6 @@ class Slam:
         """Parts of the map that nothing joins: more than one where a sensor that was lost has not been found again."""
         return self.backend.n_fragments
 
-    @property
-    def is_deceived(self) -> bool:
-        """Whether closures were withdrawn because they bent the odometry: places look alike."""
-        return self.backend.n_withdrawals > 0
-
     def finish(self) -> Trajectory:
         """Match what still waits, optimize to the end, and return every pose."""
         self._contradictions = tuple(self.backend.finish())

@@ -12,8 +12,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 import curvescan as cs
+from curvescan.io.ros.bags.bag_files import Unpacker
 from curvescan.io.ros.bags.hardening import limits, salvage
-from curvescan.io.ros.bags.hardening.chunks import Unpacker
 from tests.bags import ROS1, ROS2, SECOND, build, scan, storage, write_bag
 
 N_SCANS = 5

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.live.finished.packing import packed
 from curvescan.live.finished.results_folder import read_results
+from curvescan.live.finished.view import packed
 from tests.live.chromium import chromium
 
 pytestmark = pytest.mark.slow

@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from curvescan import InvalidArgumentError, LaserScan, OccupancyConfig, OccupancyGrid, load_map, se2, simulate
 from curvescan.cli.main import run
 from curvescan.io.writing import write_pcd, write_ply
+from curvescan.mapping import grid_editing
+from curvescan.mapping.grid_editing import wall_angle
+from curvescan.mapping.map_server import read_map, write_map
+from curvescan.simulation import build_world
 from curvescan.slam.editing import merging, operations
 from curvescan.slam.editing.merging import merged
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -32,15 +37,15 @@ def in_a_hall():
 def test_walls_are_leveled_whatever_the_turn(angle):
     turned = operations.turned(in_a_hall(), angle)
     # the walls are exact: what is left is the width of a bin
-    assert abs(operations.wall_angle(turned) - angle) < 0.002
-    assert abs(operations.wall_angle(operations.leveled(turned))) < 0.002
+    assert abs(wall_angle(operations.map_points(turned)) - angle) < 0.002
+    assert abs(wall_angle(operations.map_points(operations.leveled(turned)))) < 0.002
     back = operations.turned(turned, -angle)
     np.testing.assert_allclose(se2.between(in_a_hall().poses, back.poses), 0.0, atol=1e-12)
 
 
 def test_a_map_without_walls_cannot_be_leveled():
     with pytest.raises(InvalidArgumentError, match="no walls"):
-        operations.leveled(ring()[0])
+        operations.leveled(operations.rubbed_out(in_a_hall(), (-50.0, -50.0, 50.0, 50.0)))
 
 
 def test_what_lies_outside_a_crop_is_gone_and_so_are_its_edges():
@@ -94,8 +99,9 @@ def test_changes_are_what_was_moved_and_nothing_else():
             row, column, size = places[k]
             assert min(abs(y - 0.05 * (row + size / 2)) + abs(x - 0.05 * (column + size / 2)) for y, x in centres) < 0.2
     assert operations.changes(before, before) == []
-    with pytest.raises(InvalidArgumentError, match="one size"):
-        operations.changes(before, operations.resampled(in_a_hall(), 0.2).grid)
+    finer = grid_editing.resampled(grid_of(shifted), 0.025)  # in cells of another size what changed is the same
+    assert {c.kind for c in operations.changes(before, finer)} == {"gone", "appeared"}
+    assert operations.changes(before, grid_editing.resampled(before, 0.025)) == []
 
 
 def test_points_are_written_as_others_read_them(tmp_path):
@@ -184,3 +190,75 @@ def test_maps_that_bend_are_joined_by_far_matches_once_near_ones_have_joined_the
     before, after = merging.in_one_frame(one, other)
     np.testing.assert_array_equal(np.concatenate([before.poses, after.poses]), both.poses)
     assert len(before.ends) == 0
+
+
+def two_halves_of_a_floor():
+    """Plain maps of two parts of one floor, as long beams show them; the second in a frame of its own."""
+    world = build_world("office-floor", 3)
+    low, high = world.boxes[:, :2].min(axis=0) - 1.0, world.boxes[:, :2].max(axis=0) + 1.0
+    cell = 0.05
+    xs, ys = (np.arange(a, b, cell) for a, b in zip(low, high, strict=True))
+    away = np.array([world.distance(np.column_stack((xs, np.full(len(xs), y)))) for y in ys])
+    log_odds = np.where(np.abs(away) < 0.5 * cell, 3.0, -2.0).astype(np.float32)
+    whole = OccupancyGrid(log_odds=log_odds, origin=np.array([xs[0], ys[0]]), config=OccupancyConfig())
+    x = np.linspace(low[0], high[0], 5)
+    left = grid_editing.cropped(whole, (x[0], low[1], x[3], high[1]))
+    right = grid_editing.cropped(whole, (x[1], low[1], x[4], high[1]))
+    return whole, left, grid_editing.moved(right, (3.0, -20.0, 1.0))
+
+
+@pytest.mark.slow
+def test_plain_maps_are_merged_by_command_and_refused_where_nothing_joins_them(tmp_path, capsys):
+    whole, left, right = two_halves_of_a_floor()
+    for name, grid in (("left", left), ("right", right)):
+        write_map(tmp_path, grid, name)
+    flags = [str(tmp_path / "left.yaml"), "--merge", str(tmp_path / "right.yaml"), "--out", str(tmp_path / "out")]
+    assert run(["map", *flags]) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"map.pgm", "map.yaml"}
+    both = read_map(tmp_path / "out" / "map.yaml")
+    off = cKDTree(whole.occupied_centres).query(both.occupied_centres)[0]
+    assert np.quantile(off, 0.95) < 0.1  # two cells
+    missed = cKDTree(both.occupied_centres).query(whole.occupied_centres)[0]
+    assert np.quantile(missed, 0.95) < 0.1
+    in_a_hall().save(tmp_path / "hall.csmap")
+    assert run(["map", str(tmp_path / "left.yaml"), "--merge", str(tmp_path / "hall.csmap")]) == 1
+    assert "nothing joins the two maps" in capsys.readouterr().err
+
+
+def test_the_command_changes_a_plain_map(tmp_path, capsys):
+    grid = in_a_hall().occupancy()
+    write_map(tmp_path, grid, "hall")
+    for k, file in enumerate(("hall.yaml", "hall.pgm")):
+        out = tmp_path / f"out{k}"
+        flags = ["--turn", "20", "--level", "--crop", "-3", "-3", "20", "20", "--rub-out", "13", "-5", "14.5", "5"]
+        flags += ["--resolution", "0.1", "--points", "ply", "pcd", "--compare", str(tmp_path / "hall.yaml")]
+        assert run(["map", str(tmp_path / file), *flags, "--out", str(out)]) == 0
+        names = {path.name for path in out.iterdir()}
+        assert names == {"map.pgm", "map.yaml", "points.ply", "points.pcd", "changes.csv", "changes.png"}
+        found = read_map(out / "map.yaml")
+        assert found.resolution == 0.1
+        # a turn of 20 deg and back; the wall at x = 14 m is gone up to y = 5 m, and free
+        centres = found.occupied_centres
+        assert not (centres[:, 1] < 4.8).any()
+        assert centres[centres[:, 1] > 5.3, 0].max() > 13.8
+        lines = (out / "changes.csv").read_text().splitlines()
+        assert any(line.startswith("appeared,1") for line in lines)  # in the later map the wall stands
+    assert "cells of 0.1 m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("flags", "sentence"),
+    [
+        (["--export", "kitti", "g2o"], "has none, got --export kitti g2o: give the map.csmap"),
+        (["--crop", "90", "90", "91", "91"], "no cell lies within"),
+        (["--resolution", "0"], "resolution must be a positive number of metres, got 0"),
+        (["--resolution", "1e-6"], "choose larger cells"),
+        (["--merge", "none.yaml"], "cannot read"),
+    ],
+)
+def test_what_cannot_be_done_to_a_plain_map_is_told(tmp_path, capsys, flags, sentence):
+    write_map(tmp_path, in_a_hall().occupancy(), "hall")
+    out = tmp_path / "out"
+    assert run(["map", str(tmp_path / "hall.yaml"), *flags, "--out", str(out)]) == 1
+    assert sentence in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()

@@ -286,7 +286,7 @@ def _laser(driver: str, port: str | None, reading: Reading) -> ScanSource:
 def _warmed(new: Callable[[], Engine], method: Method, viewer: Viewer | None) -> Engine:
     """Return an engine, its kernels compiled."""
     from curvescan.cli.console import ERR
-    from curvescan.live.warm_up import warm_up
+    from curvescan.live.live_map import warm_up
 
     if viewer is not None:
         viewer.set_status("loading", "loading kernels (they are compiled in the first run only)")

@@ -24,7 +24,6 @@ def calibrate(
     distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
     range_max: float | None = None,
     seed: int = 0,
-    sweep: bool = False,
 ) -> int:
     """Find the parameters of the method cfsma as the paper found its own; lambda alone is given.
 
@@ -34,8 +33,7 @@ def calibrate(
     the largest similarity that rejects no right pair of corners. Walls, corners and pairs are always simulated, with
     the noise that the planes show.
 
-    Writes cfsma.toml for --config, calibration.png and calibration.md, and drawings of what the equations mean; with
-    --sweep also sweep.md.
+    Writes cfsma.toml for --config, calibration.png and calibration.md.
 
     With --mounts it finds where the lasers of a bag sit on the robot, from their scans and the wheels, and says which
     mounts of the bag's transforms are wrong.
@@ -56,37 +54,20 @@ def calibrate(
         Upper limit of a valid reading of the log, metres, in place of what the log says.
     seed
         Seed of the simulated noise.
-    sweep
-        Also run experiment 1 over sigma_rho, U_k and the limit of distinctiveness, all other values as printed, on
-        seeds of its own: some minutes.
     """
     if mounts:
         return _show_mounts(log)
-    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed, sweep)
+    return _find_parameters(log, out or Path("calibration"), sensor, distances, range_max, seed)
 
 
 def _find_parameters(
-    log: Path | None,
-    out: Path,
-    sensor: str,
-    distances: tuple[float, ...],
-    range_max: float | None,
-    seed: int,
-    sweep: bool,
+    log: Path | None, out: Path, sensor: str, distances: tuple[float, ...], range_max: float | None, seed: int
 ) -> int:
     from curvescan.cli.console import ERR, OUT, show
     from curvescan.io import output_folder, read_log, write_config
     from curvescan.paper.calibration import calibrate as find_parameters
     from curvescan.paper.calibration import planes_of_log, sensor_of_log, simulated_planes
-    from curvescan.paper.calibration_report import (
-        SEED,
-        calibration_tables,
-        draw_calibration,
-        draw_curvature,
-        draw_geometry,
-        sweep_table,
-    )
-    from curvescan.paper.calibration_report import sweep as sweep_parameters
+    from curvescan.paper.calibration_report import calibration_tables, draw_calibration
     from curvescan.simulation.sensing.sensors import choose_sensor
 
     if log is None:
@@ -100,14 +81,9 @@ def _find_parameters(
         found = find_parameters(planes, source, seed=seed)
         write_config(folder / "cfsma.toml", {"cfsma": found.config})
         draw_calibration(folder / "calibration.png", found)
-        draw_geometry(folder / "geometry.png")
-        draw_curvature(folder / "curvature.png")
         tables = calibration_tables(found)
         text = "\n".join(table.markdown() for table in tables)
         (folder / "calibration.md").write_text(text, encoding="utf-8", newline="\n")
-        if sweep:
-            swept = sweep_table(sweep_parameters(seed=seed + SEED)).markdown()
-            (folder / "sweep.md").write_text(swept, encoding="utf-8", newline="\n")
     for table in tables:
         show(table)
     for group, is_free in zip(found.groups, found.is_free, strict=True):

@@ -7,16 +7,22 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import tyro
 
 from curvescan.cli.options import BenchmarkName, Flag, LaserPose, OutFolder, in_radians, results_folder
+from curvescan.errors import InvalidArgumentError
 from curvescan.io.writing import ExportName
 
 if TYPE_CHECKING:
+    from typing_extensions import TypeIs
+
+    from curvescan.mapping.occupancy import OccupancyGrid
     from curvescan.slam import SlamMap
     from curvescan.slam.editing.operations import Change
+
+    AnyMap: TypeAlias = SlamMap | OccupancyGrid
 
 Box: TypeAlias = tuple[float, float, float, float]
 MapFile: TypeAlias = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
@@ -40,23 +46,24 @@ class ChangeFlags:
     resolution: float | None = None
     """Side of a cell of the occupancy map, metres."""
 
-    def changed(self, slam_map: SlamMap) -> SlamMap:
+    def changed(self, given: AnyMap) -> AnyMap:
         """Return a map with the changes."""
-        from curvescan.slam import load_map
+        from curvescan.mapping import grid_editing
         from curvescan.slam.editing import operations
-        from curvescan.slam.editing.merging import merged
+        from curvescan.slam.localization.grid_map import opened
 
         if self.merge is not None:
-            slam_map = merged(slam_map, load_map(self.merge))
+            given = _merged(given, opened(self.merge))
+        editing: Any = operations if _has_keyframes(given) else grid_editing
         if self.turn:
-            slam_map = operations.turned(slam_map, math.radians(self.turn))
+            given = editing.turned(given, math.radians(self.turn))
         if self.level:
-            slam_map = operations.leveled(slam_map)
+            given = editing.leveled(given)
         if self.crop is not None:
-            slam_map = operations.cropped(slam_map, self.crop)
+            given = editing.cropped(given, self.crop)
         for box in self.rub_out:
-            slam_map = operations.rubbed_out(slam_map, box)
-        return slam_map if self.resolution is None else operations.resampled(slam_map, self.resolution)
+            given = editing.rubbed_out(given, box)
+        return given if self.resolution is None else editing.resampled(given, self.resolution)
 
 
 def edit_map(
@@ -72,64 +79,92 @@ def edit_map(
     """Change a saved map, compare it with another, or write it in other formats.
 
     What is given is done in the order of the flags here. Writes map.csmap, graph.g2o, map.pgm with map.yaml into the
-    folder.
+    folder; of a plain map, which has cells alone, map.pgm with map.yaml.
 
     Parameters
     ----------
     file
-        The map, map.csmap of `curvescan slam`.
+        The map: map.csmap of `curvescan slam`, or map.yaml. Where one of two maps is plain, both are taken as such.
     compare
         A later map: what appeared and what is gone, in changes.csv and changes.png. It is laid on the other by matches
         without a guess; where nothing joins them the two are compared as they lie.
     points
-        All readings as points.ply or points.pcd.
+        All readings, or the occupied cells of a plain map, as points.ply or points.pcd.
     export
         Further files: kitti (trajectory.kitti), g2o (graph.g2o), mcap (run.mcap), of the keyframes.
     """
     from curvescan.cli.console import OUT
     from curvescan.io.writing import RunData, write_exports, write_pcd, write_ply
-    from curvescan.slam import load_map
     from curvescan.slam.editing import operations
     from curvescan.slam.editing.saving import keyframe_trajectory, map_folder
+    from curvescan.slam.localization.grid_map import opened
 
     out = results_folder(out, file, "map")
-    slam_map = changes.changed(load_map(file))
-    found = None if compare is None else _compared(slam_map, load_map(compare))
+    edited = changes.changed(opened(file))
+    if export and not _has_keyframes(edited):
+        raise InvalidArgumentError(
+            f"--export writes keyframes, and {edited!r} has none, got --export {' '.join(export)}: give the map.csmap "
+            "of `curvescan slam`, or --points for the occupied cells"
+        )
+    found = None if compare is None else _compared(edited, opened(compare))
     inputs = [path for path in (file, changes.merge, compare) if path is not None]
-    with map_folder(out, slam_map, inputs=inputs) as folder:
+    with map_folder(out, edited, inputs=inputs) as folder:
         for name in points:
             write = {"ply": write_ply, "pcd": write_pcd}[name]
-            write(folder / f"points.{name}", operations.map_points(slam_map))
-        if export:
-            trajectory = keyframe_trajectory(slam_map)
-            write_exports(
-                folder, export, RunData(trajectory=trajectory, edges=tuple(slam_map.edges), scans=slam_map.scans)
-            )
+            seen = operations.map_points(edited) if _has_keyframes(edited) else edited.occupied_centres
+            write(folder / f"points.{name}", seen)
+        if export and _has_keyframes(edited):
+            trajectory = keyframe_trajectory(edited)
+            write_exports(folder, export, RunData(trajectory=trajectory, edges=tuple(edited.edges), scans=edited.scans))
         if found is not None:
-            _write_changes(folder, slam_map, found)
+            _write_changes(folder, _grid_of(edited), found)
         names = sorted(path.name for path in folder.iterdir())
-    OUT.print(f"{slam_map!r}; wrote {out}/{', '.join(names)}")
+    OUT.print(f"{edited!r}; wrote {out}/{', '.join(names)}")
     for change in found or ():
         x0, y0, x1, y1 = change.box
         OUT.print(f"{change.kind}: {x1 - x0:.2f} m by {y1 - y0:.2f} m at {x0:.2f} {y0:.2f}")
     return 0
 
 
-def _compared(slam_map: SlamMap, later: SlamMap) -> list[Change]:
+def _has_keyframes(given: AnyMap) -> TypeIs[SlamMap]:
+    """Return whether a map is one of SLAM, and not a plain one."""
+    from curvescan.slam import SlamMap
+
+    return isinstance(given, SlamMap)
+
+
+def _grid_of(given: AnyMap) -> OccupancyGrid:
+    return given.occupancy() if _has_keyframes(given) else given
+
+
+def _merged(one: AnyMap, other: AnyMap) -> AnyMap:
+    """Return two maps joined by matches without a guess: keyframes, or cells where one of them has no keyframes."""
+    from curvescan.mapping.grid_editing import joined
+    from curvescan.slam.editing.merging import laid_on, merged
+
+    if _has_keyframes(one) and _has_keyframes(other):
+        return merged(one, other)
+    grid, other_grid = _grid_of(one), _grid_of(other)
+    return joined(grid, laid_on(grid, other_grid))
+
+
+def _compared(one: AnyMap, later: AnyMap) -> list[Change]:
     """Return what changed, after the later map has been laid on the other."""
     from curvescan.cli.console import ERR
-    from curvescan.errors import InvalidArgumentError
     from curvescan.slam.editing import operations
-    from curvescan.slam.editing.merging import in_one_frame
+    from curvescan.slam.editing.merging import in_one_frame, laid_on
 
     try:
-        slam_map, later = in_one_frame(slam_map, later)
+        if _has_keyframes(one) and _has_keyframes(later):
+            one, later = in_one_frame(one, later)
+        else:
+            later = laid_on(_grid_of(one), _grid_of(later))
     except InvalidArgumentError as error:
         ERR.print(f"compared as they lie: {error}")
-    return operations.changes(slam_map.occupancy(), later.occupancy())
+    return operations.changes(_grid_of(one), _grid_of(later))
 
 
-def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> None:
+def _write_changes(folder: Path, grid: OccupancyGrid, found: Sequence[Change]) -> None:
     """Write changes.csv and changes.png."""
     from curvescan.plots.map import DARK, PATH, TRUTH, as_place, drawing_places
 
@@ -137,7 +172,7 @@ def _write_changes(folder: Path, slam_map: SlamMap, found: Sequence[Change]) -> 
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("kind", "x_min", "y_min", "x_max", "y_max", "square_metres"))
         writer.writerows((c.kind, *(round(v, 4) for v in c.box), round(c.area, 4)) for c in found)
-    cells = slam_map.occupancy().occupied_centres
+    cells = grid.occupied_centres
     with drawing_places(folder / "changes.png", cells) as (_, [axes]):
         as_place(axes, f"{len(found)} changes: appeared in green, gone in red")
         axes.plot(*cells.T, "s", color=DARK, ms=0.8, mew=0)

@@ -69,12 +69,7 @@ ReadRecords: TypeAlias = Callable[[ReadErrorCounter], Iterator[Record]]
 
 
 class StreamLog(ScanAccess):
-    """A Log of one laser whose scans are read anew by each iteration, one in memory at a time.
-
-    The source is read through once on opening, to count scans and read errors; memory grows by 40 to 56 bytes a scan.
-
-    read_one: Reads one scan by its place; None to read all that stand before it; mount (3,). Raises LogFormatError.
-    """
+    """A Log whose scans each iteration reads anew, one in memory at a time; opening counts them and the read errors."""
 
     def __init__(
         self,

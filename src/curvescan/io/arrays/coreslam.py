@@ -1,16 +1,10 @@
 """Scans of the Mines ParisTech rover as CoreSLAM, tinySLAM and BreezySLAM log them (``exp1.dat``).
 
-One line a scan, blank-separated: column 0 is the time in microseconds, columns 2 and 3 are the ticks of the left and
-right wheel encoder, columns 24..705 the 682 ranges of a Hokuyo URG-04LX in millimetres from right to left, 0 for no
-return. A further column may follow. The file says nothing of the rover: the constants below are those of Steux and El
-Hamzaoui, "CoreSLAM: a SLAM algorithm in less than 200 lines of C code", ICARCV 2010; another robot that logs in this
-layout has others.
-
-In ``exp1.dat`` the scans lag behind the ticks of their lines: turns seen by the laser go with those of the wheels 0.15
-s earlier (correlation 0.92, against 0.70 line by line). The odometry is left as the lines have it.
+A line a scan: column 0 microseconds, 2 and 3 the ticks of the left and right wheel, 24 to 705 the ranges of a Hokuyo
+URG-04LX in millimetres from right to left, 0 for no return. The rover's constants are those of Steux and El Hamzaoui,
+"CoreSLAM: a SLAM algorithm in less than 200 lines of C code", ICARCV 2010. In ``exp1.dat`` the wheels lead the scans
+by 0.15 s (correlation 0.92, against 0.70 line by line); the odometry is left as it is.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterator
@@ -27,7 +21,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Pose
 
 FORMAT = "CoreSLAM log"
-
 N_BEAMS = 682
 N_COLUMNS = (24 + N_BEAMS, 24 + N_BEAMS + 1)
 N_COVERED = 70  # beams at either end that the rover itself stands in; their readings become NaN

@@ -9,8 +9,6 @@ kinds of lines may stand before a scan:
 - ``intensities,i0,i1,...``: strength of the returns of the next scan.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -44,7 +42,6 @@ from curvescan.types import Floats
 
 FORMAT = "CSV of scans"
 RANGES, ANGLES, INTENSITIES = "ranges", "angles", "intensities"
-
 _TITLE = "# scans of a 2D laser: metres, radians, seconds; a line each, its ranges from the last column on\n"
 _BOM = b"\xef\xbb\xbf"
 _NOWHERE = -1  # offset of a line that there is not

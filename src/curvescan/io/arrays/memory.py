@@ -1,7 +1,5 @@
 """Logs of scans that are in memory already: from a driver, a simulator, another library's reader."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

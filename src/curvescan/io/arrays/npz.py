@@ -47,7 +47,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 FORMAT = "NPZ of scans"
-
 _MIN_SCAN_LIMIT = 1 << 20
 _BYTES_A_SCAN = 8
 """A scan without beams has at least its stamp; packed bytes that are all the same can claim any number of them."""
@@ -192,7 +191,6 @@ def _scan(
 
 
 _MAX_ATTEMPTS = 3
-
 _YEAR_ZERO = (1980, 1, 1, 0, 0, 0)  # date of all members: the same log gives the same bytes
 
 

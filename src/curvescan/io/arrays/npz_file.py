@@ -5,8 +5,6 @@ bytes that are there before anything is reserved, and nothing is unpickled. Arra
 rows at a time.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 import struct
@@ -37,6 +35,11 @@ _MAX_HEADER_BYTES = 512
 """NumPy writes 118 for an array of plain numbers; deeply nested text would exhaust Python's parser."""
 _HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, KeyError,
+    TypeError, SyntaxError, MemoryError, RecursionError,
+)  # fmt: skip
+"""What zipfile, zlib and NumPy raise over bytes that are not as they should be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,19 +190,7 @@ class NpzFile:
             yield
         except (LogFileError, LogFormatError):
             raise
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            struct.error,
-            EOFError,
-            RuntimeError,
-            ValueError,
-            KeyError,
-            TypeError,
-            SyntaxError,
-            MemoryError,
-            RecursionError,
-        ) as error:
+        except _DAMAGE as error:
             raise self._unreadable(f"it is damaged ({type(error).__name__})") from error
         except OSError as error:
             raise LogFileError(f"cannot read {self.path}: {error.strerror or error}") from error

@@ -234,7 +234,6 @@ class PlsSigns:
 
 
 SICK_MM_END = 8.192  # end of the scale of a SICK LMS that counts millimetres, metres
-
 _MAX_TAGS = 64
 OTHER_TAGS = "(other)"
 """Where the lines of further unknown names are counted when there are too many names to be a log's."""

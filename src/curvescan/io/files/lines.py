@@ -5,8 +5,6 @@ that break off deliver what stands before the break; a line that never ends is d
 are read errors, neither is fatal.
 """
 
-from __future__ import annotations
-
 import errno
 import gzip
 import io
@@ -82,7 +80,6 @@ def as_path(given: str | os.PathLike[str], what: str) -> Path:
 
 MIN_UNPACKED_LIMIT = 64 << 20  # up to this many bytes a file may always unpack to
 MAX_UNPACKED_RATIO = 100  # beyond, it may unpack to this many times its size
-
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
@@ -93,9 +90,7 @@ def unpacked_limit(path: Path) -> int:
 
 GZIP_MAGIC = b"\x1f\x8b"
 MAX_LINE_BYTES = 1 << 20  # longest line that is read: twenty times a line of 5,000 readings with remissions
-
 _CHUNK_BYTES = 1 << 16
-
 LONG_LINE = "line longer than 1 MiB"
 BROKEN_GZIP = "compressed data break off or are damaged: what stands before the break is read"
 

@@ -4,8 +4,6 @@ The temporary folder is hidden, on the file system of the target, and locked whi
 process left is removed by the next output to that place.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -26,9 +24,7 @@ __all__ = ["HIDDEN_PREFIX", "output_file", "output_folder"]
 
 HIDDEN_PREFIX = ".curvescan-"  # beginning of the names of temporary folders
 RECORDS = ("run.json", "results.json")  # files that list, under ``"files"``, the results they belong to
-
 IS_WINDOWS = os.name == "nt"
-
 _NAME = re.compile(re.escape(HIDDEN_PREFIX) + r"[a-z0-9_]{8}")
 _RETIRED = ".retired"
 _MAX_PATH = 4_000  # characters of a path in a sentence
@@ -190,11 +186,7 @@ def _lock(folder: Path, *, is_waiting: bool) -> int | None:
 
 
 def replace(source: Path, goal: Path) -> None:
-    """Move a file or folder to where a file may be, in one step.
-
-    Windows refuses that while a program has the old file open, if only an indexer for a moment: it is tried for a
-    second. Raises OSError.
-    """
+    """Move a file or folder to where a file may be, in one step; Windows is given a second. Raises OSError."""
     for wait in _WAITS_S if IS_WINDOWS else ():
         try:
             source.replace(goal)

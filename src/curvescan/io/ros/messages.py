@@ -1,7 +1,5 @@
 """ROS messages: from bytes to fields, by the bag's own definition of a type or by the bundled one; LaserScan."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -21,10 +19,8 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 IMU = "sensor_msgs/msg/Imu"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-
 _WANTED = (LASER_SCAN, ODOMETRY, IMU, *TRANSFORMS)
 MAX_MESSAGE_BYTES = 8 << 20  # longest message that is read: a scan of two million beams
-
 _MAX_DEFINITION_CHARS = 1 << 16
 _MAX_EXPRESSIONS = 400
 _IDL_TEXTS = re.compile(r'"(\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
@@ -123,10 +119,7 @@ def _parse(connection: Connection) -> dict[str, Any]:
 
 
 def _check_idl(text: str) -> None:
-    """Raise LogFormatError for IDL that would keep its parser busy: each level of brackets multiplies its work.
-
-    ROS needs one level of either kind: the arguments of an annotation, and ``sequence<string<5>>``.
-    """
+    """Raise LogFormatError for IDL that keeps its parser busy: each level of brackets beyond ROS's multiplies work."""
     bare = _IDL_TEXTS.sub("", text)
     for opening, closing, deepest in ("(", ")", 1), ("<", ">", 2):
         depth = 0

@@ -178,13 +178,7 @@ def _at(stamps: Floats, rows: Floats) -> Pose:
 
 
 def read_gyro(bag: Bag, stamps: Floats, *, is_unstamped: bool) -> Floats | None:
-    """Return the angle about z that the gyroscope has turned by at each scan.
-
-    Of several the one with the most messages is read. Its z axis is taken to point up, as REP-103 has it.
-
-    stamps (n,); result (n,): Radians if the driver gives radians a second; NaN outside the time it covers. None
-    without a gyroscope.
-    """
+    """Return (n,) the angle the gyroscope of most messages turned by at (n,) stamps, radians; None without one."""
     counts = {name: topic.count for name, topic in bag.topics.items() if topic.msgtype == IMU}
     if not any(counts.values()):
         return None

@@ -32,11 +32,8 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 BROKEN_BAG = "bag damaged from here on: what stands before is read"
-
 CUT_BAG = "bag cut short: its end is missing, what stands before is read"
-
 _LATEST = (1 << 63) - 1  # nanoseconds; an MCAP file can claim twice as many
-
 _MAX_LISTED = 12
 _N_FIRST = 8
 
@@ -52,10 +49,7 @@ class _Survey:
 
 
 class RosbagLog(ScanAccess):
-    """The scans of one laser of a ROS bag, in the order they were received; a Log.
-
-    Opening reads the bag's table of contents and its first scans; the rest is known after one reading of all scans.
-    """
+    """The scans of one laser of a ROS bag, in the order of reception; a Log that is read when it is first asked."""
 
     def __init__(self, path: Path, *, range_max: float | None = None, topic: str | None = None) -> None:
         self._bag = Bag(path)

@@ -3,8 +3,6 @@
 Frames are compared without their leading slash: ROS 1 knew both ``/base_link`` and ``base_link``.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field
@@ -23,7 +21,6 @@ Transform: TypeAlias = tuple[float, float, float, float, float, float, float]
 """Pose of the child in the parent as ROS writes it: x, y, z, and the quaternion's x, y, z, w."""
 
 FARTHEST = 1e9  # largest translation of a valid transform, metres: no robot drives a million kilometres
-
 _MAX_EDGES = 1024
 _SAME = 1e-4  # largest difference of two transforms taken for equal: metres, and elements of the quaternion
 

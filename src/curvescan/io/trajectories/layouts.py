@@ -6,8 +6,6 @@ have the names stamp (or timestamp), x, y and theta. Numbers have as many digits
 again: in CSV everything comes back to the bit; in the others the angle comes back within 1e-15 rad.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import os
@@ -216,7 +214,7 @@ def tum_rows(path: str | os.PathLike[str]) -> PoseRows:
 
 
 def kitti_rows(path: str | os.PathLike[str]) -> PoseRows:
-    """Return the poses of a KITTI file; see :func:`curvescan.read_kitti`."""
+    """Return the poses of a KITTI file, of a motion in the plane x, y; stamps are 0, 1, 2, ..."""
     rows = _rows(path, _KITTI)
     return rows._replace(stamps=np.arange(len(rows.stamps), dtype=np.float64))
 

@@ -1,7 +1,5 @@
 """Trajectory: poses over time, which are written to files and read from them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +8,7 @@ from typing import overload
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.io.trajectories.layouts import TrajectoryFormat, csv_rows, kitti_rows, read_rows, tum_rows, write_poses
+from curvescan.io.trajectories.layouts import TrajectoryFormat, csv_rows, read_rows, tum_rows, write_poses
 from curvescan.types import Cov, Floats, Pose
 
 
@@ -79,8 +77,8 @@ class Trajectory:
     @overload
     def __getitem__(self, i: int) -> Pose: ...
     @overload
-    def __getitem__(self, i: slice) -> Trajectory: ...
-    def __getitem__(self, i: int | slice) -> Pose | Trajectory:
+    def __getitem__(self, i: slice) -> "Trajectory": ...
+    def __getitem__(self, i: int | slice) -> "Pose | Trajectory":
         """Return pose i, or the trajectory of a slice."""
         if not isinstance(i, slice):
             pose: Pose = self.poses[i]
@@ -138,7 +136,7 @@ class Trajectory:
         write_poses(path, self, format=format)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Trajectory:
+    def read(cls, path: str | os.PathLike[str]) -> "Trajectory":
         """Return the trajectory in a file.
 
         Parameters
@@ -209,26 +207,3 @@ def read_csv(path: str | os.PathLike[str]) -> tuple[Trajectory, tuple[str, ...]]
     """
     rows, outcomes = csv_rows(path)
     return Trajectory(**rows._asdict()), outcomes
-
-
-def read_kitti(path: str | os.PathLike[str]) -> Trajectory:
-    """Return the trajectory of a file that :func:`write_kitti` wrote, or of another whose motion is in the plane x, y.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file; blank lines are skipped.
-
-    Returns
-    -------
-    Trajectory
-        In file order; the format has no stamps, and they are 0, 1, 2, ...
-
-    Raises
-    ------
-    LogFileError
-        When the file cannot be opened.
-    LogFormatError
-        When a line does not hold 12 numbers, the motion leaves the plane, or there is no line.
-    """
-    return Trajectory(**kitti_rows(path)._asdict())

@@ -1,7 +1,5 @@
 """HokuyoSource: Hokuyo's UST and UTM scanners with Ethernet by the package hokuyolx (MIT)."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator
@@ -10,8 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError, MissingPackageError, SourceError
-from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE
-from curvescan.live.drivers.turns import TurnClock, to_unix
+from curvescan.live.drivers.transport import PIP_COMMAND, SILENCE, TurnClock, to_unix
 from curvescan.scan import LaserScan
 
 DEFAULT_PORT = 10940
@@ -93,11 +90,7 @@ class HokuyoSource:
 
 
 class _Socket:
-    """A socket that raises when the other side has closed it, and hands out one reply at a time.
-
-    The package would read the end of a closed one for ever, and takes two replies that came together, after a hiccup,
-    for one.
-    """
+    """A socket that raises when the other side closed it, and hands out one reply at a time of those that came."""
 
     def __init__(self, opened: Any) -> None:
         self._opened = opened

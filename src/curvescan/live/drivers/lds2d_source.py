@@ -4,8 +4,6 @@ lds2d parses packets into points. It gives no times, its turns begin anywhere, a
 splits what counts backwards; so turns are cut here from the packets, and stamped when their last point has come.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """RplidarSource: Slamtec's RPLIDARs by the package rplidar-roboticia (MIT), on a transport that notices silence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

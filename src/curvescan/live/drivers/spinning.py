@@ -1,14 +1,11 @@
 """SpinningSource: a laser on a serial line that spins; its readings are cut into turns and stamped as they come."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple, Self
 
 from curvescan.configs import shipped_table
 from curvescan.errors import SourceError
-from curvescan.live.drivers.transport import EndOfSource, Transport
-from curvescan.live.drivers.turns import TurnClock, scan_of_turn, to_unix
+from curvescan.live.drivers.transport import EndOfSource, Transport, TurnClock, scan_of_turn, to_unix
 from curvescan.scan import LaserScan
 
 

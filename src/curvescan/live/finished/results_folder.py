@@ -1,7 +1,5 @@
 """read_results: a results folder of `curvescan odometry`, `slam` or `localize`, or a map file, as the page shows it."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections import Counter

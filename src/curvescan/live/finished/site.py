@@ -4,8 +4,6 @@ It keeps no state: with each request the page sends all its edits, so that undo 
 what a replay of the same edits gives.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Mapping
@@ -17,9 +15,8 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
-from curvescan.live.finished.packing import packed
 from curvescan.live.finished.results_folder import FinishedRun, revised_tree
-from curvescan.live.finished.view import FinishedView
+from curvescan.live.finished.view import FinishedView, packed
 from curvescan.slam.editing.edits import Edit, ask_match, edit_of, edited, edits_text, plain_edit
 from curvescan.slam.map import SlamMap
 

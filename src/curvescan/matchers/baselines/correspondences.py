@@ -5,8 +5,6 @@ ray can hold anything nearer (the idea of Censi's jump tables, ICRA 2008, withou
 once the scans lie close. Readings are a ring, so that full circles need no seam.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -27,14 +25,7 @@ def nearest_readings(points: Points, reference: ScanPoints, max_distance: float)
 def closest_points(
     points: Points, reference: ScanPoints, window: float, max_distance: float
 ) -> tuple[Points, Floats, Ints]:
-    """Return the point of the reference's surfaces closest to each point: IDC's closest-point rule.
-
-    The surface between two joined readings is the straight line between them; an isolated reading is a point.
-
-    points (n, 2); partners (n, 2): Metres, frame of the reference; NaN where there is none; squared (n,): Square
-    metres; inf where there is none; ref_idx (n,): The reading of the reference at which the stretch begins; -1 where
-    there is none.
-    """
+    """Return IDC's closest surface points to (n, 2) points, NaN for none, squared distances, where stretches begin."""
     return _closest_points(points, reference.points, reference.angles, reference.is_joined, window, max_distance)
 
 

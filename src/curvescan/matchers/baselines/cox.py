@@ -5,8 +5,6 @@ Robotics and Automation 7 (1991); with lines taken from the reference scan by J.
 comparison of scan matching approaches for self-localization in indoor environments", EUROBOT 1996.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -39,16 +39,13 @@ class IcpFeatures:
 
 
 class IcpMatcher:
-    """ICP: pair each reading with the nearest of the reference, align the pairs in closed form, repeat.
-
-    Departure: the greatest distance of a pair shrinks from iteration to iteration, as the scans come together.
-    """
+    """ICP: nearest pairs aligned in closed form, again and again. Departure: the greatest distance shrinks."""
 
     def __init__(self, config: IcpConfig) -> None:
         self.config = config
 
     def prepare(self, scan: LaserScan) -> IcpFeatures:
-        """Return the readings of a scan and their tree."""
+        """Return the readings of a scan, and the k-d tree in which the nearest of them is found."""
         points = sweep_of(scan)
         return IcpFeatures(points=points, tree=_plant_tree(points.points))
 
@@ -90,10 +87,7 @@ class IcpMatcher:
 
 
 def _covariance(points_ref: Points, points_cur: Points, pose: Pose) -> Cov:
-    """Return the covariance of eqs. 16-17, which takes the pairs for the same points seen twice.
-
-    They are not: along a surface a pair says nothing, yet counts. Expect it to be far too small (docs/baselines.md).
-    """
+    """Return eqs. 16-17, which take pairs for points seen twice: along a surface far too small (docs/baselines.md)."""
     apart = se2.transform(pose, points_cur) - points_ref
     return pose_covariance(points_cur, pose, float(np.vdot(apart, apart)))
 

@@ -6,8 +6,6 @@ reference's surfaces, the closest point, which gives translations, and the point
 rotations. Both are looked for within a rotation window that shrinks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

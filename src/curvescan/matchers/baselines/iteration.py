@@ -5,8 +5,6 @@ ref, its line passes through q with unit normal n, and the error is n . (x - q).
 pose changes it by J = [n_x, n_y, n . (R p)'] with v' = (-v_y, v_x).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -82,12 +80,7 @@ def keep_best(squared: Floats, share: float) -> Bools:
 
 
 def within_quantile(squared: Floats, kept: Bools, order: float, factor: float) -> Bools:
-    """Return which of the kept pairs lie within `factor` times the distance of their own quantile.
-
-    The adaptive gate of Censi's PL-ICP: when most pairs are close, those that are not are outliers.
-
-    squared (n,); kept (n,).
-    """
+    """Return which kept pairs lie within `factor` times their own quantile: the adaptive gate of Censi's PL-ICP."""
     distances = squared[kept]
     if distances.size == 0:
         return kept

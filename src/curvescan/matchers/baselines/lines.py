@@ -6,8 +6,6 @@ Horowitz 1974; compared with others for laser scans by Nguyen et al., "A compari
 using 2D laser rangefinder for indoor mobile robotics", IROS 2005). Each line is a total least squares fit.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

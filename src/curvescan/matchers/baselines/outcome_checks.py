@@ -1,7 +1,5 @@
 """From where an iterated method stopped to a MatchResult: the checks that all of them pass, in one place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the iterated methods know of one scan: readings, surfaces, normals; and IDC's filters (Lu and Milios 1997)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

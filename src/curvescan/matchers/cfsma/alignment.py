@@ -11,8 +11,6 @@ lie together wins, and pairs that do not agree with it are left out, as in Fisch
 consensus", Communications of the ACM 24 (1981), with every sample tried.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

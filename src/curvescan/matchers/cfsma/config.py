@@ -4,8 +4,6 @@ Each class configures one stage. The paper's symbol, its value and how it was fo
 beside each field; a field marked *open* has no number in the paper.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

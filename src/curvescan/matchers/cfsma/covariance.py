@@ -3,8 +3,6 @@
 Lu and Milios, "Robot pose estimation in unknown environments by matching 2D range scans", CVPR 1994.
 """
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

@@ -5,8 +5,6 @@ wall, to the corner at a corner. The direction of that chord, and how it turns f
 the curvature function: a peak is a corner and its height the angle, a flat stretch an arc, zero a line.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All that CF-SMA knows of one scan, computed once and used whether it is the current scan or the reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

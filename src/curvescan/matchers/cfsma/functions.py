@@ -4,8 +4,6 @@ A person who moved or an object that left the view has no partner and takes no p
 where dynamic objects drop out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

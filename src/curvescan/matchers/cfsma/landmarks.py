@@ -5,8 +5,6 @@ y coordinates around them; three tests reject pairs that are weak, ambiguous or 
 around each surviving pair are matched index by index.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """The matcher "cfsma": the paper's three stages in its order."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from curvescan.matchers.cfsma.alignment import align, consistent_pairs

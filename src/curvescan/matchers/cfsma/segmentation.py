@@ -5,8 +5,6 @@ Intelligent and Robotic Systems 40 (2004): the farther the reading and the wider
 gap that one surface may show.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Nothing here takes part in a pose; it is computed on access.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property

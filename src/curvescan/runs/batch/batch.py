@@ -1,7 +1,5 @@
 """run_batch: one job over many logs, on all cores or a Ray cluster; what ``curvescan batch`` calls."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
@@ -13,8 +11,8 @@ from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError
 from curvescan.runs.batch.jobs import Job, OdometryJob, digest_of
 from curvescan.runs.batch.logs import LogState, find_logs
-from curvescan.runs.batch.places import open_results
-from curvescan.runs.batch.results import BatchRecord, Results
+from curvescan.runs.batch.places import Results, open_results
+from curvescan.runs.batch.results import BatchRecord
 from curvescan.runs.batch.worker import Task
 from curvescan.runs.batch.workers import Done, ProcessPool, WorkerPool, run_tasks
 

@@ -1,7 +1,5 @@
 """The logs of a batch: which ones patterns name, on this machine and in buckets, and the names of their results."""
 
-from __future__ import annotations
-
 import fnmatch
 import glob
 import hashlib
@@ -28,7 +26,7 @@ class LogState:
     etag: str = ""  # what identifies its content in a bucket; else empty
 
     @classmethod
-    def of(cls, log: Path) -> LogState:
+    def of(cls, log: Path) -> "LogState":
         """Return the state of a log on this machine now; size and time are 0 where it cannot be read."""
         try:
             files = storage_files(log) if log.is_dir() else (log,)
@@ -39,7 +37,7 @@ class LogState:
         return cls(input=str(log), bytes=size, mtime_ns=changed)
 
     @classmethod
-    def of_objects(cls, url: str, objects: Sequence[StoredObject]) -> LogState:
+    def of_objects(cls, url: str, objects: Sequence[StoredObject]) -> "LogState":
         """Return the state of a log that is one object of a bucket, or several."""
         tags = "\n".join(f"{found.key} {found.tag}" for found in objects)
         tag = objects[0].tag if len(objects) == 1 else hashlib.sha256(tags.encode()).hexdigest()

@@ -1,17 +1,10 @@
 """Buckets (S3, Google Cloud Storage, Azure Blob Storage) by obstore, of the extra ``cloud``, and claims on logs.
 
-Credentials, region and endpoint are those of the environment, as the stores' own tools name them:
-``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ``AZURE_STORAGE_ACCOUNT_NAME`` and
-their like.
-
-Claims on logs: batches that share a bucket take each log once, without talking to each other.
-
-A claim is an object that only one batch can create (a conditional put). Its owner writes it anew every few seconds. One
-that does not change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on condition that nobody
-else has done so. Clocks of different machines are never compared: each batch measures the age of a claim by its own.
+Credentials, region and endpoint are those of the environment, as the stores' own tools name them. A claim is an object
+that only one batch can create (a conditional put), and whose owner writes it anew every few seconds. One that does not
+change for `LEASE_S` belongs to a batch that has died, and may be replaced, again on condition. Clocks of different
+machines are never compared.
 """
-
-from __future__ import annotations
 
 import json
 import os

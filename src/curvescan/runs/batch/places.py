@@ -4,8 +4,6 @@ An object cannot be appended to, so in a bucket each log has a record of its own
 all its results are there; without it they do not count. manifest.jsonl and fleet.csv gather the records at the end.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket
@@ -16,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import TypeAlias
 
 from curvescan._interrupts import cleaned_up_by
 from curvescan.io.files.output import HIDDEN_PREFIX, output_file
@@ -27,8 +26,6 @@ from curvescan.runs.batch.results import (
     WORKERS_LOG,
     BatchRecord,
     Manifest,
-    Results,
-    TaskQueue,
     fleet_table,
     open_manifest,
     parse_record,
@@ -38,7 +35,7 @@ from curvescan.runs.batch.worker import Task
 
 
 @contextmanager
-def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
+def open_results(out: str | os.PathLike[str]) -> "Iterator[Results]":
     """Yield the results in a folder, which nobody else writes meanwhile, or in a bucket, which others may."""
     if is_url(out):
         with open_bucket_results(os.fspath(out)) as results:
@@ -50,7 +47,7 @@ def open_results(out: str | os.PathLike[str]) -> Iterator[Results]:
 
 
 class FolderResults:
-    """The results in a folder of this machine; see :class:`Results`."""
+    """The results in a folder of this machine; workers_log: file to which goes what the workers print."""
 
     def __init__(self, root: Path, manifest: Manifest) -> None:
         self.workers_log = root / WORKERS_LOG
@@ -74,7 +71,7 @@ class FolderResults:
     @contextmanager
     def queue(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> Iterator[TaskQueue]:
+    ) -> "Iterator[TaskQueue]":
         """Give out logs in their order."""
         yield ListedTasks(tasks)
 
@@ -93,7 +90,7 @@ class FolderResults:
 
 
 class ListedTasks:
-    """Tasks that nobody else takes; see :class:`TaskQueue`."""
+    """Tasks that nobody else takes."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._waiting = deque(tasks)
@@ -136,7 +133,7 @@ _POLL_S = 1.0  # between two looks at what other batches have done, seconds
 
 
 @contextmanager
-def open_bucket_results(url: str) -> Iterator[BucketResults]:
+def open_bucket_results(url: str) -> "Iterator[BucketResults]":
     """Yield the results in a folder of a bucket; see :func:`open_results`."""
     address, prefix = split_url(url)
     with (
@@ -147,7 +144,7 @@ def open_bucket_results(url: str) -> Iterator[BucketResults]:
 
 
 class BucketResults:
-    """The results in a folder of a bucket; see :class:`.results.Results`."""
+    """The results in a folder of a bucket; records: what is known of each log, by its path or URL."""
 
     def __init__(self, bucket: Bucket, prefix: str, workers_log: Path) -> None:
         self.workers_log = workers_log
@@ -173,7 +170,7 @@ class BucketResults:
     @contextmanager
     def queue(
         self, tasks: Sequence[Task], options: str, on_record: Callable[[BatchRecord], None]
-    ) -> Iterator[TaskQueue]:
+    ) -> "Iterator[TaskQueue]":
         """Give out the logs that no other batch has."""
         with closing(Claims(self._bucket, f"{self._prefix}claims", options)) as claims, cleaned_up_by(claims.close):
             self._queue = SharedTasks(self, claims, tasks, on_record)
@@ -241,7 +238,7 @@ class BucketResults:
 
 
 class SharedTasks:
-    """Tasks that other batches may take as well; see :class:`.results.TaskQueue`."""
+    """Tasks that other batches may take as well."""
 
     def __init__(
         self, results: BucketResults, claims: Claims, tasks: Sequence[Task], on_record: Callable[[BatchRecord], None]
@@ -305,3 +302,7 @@ class SharedTasks:
             self._fresh = deque(task for task in self._fresh if task.name != record.folder)
             if self.n_left() < others:
                 self._on_record(record)
+
+
+Results: TypeAlias = FolderResults | BucketResults
+TaskQueue: TypeAlias = ListedTasks | SharedTasks

@@ -4,8 +4,6 @@ They run the same function as the processes of one machine. The cluster is the o
 RAY_ADDRESS names, else the one that runs on this machine, else one that is started here and ends with the batch.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 from concurrent.futures import Future
@@ -56,7 +54,7 @@ class RayPool:
         except self._ray.exceptions.RayError as error:
             raise WorkerError(f"the workers cannot be started: {_sentence(error)}") from error
 
-    def start(self, job: bytes, events: SimpleQueue[Event]) -> Actor:
+    def start(self, job: bytes, events: SimpleQueue[Event]) -> "Actor":
         """Start an actor with a pickled job."""
         return Actor(self._ray, self._actor_class.remote(job), events)
 

@@ -1,12 +1,8 @@
 """A worker of a batch: a process that runs one job over one log after another, driven by pipes.
 
-Messages are pickled, both ways. First comes the job, answered by `Ready`; then tasks, each answered by a `JobResult`
-or by a `Failure`. When the supervisor is gone, however it went, the pipe ends and the worker with it.
-
-A log from a bucket is fetched first, and its results are sent when all are there.
+Messages are pickled: first the job, answered by `Ready`, then tasks, each answered by a `JobResult` or a `Failure`.
+When the supervisor is gone the pipe ends, and the worker with it. Logs and results may be in buckets.
 """
-
-from __future__ import annotations
 
 import contextlib
 import os

@@ -4,8 +4,6 @@ A process pool of the standard library is broken once a worker dies, and all log
 workers are (processes of this machine, actors of a Ray cluster) is the business of a pool.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import pickle
@@ -25,7 +23,7 @@ from curvescan._processes import n_usable_cores, python_command
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
 from curvescan.runs.batch.jobs import Job, JobResult
-from curvescan.runs.batch.results import TaskQueue
+from curvescan.runs.batch.places import TaskQueue
 from curvescan.runs.batch.worker import Failure, Ready, Reply, Task
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -44,7 +42,7 @@ class ProcessPool:
         """Compile what the job needs, in this process."""
         job.warm_up()
 
-    def start(self, job: bytes, events: SimpleQueue[Event]) -> WorkerProcess:
+    def start(self, job: bytes, events: "SimpleQueue[Event]") -> "WorkerProcess":
         """Start a process with a pickled job."""
         return WorkerProcess(job, events, self._log)
 
@@ -55,7 +53,7 @@ class ProcessPool:
 class WorkerProcess:
     """A worker process; see :class:`.workers.Worker`."""
 
-    def __init__(self, job: bytes, events: SimpleQueue[Event], log: Path) -> None:
+    def __init__(self, job: bytes, events: "SimpleQueue[Event]", log: Path) -> None:
         once = dict.fromkeys(_ONE_THREAD, "1")
         with log.open("ab") as errors:
             self._process = subprocess.Popen(
@@ -113,7 +111,7 @@ class WorkerProcess:
         return True
 
 
-def _hear(worker: WorkerProcess, replies: BinaryIO, events: SimpleQueue[Event]) -> None:
+def _hear(worker: WorkerProcess, replies: BinaryIO, events: "SimpleQueue[Event]") -> None:
     with replies, suppress(EOFError, OSError, pickle.UnpicklingError):
         while True:
             events.put((worker, pickle.load(replies)))

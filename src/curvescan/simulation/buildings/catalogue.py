@@ -1,7 +1,5 @@
 """The named worlds: one explicit table, name -> builder, and the builders of whole floors and offices."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,11 +1,7 @@
 """Floor plans: rectangular rooms, the doors between them, the walls that follow from both, and furniture.
 
-Furniture as a laser at shin height sees it: cabinets, desks on panels or legs, chairs, bins, columns.
-
-Dimensions are those of common office furniture (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
+Furniture is as a laser at shin height sees it, of common dimensions (EN 527: desks 1.2 to 1.8 m by 0.7 to 0.8 m).
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +12,6 @@ from curvescan.simulation.buildings.world import World
 from curvescan.types import Bools, Floats
 
 WALL_THICKNESS = 0.12  # metres, of inner walls; thick enough for door jambs to show as corners
-
 _SAME = 1e-6
 
 

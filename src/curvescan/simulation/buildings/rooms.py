@@ -4,8 +4,6 @@ All builders return a :class:`World` with its walls thin and exact, the floor in
 middle at the origin as each docstring says. Put things in with ``+``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -5,8 +5,6 @@ wall is a true arc, so that a ray meets it to float rounding. Frame: x, y in met
 counter-clockwise. Worlds are immutable; ``a + b`` puts the things of b into a.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import cast
@@ -77,7 +75,7 @@ class World:
         if np.any(self.arcs[:, 4] > 2.0 * np.pi):
             raise InvalidArgumentError(f"arc extents must be at most 2 pi, got {self.arcs[:, 4].max()}")
 
-    def __add__(self, other: World) -> World:
+    def __add__(self, other: "World") -> "World":
         """Return the things of both worlds, with the name, floor and route of the first that has one."""
         return replace(
             self,
@@ -89,7 +87,7 @@ class World:
             route=self.route if len(self.route) else other.route,
         )
 
-    def moved(self, pose: ArrayLike) -> World:
+    def moved(self, pose: ArrayLike) -> "World":
         """Return the world turned and shifted: `pose` is (3,), the old world frame seen in the new one."""
         x, y, theta = np.asarray(pose, dtype=np.float64)
         pose = np.array([x, y, theta])

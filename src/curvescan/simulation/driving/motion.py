@@ -4,8 +4,6 @@ The drives are smooth, within the limits of :class:`Drive`, and clear of everyth
 sensor frame are one.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

@@ -4,8 +4,6 @@ Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR
 along the line is planned ahead: slow where it bends, at rest at its end.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields

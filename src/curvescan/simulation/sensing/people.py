@@ -1,11 +1,8 @@
 """People who walk through a world, and the child seeds that keep one random thing from shifting another.
 
-A walker holds a heading for a while, turns at random and away from what is in the way. Walkers stay around the
-robot and step aside for it; one that the robot would run over, or that falls far behind, is taken
-away and appears at a random place elsewhere, as if through a door.
+A walker holds a heading for a while, turns at random and away from what is in the way, and steps aside for the robot.
+One that the robot would run over, or that falls far behind, appears elsewhere, as if through a door.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 

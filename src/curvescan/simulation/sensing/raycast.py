@@ -1,15 +1,9 @@
 """Exact ray casting: what a fan of beams meets first in a world.
 
-Each primitive is tested only against the beams that point at it: its bearing interval is turned into an
-interval of beam indices (NumPy, once a scan), then one kernel solves beam by beam. The intervals are one
-beam wider than needed on each side, so that rounding never hides a primitive.
-
-Conventions: a beam passing within 1 nm of the end of a wall hits it (two walls that share a corner leave
-no slit); a beam running exactly along a wall does not see that wall; a sensor inside a circle sees the
-circle from within.
+Each primitive is tested only against the beams that point at it: its bearing interval, one beam wider than needed, is
+turned into beam indices once a scan. A beam within 1 nm of the end of a wall hits it; one exactly along a wall does
+not see it; a sensor inside a circle sees it from within.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """Laser scanners: where their beams point, how far they see, how they err."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -8,10 +8,13 @@ import numpy as np
 
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
+from curvescan.mapping.grid_editing import moved
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.odometry.measurement import as_measurement
 from curvescan.slam.config import SlamConfig
 from curvescan.slam.editing.graph import MapGraph, solved
 from curvescan.slam.keyframes import Keyframes
+from curvescan.slam.localization.grid_map import field_of_grid, map_of_grid
 from curvescan.slam.loops.closures import is_confident
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.graph import EdgeKind
@@ -87,6 +90,16 @@ def in_one_frame(one: SlamMap, other: SlamMap, config: SlamConfig | None = None)
         no_edges = {name: getattr(both, name)[:0] for name in _OF_EDGES}
         parts.append(replace(both, scans=both.scans[rows], grid=None, **of_poses, **no_edges))
     return parts[0], parts[1]
+
+
+def laid_on(one: OccupancyGrid, other: OccupancyGrid) -> OccupancyGrid:
+    """Return a plain map in the frame of another, by matches of what a laser would see in them.
+
+    Raises InvalidArgumentError where nothing joins them.
+    """
+    seen, other_seen = (map_of_grid(grid, field_of_grid(grid)) for grid in (one, other))
+    first = merged(seen, other_seen).poses[len(seen)]
+    return moved(other, se2.compose(first, se2.inverse(other_seen.poses[0])))
 
 
 def _matches(one: SlamMap, other: SlamMap, config: SlamConfig) -> tuple[np.ndarray, Pose, Cov]:

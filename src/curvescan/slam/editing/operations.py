@@ -10,18 +10,10 @@ import numpy as np
 from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.mapping.config import OccupancyConfig
+from curvescan.mapping.grid_editing import Box, check_box, overlaid, wall_angle
 from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.slam.map import SlamMap
 from curvescan.types import Bools, Floats, Points
-
-Box = tuple[float, float, float, float]
-"""Least x and y, largest x and y, metres."""
-
-_LONGEST_CHORD_M = 0.5
-"""Readings beside each other that lie farther apart are not of one wall, metres."""
-
-_N_BINS, _NEARBY_RAD = 720, 0.035
-"""Bins of the directions of walls over a quarter turn, and how far from the fullest one they count, radians."""
 
 _TOLERANCE_CELLS = 3
 """What lies within so many cells of an obstacle of the other map has not changed: maps differ by their noise."""
@@ -59,30 +51,9 @@ def turned(slam_map: SlamMap, angle: float) -> SlamMap:
     return replace(slam_map, poses=poses, covariances=turn @ slam_map.covariances @ turn.T, grid=None)
 
 
-def wall_angle(slam_map: SlamMap) -> float:
-    """Return the angle in (-pi/4, pi/4] of most of the walls against the axes, by length of wall."""
-    directions, lengths = [], []
-    for scan, pose in zip(slam_map.scans, slam_map.poses, strict=True):
-        chords = np.diff(se2.transform(pose, scan.points), axis=0)
-        length = np.hypot(*chords.T)
-        is_wall = scan.valid[1:] & scan.valid[:-1] & (length < _LONGEST_CHORD_M) & (length > 0.0)
-        directions.append(np.arctan2(chords[is_wall, 1], chords[is_wall, 0]))
-        lengths.append(length[is_wall])
-    angles, weights = np.concatenate([np.empty(0), *directions]), np.concatenate([np.empty(0), *lengths])
-    if not angles.size:
-        raise InvalidArgumentError("the map shows no walls to level: its keyframes have no readings beside each other")
-    quarter = np.remainder(angles, 0.5 * np.pi)
-    counts, edges = np.histogram(quarter, _N_BINS, (0.0, 0.5 * np.pi), weights=weights)
-    peak = edges[np.argmax(counts)] + 0.25 * np.pi / _N_BINS
-    off = np.remainder(quarter - peak + 0.25 * np.pi, 0.5 * np.pi) - 0.25 * np.pi
-    near = np.abs(off) < _NEARBY_RAD
-    angle = peak + float(np.average(off[near], weights=weights[near]))
-    return float(angle - 0.5 * np.pi * np.ceil(angle / (0.5 * np.pi) - 0.5))
-
-
 def leveled(slam_map: SlamMap) -> SlamMap:
     """Return a map turned so that most of its walls are level."""
-    return turned(slam_map, -wall_angle(slam_map))
+    return turned(slam_map, -wall_angle(map_points(slam_map)))
 
 
 def cropped(slam_map: SlamMap, box: Box) -> SlamMap:
@@ -90,7 +61,7 @@ def cropped(slam_map: SlamMap, box: Box) -> SlamMap:
 
     Raises InvalidArgumentError when none is there.
     """
-    _check(box)
+    check_box(box)
     rows = np.flatnonzero(_inside(slam_map.poses[:, :2], box))
     if not rows.size:
         raise InvalidArgumentError(f"no keyframe lies within {box}: the map's are from {_extent(slam_map.poses)}")
@@ -99,7 +70,7 @@ def cropped(slam_map: SlamMap, box: Box) -> SlamMap:
 
 def rubbed_out(slam_map: SlamMap, box: Box) -> SlamMap:
     """Return a map without the readings that end within a box."""
-    _check(box)
+    check_box(box)
     return _without_readings(slam_map, lambda points: _inside(points, box))
 
 
@@ -132,28 +103,12 @@ def map_points(slam_map: SlamMap) -> Points:
 
 
 def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 0.02) -> list[Change]:
-    """Return what stands in one map where the other saw free space, largest first; both in one frame.
-
-    Raises InvalidArgumentError when their cells differ in size.
-    """
+    """Return what stands in one map where the other saw free space, largest first; both in one frame."""
     from scipy import ndimage
 
-    if before.resolution != after.resolution:
-        raise InvalidArgumentError(
-            f"maps must have cells of one size, got {before.resolution:g} and {after.resolution:g} m"
-        )
-    cell = before.resolution
-    corners = [np.rint(grid.origin / cell).astype(np.int64) for grid in (before, after)]
-    low = np.minimum(*corners)
-    high = np.maximum(*(c + grid.log_odds.shape[::-1] for c, grid in zip(corners, (before, after), strict=True)))
-    layers = []
-    for corner, grid in zip(corners, (before, after), strict=True):
-        (column, row), (n_rows, n_columns) = (corner - low).tolist(), grid.log_odds.shape
-        for mask in (grid.is_occupied, grid.is_free):
-            whole = np.zeros((high - low)[::-1], dtype=np.bool_)
-            whole[row : row + n_rows, column : column + n_columns] = mask
-            layers.append(whole)
-    stood, was_free, stands, is_free = layers
+    before, after = overlaid(before, after)
+    cell, low = before.resolution, np.rint(before.origin / before.resolution)
+    stood, was_free, stands, is_free = before.is_occupied, before.is_free, after.is_occupied, after.is_free
     found = []
     for kind, there, other, free in (("appeared", stands, stood, was_free), ("gone", stood, stands, is_free)):
         near = ndimage.binary_dilation(other, iterations=_TOLERANCE_CELLS)
@@ -172,11 +127,6 @@ def changes(before: OccupancyGrid, after: OccupancyGrid, *, least_area: float = 
 def _inside(points: Points, box: Box) -> Bools:
     low, high = np.array(box[:2]), np.array(box[2:])
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
-
-
-def _check(box: Box) -> None:
-    if not (np.isfinite(box).all() and box[0] < box[2] and box[1] < box[3]):
-        raise InvalidArgumentError(f"a box is X0 Y0 X1 Y1 with X0 < X1 and Y0 < Y1, got {box}")
 
 
 def _extent(poses: Floats) -> str:

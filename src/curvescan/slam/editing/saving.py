@@ -14,19 +14,21 @@ from curvescan.io.files.output import output_folder
 from curvescan.io.trajectories.relations import write_g2o
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.mapping.map_server import write_map
+from curvescan.mapping.occupancy import OccupancyGrid
 from curvescan.slam.editing.edits import Edit, write_edits
 from curvescan.slam.map import SlamMap
 
 
 @contextmanager
 def map_folder(
-    out: str | os.PathLike[str], slam_map: SlamMap, *, inputs: Sequence[str | os.PathLike[str]] = ()
+    out: str | os.PathLike[str], given: SlamMap | OccupancyGrid, *, inputs: Sequence[str | os.PathLike[str]] = ()
 ) -> Iterator[Path]:
-    """Write map.csmap, graph.g2o, map.pgm with map.yaml into a folder, and yield it for what else there is."""
+    """Write map.pgm with map.yaml into a folder, of keyframes map.csmap and graph.g2o too; yield it for what else."""
     with output_folder(out, inputs=inputs) as folder:
-        grid = slam_map.occupancy()
-        replace(slam_map, grid=grid).save(folder / "map.csmap")
-        write_g2o(folder / "graph.g2o", keyframe_trajectory(slam_map), slam_map.edges)
+        grid = given.occupancy() if isinstance(given, SlamMap) else given
+        if isinstance(given, SlamMap):
+            replace(given, grid=grid).save(folder / "map.csmap")
+            write_g2o(folder / "graph.g2o", keyframe_trajectory(given), given.edges)
         if grid.log_odds.size:
             write_map(folder, grid)
         yield folder

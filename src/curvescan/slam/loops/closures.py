@@ -51,7 +51,6 @@ class ClosureOutcome(Enum):
     NO_MATCH = "The scans do not match."
     LOW_CONFIDENCE = "The match is too likely to be wrong."
     UNEXPECTED = "The match lies where the graph does not expect it, and is not likely enough alone."
-    WITHDRAWN = "It was accepted, and bent the odometry more than it can err: places here look alike."
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -4,8 +4,6 @@ Whatever rosbags raises leaves here as an error of ours in one sentence: on dama
 errors and nearly every builtin one (assertions, struct errors, those of the decompressors).
 """
 
-from __future__ import annotations
-
 import errno
 import shutil
 import sqlite3
@@ -186,7 +184,7 @@ class Bag:
         return folder
 
     @contextmanager
-    def _opened(self, file: Path) -> Iterator[_Reader]:
+    def _opened(self, file: Path) -> "Iterator[_Reader]":
         if not file.is_file():
             raise LogFileError(f"cannot read {self.path}: it has gone since it was opened")
         with self._own_errors():

@@ -7,8 +7,6 @@ nanosecond, beams that are not evenly spaced. A scan read from a bag comes back 
 interpolated in them when it is read again, and of scans with the same stamp the first one's pose counts.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -3,8 +3,6 @@
 A LaserScan message holds float32: what a scan keeps of a float64 is its nearest float32. Times are whole nanoseconds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from decimal import Decimal
@@ -19,7 +17,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Cov, Floats, Pose
 
 MAP_FRAME, ODOM_FRAME, LASER_FRAME = "map", "odom", "laser"
-
 _SECOND = 10**9
 _PLANAR = [0, 1, 5]
 """x, y and yaw among the six of a geometry_msgs covariance: its elements 0, 1, 5, 6, 7, 11, 30, 31, 35."""
@@ -61,15 +58,8 @@ class MessageBuilder:
                 "these are not; CSV and NPZ keep them"
             )
         last = scan.angle_min + max(len(scan) - 1, 0) * scan.angle_increment
-        fields = {
-            "angle_min": scan.angle_min,
-            "angle_max": last,
-            "angle_increment": scan.angle_increment,
-            "time_increment": scan.time_increment,
-            "scan_time": scan.scan_time,
-            "range_min": scan.range_min,
-            "range_max": scan.range_max,
-        }
+        names = ("angle_min", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
+        fields = {"angle_max": last} | {name: float(getattr(scan, name)) for name in names}
         with np.errstate(over="ignore", under="ignore"):
             short = {name: float(np.float32(value)) for name, value in fields.items()}
             ranges = scan.ranges.astype(np.float32)
@@ -99,11 +89,7 @@ class MessageBuilder:
         twist: Floats | None = None,
         twist_covariance: Cov | None = None,
     ) -> Any:
-        """Return a pose of the laser in the odometry's frame as nav_msgs/Odometry, and its velocity in its own frame.
-
-        pose (3,); covariance (3, 3): Of the pose; None for zero; twist (3,): m/s, m/s, rad/s; None where it is
-        unknown; twist_covariance (3, 3).
-        """
+        """Return a pose (3,) of the laser as nav_msgs/Odometry, covariance None: zero, twist None: unknown speed."""
         position, orientation = self._point_and_quaternion(pose)
         vx, vy, omega = (0.0, 0.0, 0.0) if twist is None else twist.tolist()
         pose_covariance, speed_covariance = np.zeros((6, 6)), np.diag(np.full(6, _UNKNOWN))

@@ -34,8 +34,8 @@ from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
 ANY = 0.2
-"""Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people are about,
-who hide things and agree by chance, where small things of more contradict a pose."""
+"""Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
+things and agree by chance, are about where small things of more contradict a pose."""
 
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""

@@ -1,15 +1,9 @@
 """Limits for rosbags' readers of ROS 1 bags and of MCAP, which trust the sizes that a file claims.
 
-What is checked: what chunks unpack to (see chunks.py), how much index a ROS 1 bag has, how many chunks of an MCAP
-file have to be held at once, and the YAML that both kinds of ROS 2 bags carry, in which a few hundred bytes can stand
-for hours of work.
-
-CheckedPath: no length that a file claims makes its reader reserve memory or read for ever.
-
-``read(n)`` of an ordinary file reserves n bytes before it reads. A damaged or hostile file may claim any n.
+Checked are what chunks unpack to, how much index a ROS 1 bag has, how many chunks of an MCAP file are held at once,
+and the YAML of ROS 2 bags, in which a few hundred bytes can stand for hours of work. ``read(n)`` of an ordinary file
+reserves n bytes before it reads: CheckedPath does not.
 """
-
-from __future__ import annotations
 
 import io
 import os
@@ -24,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.lines import printable
-from curvescan.io.ros.bags.hardening.chunks import Unpacker, packing_of
+from curvescan.io.ros.bags.bag_files import Unpacker, packing_of
 
 MIN_INDEX_LIMIT = 1 << 20
 """So many messages any ROS 1 bag may have; their index takes 150 bytes each in memory, and 12 in the file."""
@@ -41,7 +35,6 @@ MIN_SUMMARY_LIMIT = 8 << 20
 
 _FOOTER_BYTES = 28  # where the summary starts, and what stands behind that
 _MAX_REPEATS = 100
-
 _MAX_QOS_BYTES = 1 << 16
 _QOS_KEY = b"offered_qos_profiles"
 _IDX_HEADER_BYTES = 55
@@ -209,7 +202,6 @@ MIN_READ_LIMIT = 1 << 30
 """So many bytes a file may be read to from its opening to its closing, and MAX_READ_RATIO times its size."""
 
 MAX_READ_RATIO = 100
-
 _SMALL = 1 << 16
 _NOTHING_TO_SEE = 8
 _RECORD_READ = 2
@@ -231,7 +223,7 @@ class CheckedPath:
     def __str__(self) -> str:
         return str(self._path)
 
-    def __truediv__(self, key: CheckedPath | PurePath | str) -> CheckedPath:
+    def __truediv__(self, key: "CheckedPath | PurePath | str") -> "CheckedPath":
         return CheckedPath(self._path / str(key), self._look, self._rewrite)
 
     @property

@@ -1,14 +1,8 @@
-"""What is left of a bag whose end is missing: its messages up to the break, written as a whole bag.
+"""What is left of a bag whose end is missing: its messages up to the break, written as a whole temporary bag.
 
-A recorder that was killed, or a disk that was full, leaves a bag without the index that stands at its end. The messages
-before it are sound. They are copied to a temporary bag, which the ordinary readers take with all their checks.
-
-What is looked at in a ROS 2 bag of SQLite before rosbags opens it: that its tables are plain ones.
-
-A view or a generated column is a program, which may run without end or make values that stand nowhere in the file.
+A recorder that was killed leaves a bag without the index at its end. And what is looked at in a bag of SQLite before
+rosbags opens it: that its tables are plain ones. A view or a generated column is a program, which may run without end.
 """
-
-from __future__ import annotations
 
 import os
 import shutil
@@ -28,8 +22,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from curvescan.errors import LogFormatError
 from curvescan.io.files.lines import printable
-from curvescan.io.ros.bags.bag_files import BagKind
-from curvescan.io.ros.bags.hardening.chunks import Unpacker
+from curvescan.io.ros.bags.bag_files import BagKind, Unpacker
 from curvescan.io.ros.bags.hardening.limits import check_qos
 
 _PIECE_BYTES = 1 << 20
@@ -98,7 +91,7 @@ def _salvage_mcap(file: Path, target: Path) -> None:
 
 
 def _end_of_records(source: BinaryIO, position: int, n_bytes: int) -> int:
-    """Return where the last whole record ends, of those that begin at a position."""
+    """Return where the last whole record ends; the first record begins at `position`."""
     while True:
         source.seek(position)
         head = source.read(9)
