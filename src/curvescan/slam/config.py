@@ -161,7 +161,7 @@ class ClosuresConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class OptimizerConfig:
-    """When the graph is optimized, and how robustly against wrong edges."""
+    """When the graph is optimized."""
 
     n_least: int = 10
     """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
@@ -188,6 +188,6 @@ class SlamConfig:
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    """When the graph is optimized, and how robustly against wrong edges."""
+    """When the graph is optimized."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""
