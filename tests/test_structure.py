@@ -207,7 +207,7 @@ BUDGET: dict[str, tuple[int, int, int]] = {
     "live": (3061, 42, 0),
     "mapping": (857, 17, 8),
     "matchers": (649, 5, 0),
-    "matchers/baselines": (1699, 47, 40),
+    "matchers/baselines": (1688, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
     "matchers/curvescan": (4230, 193, 61),
     "odometry": (2332, 40, 25),

@@ -142,7 +142,7 @@ def _from_the_middle(
 
 @kernel
 def _seen(bearings: Floats, ranges: Floats, valid: Bools, least: float) -> Bools:
-    """Return (n,) which readings stay in sight: the farther one goes where bearings do not grow by `least`."""
+    """Return (n,) which readings stay in sight: of two whose bearings are out of order the farther is dropped."""
     n = bearings.size
     stack = np.empty(n, dtype=np.int64)
     top = 0

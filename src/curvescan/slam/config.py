@@ -131,8 +131,8 @@ class ClosuresConfig:
     n_uncertain: int = 6
     """The same for those of a relative pose that is not well known."""
     min_similarity: float = 0.4
-    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. Of 2,758
-    below it on Intel and ACES two in a hundred were of any use."""
+    """Least similarity by the place index, in [0, 1], of keyframes of a relative pose that is not well known. On Intel
+    and ACES, 2 % of 2,758 candidates below it were of use."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
     gate: float = 16.0
@@ -162,7 +162,7 @@ class ClosuresConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class OptimizerConfig:
-    """Optimization: when and how robustly."""
+    """When the graph is optimized, and how robustly against wrong edges."""
 
     limit: float = 16.0
     """Squared Mahalanobis distance beyond which an edge loses its weight."""
@@ -196,6 +196,6 @@ class SlamConfig:
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    """Optimization: when and how robustly."""
+    """When the graph is optimized, and how robustly against wrong edges."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""

@@ -222,7 +222,6 @@ def test_icp_without_scipy_says_what_to_install(monkeypatch):
         (lambda: HistogramConfig(angle_bins=3), "angle_bins must be at least 36"),
         (lambda: HistogramConfig(max_rotation=4.0), r"max_rotation must lie in \(0, pi\] rad"),
         (lambda: IcpConfig(kept_share=-1.0), "kept_share must lie"),
-        (lambda: PlIcpConfig(adaptive_factor=0.5), "adaptive_factor must be at least 1"),
         (lambda: PlIcpConfig(range_sigma=0.0), "range_sigma must be > 0 m"),
     ],
 )

@@ -125,26 +125,17 @@ class HistogramConfig:
     """The line filter: readings on no line take no part."""
     angle_bins: int = 360
     """Bins of the angle histogram, over the full circle."""
-    angle_smoothing: float = math.radians(2.0)
-    """Standard deviation of the noise of a tangent, radians, by which the angle histogram is smoothed."""
     max_rotation: float = math.radians(45.0)
     """Rotations farther from the guess are not looked at, radians: a rectangular room repeats every 90 degrees."""
-    bin_width: float = 0.02
-    """Bin of the x and y histograms, metres."""
     smoothing: float = 0.03
     """Standard deviation by which the x and y histograms are smoothed, metres."""
-    max_translation: float = 1.0
-    """Translations farther from the guess, along either axis, are not looked at, metres."""
     min_agreement: float = 0.3
     """Least correlation coefficient of the x and of the y histograms at the pose found, in (0, 1]."""
 
     def __post_init__(self) -> None:
         require(self.angle_bins >= 36, "angle_bins must be at least 36", self.angle_bins)
-        require(self.angle_smoothing > 0.0, "angle_smoothing must be > 0 rad", self.angle_smoothing)
         require(0.0 < self.max_rotation <= math.pi, "max_rotation must lie in (0, pi] rad", self.max_rotation)
-        require(self.bin_width > 0.0, "bin_width must be > 0 m", self.bin_width)
         require(self.smoothing > 0.0, "smoothing must be > 0 m", self.smoothing)
-        require(self.max_translation > 0.0, "max_translation must be > 0 m", self.max_translation)
         require_share(self.min_agreement, "min_agreement")
 
 
@@ -176,10 +167,6 @@ class PlIcpConfig:
     """Greatest distance of a pair, metres. Measured."""
     kept_share: float = 0.95
     """Share of the pairs, the closest, that may take part, in (0, 1]. Censi's program: 0.95."""
-    adaptive_order: float = 0.7
-    """Quantile of the distances that sets the adaptive gate, in (0, 1]. Censi's program: 0.7."""
-    adaptive_factor: float = 2.0
-    """Pairs farther than this many times that quantile are outliers. Censi's program: 2."""
     range_sigma: float = 0.01
     """Range noise of the sensor, metres, for the covariance; more where the pairs show more. Censi's program: 0.01."""
     min_share: float = 0.3
@@ -187,8 +174,6 @@ class PlIcpConfig:
 
     def __post_init__(self) -> None:
         require_share(self.kept_share, "kept_share")
-        require_share(self.adaptive_order, "adaptive_order")
-        require(self.adaptive_factor >= 1.0, "adaptive_factor must be at least 1", self.adaptive_factor)
         require(self.range_sigma > 0.0, "range_sigma must be > 0 m", self.range_sigma)
         require_share(self.min_share, "min_share")
 

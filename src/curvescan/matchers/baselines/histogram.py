@@ -21,6 +21,10 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Floats, Ints, Points, Pose
 
+_ANGLE_SMOOTHING = math.radians(2.0)  # standard deviation of the noise of a tangent, radians
+_BIN_WIDTH = 0.02  # of the x and y histograms, metres
+_MAX_TRANSLATION = 1.0  # translations farther from the guess, along either axis, are not looked at, metres
+
 
 @dataclass(frozen=True, kw_only=True)
 class Peak:
@@ -108,9 +112,7 @@ class HistogramMatcher:
         on_line = lines.readings(points, np.arange(len(lines)))
         angles = np.arctan2(points.tangents[on_line, 1], points.tangents[on_line, 0])
         step = 2.0 * math.pi / config.angle_bins
-        histogram = ring_histogram(
-            angles / step, np.ones(angles.size), config.angle_bins, config.angle_smoothing / step
-        )
+        histogram = ring_histogram(angles / step, np.ones(angles.size), config.angle_bins, _ANGLE_SMOOTHING / step)
         return HistogramFeatures(points=points, on_line=on_line, angles=angles, angle_histogram=histogram)
 
     def can_be_reference(self, features: HistogramFeatures) -> bool:
@@ -137,7 +139,7 @@ class HistogramMatcher:
         least = self.config.min_agreement
         if x is None or y is None or min(x.agreement, y.agreement) < least:
             return _failure(Outcome.NO_AGREEMENT, reference, current, trace)
-        shift = self.config.bin_width * np.array([x.lag, y.lag])
+        shift = _BIN_WIDTH * np.array([x.lag, y.lag])
         pose = np.append(se2.rotation(main) @ shift, se2.wrap(theta))
         points, angles = current.points.points[current.on_line], current.angles + theta
         rows = jacobian(points, np.stack([-np.sin(angles), np.cos(angles)], axis=1), pose)
@@ -164,28 +166,27 @@ class HistogramMatcher:
         self, reference: HistogramFeatures, current: HistogramFeatures, main: float, theta: float, expected: Pose
     ) -> tuple[Peak | None, Peak | None]:
         """Return the peaks of the x and y histograms, axes along the main direction of the reference."""
-        config = self.config
         ref = reference.points.points[reference.on_line] @ se2.rotation(main)
         cur = current.points.points[current.on_line] @ se2.rotation(main - theta)
         ref_facing = _facing(reference.angles - main)
         cur_facing = _facing(current.angles + theta - main)
-        centre = expected[:2] @ se2.rotation(main) / config.bin_width
+        centre = expected[:2] @ se2.rotation(main) / _BIN_WIDTH
         # a ring long enough that nothing meets itself around it
-        length = 2.0 * (np.abs(ref).max() + np.abs(cur).max()) + config.max_translation
-        n_bins = 1 << math.ceil(math.log2(length / config.bin_width + 2.0))
+        length = 2.0 * (np.abs(ref).max() + np.abs(cur).max()) + _MAX_TRANSLATION
+        n_bins = 1 << math.ceil(math.log2(length / _BIN_WIDTH + 2.0))
         x, y = (
             best_lag(
                 self._shadow(ref[:, axis], ref_facing[:, axis], n_bins),
                 self._shadow(cur[:, axis], cur_facing[:, axis], n_bins),
                 centre[axis],
-                config.max_translation / config.bin_width,
+                _MAX_TRANSLATION / _BIN_WIDTH,
             )
             for axis in (0, 1)
         )
         return x, y
 
     def _shadow(self, coordinates: Floats, weights: Floats, n_bins: int) -> Floats:
-        width = self.config.bin_width
+        width = _BIN_WIDTH
         return ring_histogram(coordinates / width, weights, n_bins, self.config.smoothing / width)
 
     def _covariance(self, trace: HistogramTrace, points: Points, angles: Floats, theta: float) -> Cov:
@@ -202,8 +203,8 @@ class HistogramMatcher:
         turned = points @ se2.rotation(trace.main_direction - theta)
         variance = np.array(
             [
-                _variance(trace.x, self.config.bin_width, facing[:, 0].sum()),
-                _variance(trace.y, self.config.bin_width, facing[:, 1].sum()),
+                _variance(trace.x, _BIN_WIDTH, facing[:, 0].sum()),
+                _variance(trace.y, _BIN_WIDTH, facing[:, 1].sum()),
                 _variance(trace.rotation, 2.0 * math.pi / self.config.angle_bins, len(points)),
             ]
         )

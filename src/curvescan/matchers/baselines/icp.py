@@ -45,7 +45,7 @@ class IcpMatcher:
         self.config = config
 
     def prepare(self, scan: LaserScan) -> IcpFeatures:
-        """Return the readings of a scan and their tree."""
+        """Return the readings of a scan, and the k-d tree in which the nearest of them is found."""
         points = sweep_of(scan)
         return IcpFeatures(points=points, tree=_plant_tree(points.points))
 

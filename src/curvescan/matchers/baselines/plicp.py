@@ -25,6 +25,9 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.types import Cov, Ints, Pose
 
+_ADAPTIVE_ORDER, _ADAPTIVE_FACTOR = 0.7, 2.0
+"""The adaptive gate: so many times this quantile of the distances; the values of Censi's program."""
+
 
 class PlIcpMatcher:
     """PL-ICP.
@@ -79,7 +82,7 @@ class PlIcpMatcher:
         ref_idx, squared = nearest_readings(points, reference, gate)
         squared[np.isnan(reference.tangents[ref_idx, 0])] = np.inf
         kept = keep_best(squared, config.kept_share)
-        kept = within_quantile(squared, kept, config.adaptive_order, config.adaptive_factor)
+        kept = within_quantile(squared, kept, _ADAPTIVE_ORDER, _ADAPTIVE_FACTOR)
         return ref_idx[kept], np.flatnonzero(kept)
 
     def _covariance(self, reference: ScanPoints, current: ScanPoints, pose: Pose, pairs: tuple[Ints, Ints]) -> Cov:

@@ -134,7 +134,7 @@ class _LogJob:
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryJob(_LogJob):
-    """Odometry and maps of each log, as :func:`curvescan.run`."""
+    """Runs the odometry of each log and makes its maps, as :func:`curvescan.run` does."""
 
     config: OdometryConfig | Mapping[str, Any] | None = None
     """Configuration of the odometry; a mapping of the fields that differ; None for what suits the method."""
@@ -150,7 +150,7 @@ class OdometryJob(_LogJob):
 
 @dataclass(frozen=True, kw_only=True)
 class SlamJob(_LogJob):
-    """SLAM of each log, as ``curvescan slam``."""
+    """Runs SLAM of each log, as ``curvescan slam`` does."""
 
     config: SlamConfig | Mapping[str, Any] | None = None
     """Configuration of SLAM; a mapping of the fields that differ; None for the defaults."""

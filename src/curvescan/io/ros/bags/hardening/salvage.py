@@ -91,7 +91,7 @@ def _salvage_mcap(file: Path, target: Path) -> None:
 
 
 def _end_of_records(source: BinaryIO, position: int, n_bytes: int) -> int:
-    """Return where the last whole record ends, of those that begin at a position."""
+    """Return where the last whole record ends; the first record begins at `position`."""
     while True:
         source.seek(position)
         head = source.read(9)
