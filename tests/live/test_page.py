@@ -116,7 +116,8 @@ def test_the_page_is_an_instrument(running, tmp_path, log: cs.Log) -> None:
         (tmp_path / "saved.csmap").write_bytes(base64.b64decode(page.run(read)))
         assert 2 <= len(cs.load_map(tmp_path / "saved.csmap")) <= 25
         # on to a scan, then on to the end
-        to = "(() => {{ const t = document.getElementById('time'); t.value = {}; t.dispatchEvent(new Event('change')) }})()"
+        slider = "const t = document.getElementById('time'); t.value = {}; t.dispatchEvent(new Event('change'))"
+        to = f"(() => {{{{ {slider} }}}})()"
         for n_scans in (30, 40):
             page.run(to.format(n_scans))
             page.wait(f"state.scan.index === {n_scans - 1}")
