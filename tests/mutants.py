@@ -83,8 +83,8 @@ NAMED = (
     _named(
         "agreement at 2 sigma instead of 3",
         f"{_MATCHER}/assessment/labels.py",
-        "_AGREEING_SIGMAS = 3.0",
-        "_AGREEING_SIGMAS = 2.0",
+        "return SURE_SIGMAS * math.sqrt",
+        "return 2.0 * math.sqrt",
     ),
     _named(
         "a line's own noise 0.9 instead of 0.3",
@@ -93,10 +93,10 @@ NAMED = (
         "_LINE_NOISE = 0.9",
     ),
     _named(
-        "robust knee 9 instead of 4",
+        "robust knee 9 instead of 4, outliers beyond 36",
         f"{_MATCHER}/refinement.py",
-        "_KNEE_CHI2, _OUTLIER_CHI2 = 4.0, 16.0",
-        "_KNEE_CHI2, _OUTLIER_CHI2 = 9.0, 16.0",
+        "_KNEE_CHI2 = LIKELY_SIGMAS * LIKELY_SIGMAS",
+        "_KNEE_CHI2 = 9.0",
     ),
     _named("share of a slide 0.2 instead of 0.7", f"{_MATCHER}/disambiguation.py", "_SHARE = 0.7", "_SHARE = 0.2"),
     _named(
@@ -106,7 +106,7 @@ NAMED = (
         "motion_gate_chi2: float = 60.0",
         "odometry/test_gating.py",
     ),
-    _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20.0", "_MAX_STRETCH = 200.0"),
+    _named("pauses clamped ten times later", "odometry/motion_model.py", "_MAX_STRETCH = 20\n", "_MAX_STRETCH = 200\n"),
     _named(
         "stale share 0.4 instead of 0.1",
         "diagnostics/issues.py",

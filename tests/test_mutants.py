@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import sys
 
 import pytest
 
@@ -17,10 +18,11 @@ def test_a_named_mutant_stands_once_in_its_file_and_parses(mutant):
     assert all((mutants.ROOT / "tests" / one).exists() for one in mutant.tests)
 
 
-def test_the_module_that_is_loaded_is_the_mutant():
+def test_the_module_that_is_loaded_is_the_mutant(monkeypatch):
     (mutant,) = [m for m in mutants.NAMED if "stale" in m.name]
     spec = mutants._Finder(mutant).find_spec("curvescan.diagnostics.issues", None)
     module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)  # where its dataclasses look
     spec.loader.exec_module(module)
     assert module._STALE == 0.4
     assert mutants._Finder(mutant).find_spec("curvescan.diagnostics.inspect", None) is None

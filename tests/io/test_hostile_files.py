@@ -14,6 +14,7 @@ import tracemalloc
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -383,11 +384,18 @@ def test_rules_of_a_configuration_name_the_file(tmp_path: Path) -> None:
         read_config(path, {"curvescan": CurvescanConfig()})
 
 
+@dataclass(frozen=True)
+class PairConfig:
+    """A list of fixed length."""
+
+    pair: tuple[float, float] = (0.1, 0.2)
+
+
 def test_list_of_another_length_in_a_configuration(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
-    path.write_text("[curvescan.scoring]\nmoved_along = [0.1]\n")
-    with pytest.raises(InvalidArgumentError, match=r"moved_along must be a list of 2, got 1"):
-        read_config(path, {"curvescan": CurvescanConfig()})
+    path.write_text("[a]\npair = [0.1]\n")
+    with pytest.raises(InvalidArgumentError, match=r"pair must be a list of 2, got 1"):
+        read_config(path, {"a": PairConfig()})
 
 
 def test_angles_and_poses_of_1e308(tmp_path: Path) -> None:

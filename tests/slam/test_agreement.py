@@ -33,9 +33,9 @@ def _closure(i: int, j: int, off: Pose | float = 0.0, expectation: float = 3.0, 
     )  # fmt: skip
 
 
-def _lead(pool: list[Closure], chain: Chain = CHAIN, missed: float = 0.0) -> tuple[int, float, float]:
+def _lead(pool: list[Closure], chain: Chain = CHAIN) -> tuple[int, float, float]:
     """Return how many agree with the last of a pool, their log odds, and those of what contradicts them."""
-    group, against = best_group(pool, chain, CONFIG, np.full(len(pool), missed), CONFIG.closures.certain_m)
+    group, against = best_group(pool, chain, CONFIG, CONFIG.closures.certain_m)
     return len(group.members), group.log_odds, against
 
 
@@ -63,12 +63,6 @@ def test_what_contradicts_a_set_has_its_own_odds() -> None:
     n, odds, against = _lead([*lookalikes, *true])
     assert n == 2
     assert odds - against > CONFIG.closures.log_odds
-
-
-def test_a_slip_is_accepted_where_the_graph_as_it_is_does_not_explain_the_views() -> None:
-    slipped = [_closure(i, i + 30, ROOM, expectation=-6.0) for i in (0, 3, 6, 9)]
-    assert _lead(slipped)[1] < CONFIG.closures.log_odds
-    assert _lead(slipped, missed=1.0)[1] > CONFIG.closures.log_odds
 
 
 def _slipped(row: int, sigma_m: float) -> Chain:

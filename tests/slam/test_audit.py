@@ -1,4 +1,4 @@
-"""Matches that contradict a finished map count where those of three keyframes agree."""
+"""Matches that contradict a finished map count where those of five keyframes agree."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def _said(tried: list[Closure]) -> list[Contradiction]:
     return contradictions(groups_against(tried, POSES, CONFIG), POSES, 100 + np.arange(40))
 
 
-def test_matches_of_three_keyframes_that_agree_contradict_the_map() -> None:
-    group = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0]) for k in range(3)]
+def test_matches_of_five_keyframes_that_agree_contradict_the_map() -> None:
+    group = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0]) for k in range(5)]
     (found,) = _said(group)
-    assert found.pairs.tolist() == [[102, 130], [103, 131], [104, 132]]
-    np.testing.assert_allclose(found.place, [15.5, 0.0])
+    assert found.pairs.tolist() == [[102 + k, 130 + k] for k in range(5)]
+    np.testing.assert_allclose(found.place, [16.0, 0.0])
     np.testing.assert_allclose(found.off, [1.0, 0.5, 0.0], atol=1e-12)
 
 
 def test_what_disagrees_is_unsure_fits_the_map_or_shows_another_place_contradicts_nothing() -> None:
-    disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(3)]
-    unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(3)]
-    fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(3)]
-    elsewhere = [_refused(2 + k, 30 + k, [60.0, 0.5, 0.0]) for k in range(3)]
+    disagreeing = [_refused(2 + k, 30 + k, [1.0 + k, 0.0, 0.0]) for k in range(5)]
+    unsure = [_refused(2 + k, 30 + k, [1.0, 0.5, 0.0], confidence=0.8) for k in range(5)]
+    fitting = [_refused(2 + k, 30 + k, [0.01, 0.0, 0.0]) for k in range(5)]
+    elsewhere = [_refused(2 + k, 30 + k, [60.0, 0.5, 0.0]) for k in range(5)]
     for group in (unsure, fitting, elsewhere):
         assert groups_against(group, POSES, CONFIG) == []
-    assert [len(group) for group in groups_against(disagreeing, POSES, CONFIG)] == [1, 1, 1]
+    assert [len(group) for group in groups_against(disagreeing, POSES, CONFIG)] == [1] * 5
     assert _said(disagreeing) == []
 
 
@@ -56,6 +56,6 @@ def test_matches_of_far_stretches_are_no_set() -> None:
 
 
 def test_a_map_that_is_off_by_less_than_half_a_metre_is_not_bent() -> None:
-    near = [_refused(2 + k, 30 + k, [0.3, 0.2, 0.0]) for k in range(3)]
+    near = [_refused(2 + k, 30 + k, [0.3, 0.2, 0.0]) for k in range(5)]
     assert len(groups_against(near, POSES, CONFIG)) == 1
     assert _said(near) == []

@@ -36,11 +36,9 @@ def overview(commands: Mapping[str, Callable[..., int]]) -> str:
     rows = [f"  {name:<{indent - 2}}{_fit(_paragraph(command), width - indent)}" for name, command in commands.items()]
     return "\n".join(
         [
-            "usage: curvescan COMMAND ...",
-            "",
+            "usage: curvescan COMMAND ...\n",
             *rows,
-            "",
-            "curvescan COMMAND -h        the flags of a command",
+            "\ncurvescan COMMAND -h        the flags of a command",
             "curvescan COMMAND --help-all  and every parameter of the matchers, the odometry and the map",
         ]
     )

@@ -1,5 +1,6 @@
 """The entry point: sees to it that Ctrl-C ends in a sentence, from the first import on, and runs the command line."""
 
+import gc
 import sys
 
 from curvescan._interrupts import end_commands_at_once
@@ -13,6 +14,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Return the exit status of a command line; see :mod:`curvescan.cli.command_line`."""
+    gc.set_threshold(50_000)  # at 700 a twentieth of the imports goes into looking for garbage
     # imported late: it takes a good part of a second, in which Ctrl-C may come
     from curvescan.cli import command_line
 

@@ -87,8 +87,7 @@ class Backend:
         rules, n_known = self.config.optimizer, self._map.belief.n
         if self._search.is_urgent:
             return True
-        growth = rules.least_growth if self._search.is_surprised else rules.growth
-        return self.graph.n_poses - n_known >= max(rules.n_least, growth * n_known)
+        return self.graph.n_poses - n_known >= max(rules.n_least, rules.growth * n_known)
 
     def _begin(self) -> None:
         """Begin an optimization of the graph as it is now."""
@@ -98,7 +97,7 @@ class Backend:
 
     def _new_job(self, *, is_last: bool = False) -> Job:
         problem = Problem.of(self.graph, self._map.current)
-        return Job(problem, self.config.optimizer.limit, self.config.noise, self._pool, is_last=is_last)
+        return Job(problem, self.config.noise, self._pool, is_last=is_last)
 
     def _await(self) -> None:
         """Take the result of the optimization under way, if one is."""

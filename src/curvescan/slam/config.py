@@ -11,6 +11,10 @@ from curvescan.errors import require
 from curvescan.odometry.config import OdometryConfig
 from curvescan.types import Cov, UncertainPose
 
+GATE = 16.0
+"""Squared Mahalanobis distance up to which two estimates may be of one pose, and beyond which an edge loses its weight:
+chi-square of 3 degrees of freedom, 99.9 %."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeyframesConfig:
@@ -122,8 +126,6 @@ class ClosuresConfig:
     """A keyframe may lie this many standard deviations from where the graph has it."""
     certain_m: float = 0.25
     """Where the graph knows the relative pose of two keyframes better than this, metres, it guides their match."""
-    certain_rad: float = 0.1
-    """The same for its rotation, radians."""
     n_certain: int = 5
     """Earlier keyframes of a known relative pose that a new one is matched with, at most."""
     min_overlap: float = 0.4
@@ -135,9 +137,6 @@ class ClosuresConfig:
     and ACES, 2 % of 2,758 candidates below it were of use."""
     matches_per_scan: int = 3
     """Matches made for each scan that is added; the rest waits."""
-    gate: float = 16.0
-    """Squared Mahalanobis distance up to which two estimates may be of one pose: chi-square of 3 degrees of freedom,
-    99.9 %."""
     min_score: float = 0.25
     """Least score of a match, in [0, 1], of a matcher that gives no confidence."""
     min_confidence: float = 0.55
@@ -152,7 +151,7 @@ class ClosuresConfig:
     """Matches that wait for others to agree with, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("reach", "sigmas", "certain_m", "certain_rad", "gate", "log_odds", "most_log_odds"):
+        for name in ("reach", "sigmas", "certain_m", "log_odds", "most_log_odds"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
         for name in ("n_certain", "n_uncertain", "matches_per_scan", "n_waiting"):
             require(getattr(self, name) >= 1, f"{name} must be at least 1", getattr(self, name))
@@ -162,24 +161,17 @@ class ClosuresConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class OptimizerConfig:
-    """When the graph is optimized, and how robustly against wrong edges."""
+    """When the graph is optimized."""
 
-    limit: float = 16.0
-    """Squared Mahalanobis distance beyond which an edge loses its weight."""
     n_least: int = 10
     """Keyframes between two optimizations, unless a loop closes where the graph did not know the relative pose well."""
-    surprise: float = 4.0
-    """The graph is optimized when a closure lies this far from where it was expected (squared Mahalanobis distance)."""
-    least_growth: float = 0.02
-    """Nor before the graph has grown by this share, unless a loop closes."""
-    growth: float = 0.1
-    """It is also optimized when it has grown by this share since the last time."""
+    growth: float = 0.05
+    """Nor before the graph has grown by this share since the last time."""
     n_adopt: int = 60
     """Scans between the start of an optimization and its result; it runs beside them."""
 
     def __post_init__(self) -> None:
-        for name in ("limit", "surprise", "growth", "least_growth"):
-            require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
+        require(self.growth > 0.0, "growth must be > 0", self.growth)
         require(self.n_adopt >= 1, "n_adopt must be at least 1", self.n_adopt)
 
 
@@ -196,6 +188,6 @@ class SlamConfig:
     closures: ClosuresConfig = field(default_factory=ClosuresConfig)
     """Loop closures: where they are searched, and which are accepted."""
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    """When the graph is optimized, and how robustly against wrong edges."""
+    """When the graph is optimized."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """The odometry in front."""

@@ -11,7 +11,7 @@ import numpy as np
 from curvescan import se2
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse, identity, inverse
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.jobs import Problem, Solution, covariances_seen_from
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.loops.belief import Belief
@@ -133,7 +133,7 @@ class GrowingMap:
             found = measured(result)
             found = UncertainPose(found.pose, noise.edge(found.cov))
             fused, distance = fuse(step, found)
-            if distance < self.config.closures.gate:
+            if distance < GATE:
                 step = fused
                 if result.degenerate_direction is None:
                     self._open_way, kind = 0.0, EdgeKind.MATCH

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.slam.config import NoiseConfig
+from curvescan.slam.config import GATE, NoiseConfig
 from curvescan.slam.loops.belief import UNKNOWN
 from curvescan.slam.pose_graph.components import anchors_of, components
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
@@ -33,9 +33,6 @@ _FROM_AFAR, _NEARBY = 0.05, 6.0
 """Convexity to begin with: where every edge is reconsidered, and where the optimum is near the one that the last job
 left."""
 
-
-_LIMIT = 16.0
-"""Squared Mahalanobis distance from which on a step is known no better than it is off."""
 
 _OPEN = 1.0
 """Variance of a match from which on it leaves a direction open, square metres."""
@@ -109,16 +106,16 @@ class Job:
     """An optimization under way."""
 
     def __init__(
-        self, problem: Problem, limit: float, noise: NoiseConfig, pool: ThreadPoolExecutor, *, is_last: bool = False
+        self, problem: Problem, noise: NoiseConfig, pool: ThreadPoolExecutor, *, is_last: bool = False
     ) -> None:
-        self._future: Future[Solution] = pool.submit(solve, problem, limit, noise, is_last)
+        self._future: Future[Solution] = pool.submit(solve, problem, noise, is_last)
 
     def result(self) -> Solution:
         """Return the solution, when it is there."""
         return self._future.result()
 
 
-def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> Solution:
+def solve(problem: Problem, noise: NoiseConfig, is_last: bool) -> Solution:
     """Return the robust optimum of a pose graph and its covariances."""
     graph_edges = Edges.of(problem.ends, problem.measured, problem.covariances)
     anchors = anchors_of(components(problem.ends, len(problem.poses)))
@@ -127,7 +124,7 @@ def solve(problem: Problem, limit: float, noise: NoiseConfig, is_last: bool) -> 
         graph_edges,
         least_weights(problem.kinds),
         anchors,
-        limit=limit,
+        limit=GATE,
         weights=problem.weights,
         least_convexity=_FROM_AFAR if is_last else _NEARBY,
     )
@@ -152,7 +149,7 @@ def covariances_seen_from(solved: Problem, noise: NoiseConfig) -> Cov:
     # a step that slipped is as wide as it is off
     is_step = solved.kinds != EdgeKind.CLOSURE
     off = squared_distances(poses, Edges.of(solved.ends, solved.measured, solved.covariances))
-    weights[is_step] = np.minimum(1.0, _LIMIT / np.maximum(off[is_step], _LIMIT))
+    weights[is_step] = np.minimum(1.0, GATE / np.maximum(off[is_step], GATE))
     is_match = (solved.kinds != EdgeKind.MOTION) & (weights > 0.5)
     covariances = solved.covariances.copy()
     covariances[is_match] = without_floor(covariances[is_match], noise.floor)

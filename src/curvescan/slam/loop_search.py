@@ -38,23 +38,22 @@ class LoopSearch:
     ----------
     closures : list of Closure
         Candidates that were matched, and what became of them, by the numbers of their keyframes.
-    is_urgent, is_surprised : bool
-        Whether the graph is to be optimized at once, or soon, for the closures since :meth:`settle`.
+    is_urgent : bool
+        Whether the graph is to be optimized at once, for the closures since :meth:`settle`.
     """
 
     def __init__(self, growing: GrowingMap, config: SlamConfig) -> None:
         self.config = config
         self.closures: list[Closure] = []
-        self.is_urgent = self.is_surprised = False
+        self.is_urgent = False
         self._map = growing
         self._queue: deque[Candidate] = deque()
         self._tried: dict[int, set[int]] = {}  # by the number of each keyframe those of others
         self._pool: list[Closure] = []  # by row: those that wait, and those accepted, which speak against others
-        self._missed: dict[int, bool] = {}  # whether a keyframe matches nothing where the graph has it
 
     def settle(self) -> None:
         """Forget that the graph is to be optimized: it is under way."""
-        self.is_urgent = self.is_surprised = False
+        self.is_urgent = False
 
     def enqueue(self, k: int) -> None:
         """Queue the keyframes that the newest one, of row k, is to be matched with."""
@@ -120,7 +119,7 @@ class LoopSearch:
         found = []
         for group in groups_against(refused, growing.graph.poses, self.config):
             near = [c for c in known if min(max(abs(c.i - one.i), abs(c.j - one.j)) for one in group) <= N_NEAR]
-            found.append((group, log_odds_of(group, near, chain, self.config, 1.0)))
+            found.append((group, log_odds_of(group, near, chain, self.config)))
         return found
 
     def _edges(self, *, is_followed: bool) -> set[tuple[int, int]]:
@@ -158,8 +157,6 @@ class LoopSearch:
         prior = expected if is_certain(expected, self.config) else None
         result = self._map.keyframes.match(i, j, prior)
         closure = closure_of(result, expected, self.config, scan=index, i=i, j=j)
-        if prior is not None and is_loop(i, j):
-            self._missed[j] = self._missed.get(j, True) and not closure.is_accepted
         if closure.is_accepted:
             # where the guess decided between several poses the match says no more than the graph did
             if is_loop(i, j) and not result.is_guess_decisive and result.degenerate_direction is None:
@@ -181,9 +178,8 @@ class LoopSearch:
         """Hold a closure against others, and return those whose odds now exceed those of what they contradict."""
         self._remember(closure)
         pool = [c for c in self._pool if abs(c.j - closure.j) <= N_NEAR and c is not closure] + [closure]
-        missed = np.array([float(self._missed.get(c.j, False)) for c in pool])
         rules = self.config.closures
-        group, against = best_group(pool, self._map.chain(), self.config, missed, rules.certain_m)
+        group, against = best_group(pool, self._map.chain(), self.config, rules.certain_m)
         if group.log_odds - max(against, 0.0) <= rules.log_odds:
             self._log(closure)
             return []
@@ -207,8 +203,6 @@ class LoopSearch:
         self._map.close(closure)
         if closure.outcome is ClosureOutcome.AGREED:
             self.is_urgent = True
-        elif closure.distance > self.config.optimizer.surprise:
-            self.is_surprised = True
         return self._log(closure)
 
     def _log(self, closure: Closure) -> Closure:
@@ -230,5 +224,4 @@ class LoopSearch:
         row_of = np.where(is_kept, np.cumsum(is_kept) - 1, -1)
         at = row_of.tolist()
         self._queue = deque(Candidate(at[c.i], at[c.j], c.expected) for c in self._queue if at[c.i] >= 0)
-        self._missed = {at[j]: n for j, n in self._missed.items() if at[j] >= 0}
         self._pool = [replace(c, i=at[c.i], j=at[c.j]) for c in self._pool if at[c.i] >= 0 and at[c.j] >= 0]

@@ -38,10 +38,10 @@ POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
 
 
 def test_rivals_are_poses_with_nearly_the_best_score():
-    assert competing_hypotheses(np.array([0.8, 0.77, 0.7]), CONFIG) == [1]
-    assert competing_hypotheses(np.array([0.8, 0.5, 0.1]), CONFIG) == []
-    assert competing_hypotheses(np.array([0.2, 0.17]), CONFIG) == [1]  # a few probes' difference is none
-    assert competing_hypotheses(np.array([0.8]), CONFIG) == []
+    assert competing_hypotheses(np.array([0.8, 0.77, 0.7])) == [1]
+    assert competing_hypotheses(np.array([0.8, 0.5, 0.1])) == []
+    assert competing_hypotheses(np.array([0.2, 0.17])) == [1]  # a few probes' difference is none
+    assert competing_hypotheses(np.array([0.8])) == []
 
 
 def preferred(guess, scores):
@@ -103,10 +103,10 @@ def test_of_poses_along_a_corridor_the_nearest_to_the_guess_is_taken():
     poses = np.array([[0.6, 0.0, 0.0], [0.05, 0.0, 0.0], [0.6, 1.0, 0.0]])
     scores = np.array([0.9, 0.895, 0.89])
     assert along_weakest_direction(poses, assessment, True, None, CONFIG) == [1]
-    args = (poses, scores, [1], CONFIG)
+    args = (poses, scores, [1])
     np.testing.assert_array_equal(nearest_of_ties(None, *args), poses[1])
     np.testing.assert_array_equal(nearest_of_ties(np.array([0.7, 0, 0]), *args), poses[0])
-    np.testing.assert_array_equal(nearest_of_ties(None, poses, np.array([0.9, 0.8, 0.8]), [1], CONFIG), poses[0])
+    np.testing.assert_array_equal(nearest_of_ties(None, poses, np.array([0.9, 0.8, 0.8]), [1]), poses[0])
 
 
 def test_a_fine_slide_stays_on_the_corridor():

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
-from curvescan.matchers.curvescan.config import CurvescanConfig
-from curvescan.matchers.curvescan.features.features import extract_features
+from curvescan.matchers.curvescan.features import features as feature_rules
 from curvescan.matchers.curvescan.features.range_image import place_of, reading_at, reading_beside
 from curvescan.simulation import SENSORS, simulate_pairs
 from tests.matchers.curvescan.scenes import features
@@ -83,7 +82,7 @@ def test_the_covariance_of_noisy_scans_is_that_of_their_errors(sigma):
     assert 2.0 < np.mean(nees) < 4.5
 
 
-def test_noise_does_not_cut_a_wall_into_pieces():
+def test_noise_does_not_cut_a_wall_into_pieces(monkeypatch):
     angles = np.radians(np.arange(-60.0, 60.5, 0.5))
     rng = np.random.default_rng(0)
 
@@ -96,9 +95,9 @@ def test_noise_does_not_cut_a_wall_into_pieces():
         assert len(one.bounds) - 1 == 1
         # across the wall the directions stay known: the arm grows with the noise
         assert np.abs(one.image.surfels[:, 6]).mean() < 0.2
-    fixed = CurvescanConfig()
-    fixed = replace(fixed, segments=replace(fixed.segments, jump_growth=0.0, arm_growth=0.0))
-    assert len(extract_features(wall(0.05), fixed).bounds) - 1 > 5
+    monkeypatch.setattr(feature_rules, "_JUMP_GROWTH", 0.0)
+    monkeypatch.setattr(feature_rules, "_ARM_GROWTH", 0.0)
+    assert len(features(wall(0.05)).bounds) - 1 > 5
 
 
 @pytest.mark.parametrize("n_beams", [181, 359, 360, 361])

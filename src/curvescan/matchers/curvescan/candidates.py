@@ -18,11 +18,19 @@ from curvescan.matchers.curvescan.config import CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
 from curvescan.matchers.curvescan.pose_difference import distance
-from curvescan.matchers.curvescan.proposal.scoring import select
-from curvescan.matchers.curvescan.proposal.search import Candidates, Problem
-from curvescan.matchers.curvescan.refinement import refine_fully
+from curvescan.matchers.curvescan.proposal.scoring import CLOSE, FINE, select
+from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, Problem
+from curvescan.matchers.curvescan.refinement import EXACTLY, refine_fully
 from curvescan.types import Floats, Pose
 
+_MIN_SCORE = 0.02  # least score of a pose that is looked at any further
+_N_TOP = 5  # poses that are judged beside one another, at most
+_AS_GOOD, _AS_GOOD_MARGIN = (
+    0.93,
+    0.04,
+)  # another pose with this share of the score, or less below it than this, is as good
+_FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
+_MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
 
 
@@ -43,7 +51,7 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
-    if not len(poses) or scores[0] < config.scoring.min_score or weighed.is_hopeless:
+    if not len(poses) or scores[0] < _MIN_SCORE or weighed.is_hopeless:
         return RefinedCandidates(weighed=weighed, assessment=None)
     best = weighed.poses[0]
     assessment = assess_pose(ref, cur, best, config)
@@ -92,7 +100,7 @@ def top_candidates(
     """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
     if not len(found.scores):
         return found.poses, found.scores
-    near = found.poses[found.scores > config.scoring.contested * found.scores[0]]
+    near = found.poses[found.scores > CONTESTED * found.scores[0]]
     return _finish(ref, cur, near, config)
 
 
@@ -100,30 +108,28 @@ def search_degenerate_direction(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, weakest: Pose, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
     """Return the poses and the best of those along the weakest direction of the first, best first, and their scores."""
-    rules = config.information
-    n = round(config.hypotheses.along_reach / rules.fine_along_step)
-    offsets = np.arange(-n, n + 1) * rules.fine_along_step
+    n = round(config.hypotheses.along_reach / _FINE_STEP)
+    offsets = np.arange(-n, n + 1) * _FINE_STEP
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
-    moved_along = moved_along[np.abs(offsets * weakest[2]) < rules.max_along_turn]
+    moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
     images = ref.wide_image, cur.wide_image
-    best, _ = select(moved_along, *images, *config.scoring.close, 4, 24, _OTHER)
+    best, _ = select(moved_along, *images, *CLOSE, 4, 24, _OTHER)
     return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 
 def _finish(
     ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig
 ) -> tuple[Floats, Floats]:
-    sigmas = config.refinement.closer_schedule, config.refinement.full_schedule
+    sigmas = config.refinement.closer_schedule, EXACTLY
     final = refine_fully(poses, ref.image, cur.image, *sigmas)
     # one pose has only to be enough; several are compared on more samples
     images = (ref.image, cur.image) if len(poses) <= 1 else (ref.wide_image, cur.wide_image)
-    return select(final, *images, *config.scoring.fine, config.scoring.n_top, 4096, _OTHER)
+    return select(final, *images, *FINE, _N_TOP, 4096, _OTHER)
 
 
-def competing_hypotheses(scores: Floats, config: CurvescanConfig) -> list[int]:
+def competing_hypotheses(scores: Floats) -> list[int]:
     """Return the rows of the poses that are as good as the first."""
-    share, margin = config.scoring.ambiguity
-    least = min(share * scores[0], scores[0] - margin)
+    least = min(_AS_GOOD * scores[0], scores[0] - _AS_GOOD_MARGIN)
     return [k for k in range(1, len(scores)) if scores[k] > least]
 
 
@@ -132,7 +138,7 @@ def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
     poses = weighed.poses
     if problem.guess is None or len(poses) == 1:
         return None
-    competing = competing_hypotheses(weighed.scores, problem.config)
+    competing = competing_hypotheses(weighed.scores)
     rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > GUESSED_REPETITION]
     if not rows:
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +22,7 @@ from curvescan.matchers.curvescan.candidates import RefinedCandidates, competing
 from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.pose_difference import difference, distance, is_along
-from curvescan.matchers.curvescan.proposal.scoring import select
+from curvescan.matchers.curvescan.proposal.scoring import FINE, select
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.matchers.result import Candidate, Outcome
@@ -49,9 +50,14 @@ bare corridor have less in common than they seem to where they are laid over eac
 
 _MAX_CANDIDATES = 8
 
-_FLAT_SIGMA = 0.1
-"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
-place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+_TIE = 0.97
+"""Of poses along an open direction with this share of the best score the one nearest to the guess is taken."""
+
+_LEAST_SHIFT = 0.5
+"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
+
+_MOVED = 0.15
+"""Best places along a corridor that reach so near to standing still may be none, metres."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,7 +118,7 @@ def assess(problem: Problem, refined: RefinedCandidates) -> AssessedPose:
     is_degenerate = degenerate_directions(ref, cur, poses[0], assessment, config)
     walls = direction_of_walls(ref, assessment) if weighed.is_one_way else None
     along = along_weakest_direction(poses, assessment, bool(is_degenerate[0]), walls, config)
-    competing = competing_hypotheses(weighed.scores, config)
+    competing = competing_hypotheses(weighed.scores)
     is_flat = bool(is_degenerate[0]) or (
         assessment.is_weakly_observable(config.information) and not set(along).isdisjoint(competing)
     )
@@ -141,7 +147,7 @@ def along_weakest_direction(
     Or along the `walls`, where nearly all that agrees runs their way.
     """
     rules = config.information
-    is_weak = assessment.information[0] < rules.tie_ratio * assessment.information[1]
+    is_weak = assessment.information[0] < 2.0 * rules.degenerate_ratio * assessment.information[1]
     directions = [] if walls is None else [walls]
     if is_weak or is_open:
         # the weakest direction of a wall and little more turns somewhat; the other places along the wall need not
@@ -200,7 +206,7 @@ def place(problem: Problem, assessed: AssessedPose, assessment: Assessment) -> t
     ties, is_degenerate = assessed.ties, assessed.is_degenerate
     poses, pose = assessed.weighed.poses, assessed.weighed.poses[0]
     if assessed.is_flat and ties:
-        pose = nearest_of_ties(guess, poses, assessed.weighed.scores, ties, config)
+        pose = nearest_of_ties(guess, poses, assessed.weighed.scores, ties)
         assessment = assess_pose(ref, cur, pose, config)
     if assessed.is_flat and guess is not None:
         pose, assessment = move_to_guess(ref, cur, guess, pose, assessment, config)
@@ -218,21 +224,40 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     if support is None or first is None:
         return ()
     information = assessed.information
-    if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
+    if assessed.is_degenerate[0]:
         along = first.axes[:, 0] / first.units
-        information = information + np.outer(along, along) / _FLAT_SIGMA**2
-    best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
+        information = information + information_along(problem, assessed, first) * np.outer(along, along)
+    best = Candidate(
+        pose=assessed.poses[0],
+        log_odds=support.log_odds,
+        information=information.copy(),
+        degenerate_direction=first.weakest if assessed.is_degenerate[0] else None,
+        n_matched=first.n_inliers,
+    )
     rows = sorted(support.rivals, key=lambda row: -support.rivals[row])[: _MAX_CANDIDATES - 1]
     return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
 
 
-def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
-    """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
-    assessment = assessed.assessment
-    if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
-        return False
-    information, spurious = assessment.information[0], assessment.spurious[0]
-    return bool(information > 2.0 * spurious and information > config.max_sigma**-2)
+def information_along(problem: Problem, assessed: AssessedPose, first: Assessment) -> float:
+    """Return the information of the best place along the direction that the scans leave open, 1 / m^2.
+
+    Of keyframes a metre apart in eight logs its median error is 0.04 m, and 97 in 100 are below 0.2 m. Without a guess
+    one of several places counts by how far they lie apart.
+    """
+    variance = problem.config.information.max_sigma**2
+    least = max(2.0 * first.spurious[0], 1.0 / variance)
+    if assessed.is_degenerate[1:].any():
+        return 0.0
+    if not assessed.ties and first.information[0] > least:
+        return 1.0 / variance
+    direction = first.weakest
+    if problem.guess is not None or math.hypot(*direction[:2]) <= _LEAST_SHIFT or first.information[0] < 0.0:
+        return 0.0
+    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
+    places = assessed.poses[[0, *assessed.ties], :2] @ direction[:2]
+    if places.min() < _MOVED and places.max() > -_MOVED:
+        return 0.0
+    return 1.0 / (variance + float(np.mean((places - places[0]) ** 2)))
 
 
 def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: float) -> Candidate:
@@ -243,12 +268,10 @@ def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: flo
     return Candidate(pose=pose, log_odds=log_odds, information=found.information_matrix(is_open))
 
 
-def nearest_of_ties(
-    guess: Pose | None, poses: Floats, scores: Floats, rows: list[int], config: CurvescanConfig
-) -> Pose:
+def nearest_of_ties(guess: Pose | None, poses: Floats, scores: Floats, rows: list[int]) -> Pose:
     """Return of the first pose and those rows that tie with it the one nearest to the guess, or to standing still."""
     around = np.zeros(3) if guess is None else guess
-    ties = [0, *(k for k in rows if scores[k] > config.information.tie * scores[0])]
+    ties = [0, *(k for k in rows if scores[k] > _TIE * scores[0])]
     nearest: Pose = poses[min(ties, key=lambda k: distance(poses[k], around))]
     return nearest
 
@@ -295,9 +318,7 @@ def move_to_guess(
     moved_along = pose + distance_along * assessment.weakest
     moved_along = refine(moved_along[np.newaxis], ref.full_image, cur.full_image, config.refinement.closer_schedule)
     images = ref.wide_image, cur.wide_image
-    before, after = (
-        select(one, *images, *config.scoring.fine, 1, 4096, 0.0)[1] for one in (pose[np.newaxis], moved_along)
-    )
+    before, after = (select(one, *images, *FINE, 1, 4096, 0.0)[1] for one in (pose[np.newaxis], moved_along))
     if not len(after) or after[0] < _SHARE * before[0]:
         return pose, assessment
     found = assess_pose(ref, cur, moved_along[0], config)

@@ -23,6 +23,7 @@ from curvescan.matchers.curvescan.association import (
     turned,
     turned_back,
 )
+from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, VARIANCE
 from curvescan.matchers.curvescan.normal_equations import (
@@ -45,13 +46,10 @@ TURN_SIGMA = 0.3
 """Metres by which a residual may be wrong for each metre of range, over what it may at the sensor: how well a rotation
 is known beside a translation, radians a metre."""
 
-_KNEE_CHI2, _OUTLIER_CHI2 = 4.0, 16.0
+_KNEE_CHI2 = LIKELY_SIGMAS * LIKELY_SIGMAS
+_OUTLIER_CHI2 = 4 * _KNEE_CHI2
 """Squared normalised residuals (2 and 4 standard deviations) up to which a residual counts in full, and from which on
 not at all; between them less and less, so that no iteration jumps."""
-
-_REACH, _REACH_SIGMAS, _REACH_SLOPE = 0.1, 3.0, 0.1
-"""How far along its line a reading may lie from the line's centre: metres, standard deviations of what the pose may be
-wrong by, and metres for each metre of range, as readings lie farther apart there."""
 
 _FACING = 0.7
 """Least cosine of the angle between two lines of one surface, 46 degrees: the faces of a right corner are two."""
@@ -61,6 +59,9 @@ _DAMPING = 10.0
 
 _MAX_STEP = 0.5
 """Longest step of an iteration, metres and radians: beyond it the lines are others."""
+
+EXACTLY = np.zeros(1)
+"""Sigma schedule of the last iteration: the pose is as good as the readings."""
 
 _LEAST_PIVOT = 1e-12  # so that no root is taken of what rounding makes negative
 
@@ -104,8 +105,8 @@ def accumulate(
         u2 = e * e / variance
         if u2 > _OUTLIER_CHI2:
             continue
-        reach = _REACH + _REACH_SIGMAS * extra
-        spread = _REACH_SLOPE * surfels_b[j, RANGE]
+        reach = REACH + SURE_SIGMAS * extra
+        spread = REACH * surfels_b[j, RANGE]
         if along * along > reach * reach + spread * spread:
             continue
         # facing: both lines must look the same way

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.jobs import Problem, covariances_seen_from, least_weights
 from curvescan.slam.map import SlamMap
 from curvescan.slam.pose_graph.components import anchors_of, components
@@ -83,20 +83,20 @@ def solved(slam_map: SlamMap, graph: MapGraph, config: SlamConfig) -> SlamMap:
     A false closure may have cost the right ones their weight: of two optima, one begun with the weights of the map and
     one with all edges in full, the better one is taken.
     """
-    edges, limit = Edges.of(graph.ends, graph.measured, graph.covariances), config.optimizer.limit
+    edges = Edges.of(graph.ends, graph.measured, graph.covariances)
     optima = [
         optimize_robustly(
             graph.poses,
             edges,
             np.where(graph.is_trusted, 1.0, least_weights(graph.kinds)),
             anchors_of(components(graph.ends, len(graph.poses))),
-            limit=limit,
+            limit=GATE,
             weights=weights,
             least_convexity=_FROM_AFAR,
         )
         for weights in (graph.weights, None)
     ]
-    optimum = min(optima, key=lambda found: float(np.minimum(found.distances, limit).sum()))
+    optimum = min(optima, key=lambda found: float(np.minimum(found.distances, GATE).sum()))
     new = replace(
         slam_map,
         poses=optimum.poses,

@@ -15,7 +15,7 @@ from curvescan.matchers import PreparedScan
 from curvescan.matchers.result import prior_of
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose, compose, fuse
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.keyframes import Keyframes
 from curvescan.slam.localization.field import DistanceField
 from curvescan.slam.localization.map_precision import MapPrecision
@@ -98,7 +98,7 @@ class MapMatcher:
         return UncertainPose(expected.pose, expected.cov + error)
 
     def _agrees(self, expected: UncertainPose, hit: Hit) -> bool:
-        return fuse(expected, hit.here)[1] < self._config.closures.gate
+        return fuse(expected, hit.here)[1] < GATE
 
     def settled(self, points: Points, hits: list[Hit]) -> list[Hit]:
         """Return the best match of one scan and those that agree with it: a bent map puts it in several places."""

@@ -14,18 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan import se2
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.closures import Closure, log_odds
 from curvescan.slam.loops.cycles import Chain, cycle_distances
 from curvescan.slam.pose_graph.consistency import largest_clique
-from curvescan.types import Bools, Floats, Ints
+from curvescan.types import Bools, Ints
 
 _VIEW_M = 2.0
 """Views this far apart show different surfaces, metres."""
-
-_MISSED_ODDS, _MOST_MISSED = 1.5, 6.0
-"""Log odds against the graph of a view that should match where the graph has it and does not, and the most of all such
-views."""
 
 
 class Group(NamedTuple):
@@ -35,25 +31,19 @@ class Group(NamedTuple):
     log_odds: float
 
 
-def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig, missed: float) -> float:
-    """Return the log odds of closures that agree, less those of the known ones that contradict them.
-
-    missed: of each, as in :func:`best_group`.
-    """
+def log_odds_of(group: list[Closure], known: list[Closure], chain: Chain, config: SlamConfig) -> float:
+    """Return the log odds of closures that agree, less those of the known ones that contradict them."""
     pool = [*known, *group]
     members, others = np.arange(len(known), len(pool)), np.arange(len(known))
     against = _contradicting(pool, others, members, agreements(pool, chain, config, 0.0), chain, config)
-    own = _odds(pool, members, chain, config, np.full(len(pool), missed))
-    return own - max(_odds(pool, against, chain, config, np.zeros(len(pool))), 0.0)
+    own = _odds(pool, members, chain, config)
+    return own - max(_odds(pool, against, chain, config), 0.0)
 
 
-def best_group(
-    pool: list[Closure], chain: Chain, config: SlamConfig, missed: Floats, known: float
-) -> tuple[Group, float]:
+def best_group(pool: list[Closure], chain: Chain, config: SlamConfig, known: float) -> tuple[Group, float]:
     """Return the set that the last closure of a pool belongs to, and the log odds of the best one that contradicts it.
 
-    missed (n,): of each closure whether its later keyframe matches nothing where the graph has it; known: standard
-    deviation up to which the ways between closures count, metres.
+    known: standard deviation up to which the ways between closures count, metres.
     """
     agrees = agreements(pool, chain, config, known)
     last = len(pool) - 1
@@ -61,8 +51,8 @@ def best_group(
     members = np.append(friends[largest_clique(agrees[np.ix_(friends, friends)])], last)
     others = np.setdiff1d(np.arange(last), members)
     against = _contradicting(pool, others, members, agrees, chain, config)
-    chosen = Group(members.tolist(), _odds(pool, members, chain, config, missed))
-    return chosen, _odds(pool, against, chain, config, np.zeros(len(pool)))
+    chosen = Group(members.tolist(), _odds(pool, members, chain, config))
+    return chosen, _odds(pool, against, chain, config)
 
 
 def _contradicting(
@@ -81,25 +71,24 @@ def agreements(pool: list[Closure], chain: Chain, config: SlamConfig, known: flo
     floor = np.diagonal(config.noise.floor).copy()
     step = config.keyframes.distance
     distances = cycle_distances(ends, measured, covariances, *chain, floor, step, known)
-    return np.asarray(distances < config.closures.gate)
+    return np.asarray(distances < GATE)
 
 
-def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig, missed: Floats) -> float:
-    """Return the log odds of a set: of its views, where the graph expects them, and what the graph does not explain."""
+def _odds(pool: list[Closure], members: Ints, chain: Chain, config: SlamConfig) -> float:
+    """Return the log odds of a set: of its views, and of where the graph expects them."""
     if not len(members):
         return 0.0
     chosen = [pool[k] for k in members.tolist()]
-    total = against = 0.0
+    total = 0.0
     counted: list[Closure] = []
-    for k, c in sorted(zip(members.tolist(), chosen, strict=True), key=lambda one: -log_odds(one[1])):
+    for c in sorted(chosen, key=lambda one: -log_odds(one)):
         new = min((max(_apart(chain, c.i, o.i), _apart(chain, c.j, o.j)) for o in counted), default=_VIEW_M)
         share = min(new / _VIEW_M, 1.0)
         if share > 0.0:
             counted.append(c)
             total += share * log_odds(c)
-            against += share * _MISSED_ODDS * float(missed[k])
     expectation = float(np.mean([c.expectation for c in chosen]))
-    return min(total, config.closures.most_log_odds) + min(against, _MOST_MISSED) + expectation
+    return min(total, config.closures.most_log_odds) + expectation
 
 
 def _apart(chain: Chain, a: int, b: int) -> float:

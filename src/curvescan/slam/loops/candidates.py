@@ -29,7 +29,7 @@ def choose_candidates(
     variance = np.diagonal(covariances, axis1=1, axis2=2) + np.diagonal(config.noise.spread)
     sigma = np.sqrt(variance[:, :2].max(axis=1))
     distance = np.hypot(relative[:, 0], relative[:, 1])
-    is_certain = (sigma < rules.certain_m) & (variance[:, 2] < rules.certain_rad**2)
+    is_certain = sigma < rules.certain_m
     is_near = (distance - rules.sigmas * sigma < rules.reach) | (is_certain & (distance < _FARTHEST))
     cost = distance + 0.7 * np.abs(relative[:, 2])
     newest = len(relative)

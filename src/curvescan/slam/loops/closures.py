@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from curvescan.matchers import MatchResult
 from curvescan.se2.uncertain import UncertainPose, fuse
-from curvescan.slam.config import SlamConfig
+from curvescan.slam.config import GATE, SlamConfig
 from curvescan.slam.loops.likelihood import difference, expectation_of
 from curvescan.slam.pose_graph.graph import is_whole
 from curvescan.types import Bools, Cov, Pose
@@ -109,9 +109,7 @@ class Closure:
 
 def is_certain(expected: UncertainPose, config: SlamConfig) -> bool:
     """Return whether the graph knows a relative pose so well that it may guide a match."""
-    rules = config.closures
-    x, y, theta = np.diagonal(expected.cov).tolist()
-    return bool(max(x, y) < rules.certain_m**2 and theta < rules.certain_rad**2)
+    return bool(max(expected.cov[0, 0], expected.cov[1, 1]) < config.closures.certain_m**2)
 
 
 def is_near(expected: UncertainPose, config: SlamConfig) -> bool:
@@ -158,7 +156,7 @@ def closure_of(
     # what is seen from afar and is not sure is often the room beside, which the graph's guess led to
     if (is_afar and result.confidence < SURE) or not is_confident(result, config):
         return replace(tried, outcome=ClosureOutcome.LOW_CONFIDENCE)
-    if expectation + log_odds(tried) > config.closures.log_odds and distance < config.closures.gate:
+    if expectation + log_odds(tried) > config.closures.log_odds and distance < GATE:
         return replace(tried, outcome=ClosureOutcome.ACCEPTED)
     # between neighbours there is no loop to close, and what leaves a direction open agrees with the next room as well
     may_wait = is_loop(i, j) and result.degenerate_direction is None

@@ -13,11 +13,8 @@ _ANYWHERE_M = 10.0
 """Standard deviation of where matches of other places lie, metres. Their headings are those of the walls, and tell
 nothing."""
 
-SLIP: Cov = np.diag(np.square([0.7, 0.7, 0.0]))
-"""(3, 3) covariance of a slip that the odometry did not notice: it moves the sensor, and does not turn it."""
-
-ANY_SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.3]))
-"""(3, 3) covariance of all that a way may have slipped and bent between places of a finished map."""
+SLIP: Cov = np.diag(np.square([10.0, 10.0, 0.3]))
+"""(3, 3) covariance of what a way may have slipped and bent without the odometry noticing."""
 
 _SLIP_ODDS = -9.0
 """Log odds of such a slip on the way between two keyframes."""
@@ -30,14 +27,14 @@ def difference(one: Pose, other: Pose) -> Pose:
     return off
 
 
-def expectation_of(off: Pose, cov: Cov, slip: Cov = SLIP) -> float:
+def expectation_of(off: Pose, cov: Cov) -> float:
     """Return the log odds of a pose that differs from where the graph expects it, as it is or after a slip.
 
     Nothing is gained along a direction that is not measured, as `cov` is wide there.
 
     off (3,); cov (3, 3): of the graph and the match together.
     """
-    return max(_log_odds(off, cov), _SLIP_ODDS + _log_odds(off, cov + slip))
+    return max(_log_odds(off, cov), _SLIP_ODDS + _log_odds(off, cov + SLIP))
 
 
 def _log_odds(off: Pose, cov: Cov) -> float:

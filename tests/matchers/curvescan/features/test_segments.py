@@ -10,7 +10,7 @@ import pytest
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import SegmentsConfig
-from curvescan.matchers.curvescan.features.segments import ordered_readings
+from curvescan.matchers.curvescan.features.segments import MAX_GAP, ordered_readings
 from tests.matchers.curvescan.scenes import pillar_scan
 from tests.reference import curvescan as slow
 
@@ -27,7 +27,7 @@ def run_sweep(scan, told_by_angles=False):
         abs(scan.angle_increment),
         scan.angles if told_by_angles else scan.angles[:0],
         CONFIG.incidence_limit,
-        CONFIG.max_gap,
+        MAX_GAP,
         CONFIG.jump,
     )
 
@@ -50,7 +50,7 @@ def test_surfaces_are_those_of_the_slow_twin(fov, seed):
         scan.is_full_circle,
         scan.angle_increment,
         CONFIG.incidence_limit,
-        CONFIG.max_gap,
+        MAX_GAP,
         CONFIG.jump,
     )
     found = [beam_idx[a:b].tolist() for a, b in itertools.pairwise(bounds)]
@@ -112,7 +112,7 @@ def test_steps_of_a_grazed_wall_still_break_it():
         assert np.ptp(y) < 0.05  # 1 m of range at 8 degrees is 0.14 m off the wall
 
 
-@pytest.mark.parametrize("wrong", [{"arm": 0.0}, {"incidence_limit": 2.0}, {"max_gap": -1}, {"range_sigma_min": 0.0}])
+@pytest.mark.parametrize("wrong", [{"arm": 0.0}, {"incidence_limit": 2.0}, {"range_sigma_min": 0.0}])
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
         SegmentsConfig(**wrong)

@@ -93,9 +93,7 @@ def test_beside_the_truth_the_score_falls():
     assert best_beside(MOTION, np.array([1.0, 0.0, 0.0]), np.array([0.2, 0.4]), *args) < 0.7 * here
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"n_samples": 2}, {"n_kept": 0}, {"n_wide": 1}, {"fine": (0.0, 0.1)}, {"min_score": 2.0}]
-)
+@pytest.mark.parametrize("wrong", [{"n_samples": 2}, {"min_inliers": 0}, {"margin": -0.1}, {"min_confidence": 2.0}])
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(cs.InvalidArgumentError, match=next(iter(wrong))):
         ScoringConfig(**wrong)

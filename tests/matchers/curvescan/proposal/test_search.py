@@ -6,6 +6,7 @@ import numpy as np
 
 import curvescan as cs
 from curvescan.matchers.curvescan.config import CurvescanConfig, HypothesesConfig, ScoringConfig
+from curvescan.matchers.curvescan.proposal import search as search_rules
 from curvescan.matchers.curvescan.proposal.search import Problem, is_trusted, propose, refine_guess, search
 from tests.matchers.curvescan.proposal.test_rotation_hypotheses import hall_scan
 from tests.matchers.curvescan.scenes import MOTION, features, pair
@@ -38,14 +39,13 @@ def test_walls_that_coincide_propose_what_nothing_else_does():
     assert np.abs(found.poses[0] - [0.55, -0.45, 0.0]).max() < 0.02
 
 
-def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it():
+def test_no_walls_are_aligned_where_the_best_pose_lies_where_the_guess_has_it(monkeypatch):
     motion = np.array([0.55, -0.45, 0.0])
     ref, cur = pair(motion=motion)
     # nothing is ever certain, and nothing but the guess and the walls propose the place
-    doubting = CurvescanConfig(
-        hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01),
-        scoring=ScoringConfig(few_tried=10_000, certain_score=1.0),
-    )
+    doubting = CurvescanConfig(hypotheses=HypothesesConfig(max_tried=1, n_rotations=1, along_reach=0.01))
+    monkeypatch.setattr(search_rules, "_FEW_TRIED", 10_000)
+    monkeypatch.setattr(search_rules, "_CERTAIN_SCORE", 1.0)
     right, wrong = np.add(motion, [0.03, 0.0, 0.01]), np.add(motion, [2.0, 0.0, 0.0])
     few = search(ref, cur, right, doubting).n_tried
     assert few < 10

@@ -10,13 +10,19 @@ import numpy as np
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.assessment.information import covariance, pose_information
 from curvescan.matchers.curvescan.assessment.labels import DYNAMIC, INLIER, compare_readings, static_segments
-from curvescan.matchers.curvescan.config import CurvescanConfig, InformationConfig, ScoringConfig
+from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, CurvescanConfig, InformationConfig, ScoringConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.objects import Objects
 from curvescan.matchers.curvescan.features.range_image import RangeImage
-from curvescan.matchers.curvescan.proposal.scoring import best_beside
-from curvescan.matchers.curvescan.refinement import refine
+from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
+from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
+
+_DOUBLED: Floats = np.array([1.0, 2.0, 4])
+"""How far along a weak direction the scans are compared, in what it is known to where it just counts as known."""
+
+_FLAT_SCORE = 0.92
+"""A weak direction is open when the scans agree there by this share of their score."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +75,7 @@ class Assessment:
 def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, config: CurvescanConfig) -> Assessment:
     """Return what the scans say of a pose of the current scan in the reference."""
     rules = config.scoring
-    limits = rules.margin, rules.dynamic_sigmas, rules.dynamic_min_m, config.information.max_sigma**-2
+    limits = rules.margin, 2.0 * LIKELY_SIGMAS, rules.margin, config.information.max_sigma**-2
     return Assessment(*assess(ref.image, ref.bounds, ref.objects, cur.image, cur.bounds, cur.objects, pose, limits))
 
 
@@ -99,7 +105,8 @@ def assess(
 ) -> tuple[Codes, Codes, Ints, Ints, int, Bools, Bools, int, Floats, Floats, Floats, Floats]:
     """Return the fields of an Assessment, in their order.
 
-    limits: margin, dynamic_sigmas and dynamic_min_m as in ScoringConfig, and the least information that is any.
+    limits: margin as in ScoringConfig, standard deviations and metres of the mean by which a surface has moved, and
+    the least information that is any.
     """
     margin, limit, least, least_information = limits
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -152,10 +159,10 @@ def degenerate_directions(
     rules, images = config.information, (ref.image, cur.image)
     is_degenerate = is_uninformed(assessment, rules)
     if assessment.is_weakly_observable(rules) and not is_degenerate[0]:
-        fine = config.scoring.fine
-        here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *fine)
-        beside = best_beside(pose, assessment.weakest, np.array(rules.offsets), *images, *fine)
-        is_degenerate[0] = beside > rules.flat_score * here
+        offsets = rules.max_sigma * _DOUBLED
+        here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
+        beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
+        is_degenerate[0] = beside > _FLAT_SCORE * here
     return is_degenerate
 
 
@@ -167,5 +174,5 @@ def without_dynamic(
         return poses, assessment
     static_ref = ref.image._replace(samples=ref.image.surfels[assessment.is_static_ref])
     static_cur = cur.image._replace(samples=cur.image.surfels[assessment.is_static_cur])
-    pose = refine(poses[:1], static_ref, static_cur, config.refinement.full_schedule)
+    pose = refine(poses[:1], static_ref, static_cur, EXACTLY)
     return np.concatenate((pose, poses[1:])), assess_pose(ref, cur, pose[0], config)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from curvescan.matchers.curvescan.assessment.assessment import Assessment
-from curvescan.matchers.curvescan.assessment.confidence import BARE, CROWDED, WeighedPoses
+from curvescan.matchers.curvescan.assessment.confidence import ANY, WeighedPoses
 from curvescan.matchers.curvescan.assessment.evidence import BEYOND, SMALL
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
@@ -33,7 +33,7 @@ def is_in_box(ref: CurvescanFeatures, cur: CurvescanFeatures, weighed: WeighedPo
     Neither a guess nor standing still speaks for the pose.
     """
     best = weighed.evidence[0]
-    if best[BEYOND] >= BARE or best[SMALL] > CROWDED:
+    if best[BEYOND] >= ANY or best[SMALL] > ANY:
         return False
     if weighed.is_guessed[0] or weighed.motions[0] <= _STILL:
         return False

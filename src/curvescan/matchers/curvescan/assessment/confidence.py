@@ -33,11 +33,9 @@ from curvescan.matchers.curvescan.pose_difference import difference
 from curvescan.matchers.curvescan.proposal.search import Problem
 from curvescan.types import Bools, Floats
 
-BARE = 0.2
-"""Metres that agree beyond four walls: with less a room is bare."""
-
-CROWDED = 0.2
-"""Metres of small things that contradict a pose: with more, people are about, who hide things and agree by chance."""
+ANY = 0.2
+"""Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
+things and agree by chance, are about where small things of more contradict a pose."""
 
 GUESSED_REPETITION = 0.3
 """Least share of what supports a pose that another explains for a guess to decide between the two."""
@@ -74,17 +72,9 @@ _MOTION_OF_RANK = 0.2  # share of what a motion weighs where poses are sorted
 _ENOUGH_EXCESS = 2.0  # metres of excess from which on a pose rests on more than two walls
 _MAX_NEARER = 1.0  # metres plus radians by which a rival nearer to the guess is favoured, at most
 _NEAR_GUESS = 0.3  # metres plus radians: a pose within it is where the guess has it
-_FLOORS = {
-    "log10_excess": 0.1,  # metres
-    "log10_agreeing": 0.1,
-    "log10_weakest": 0.1,
-    "log10_misfit": 0.1,  # no unit
-    "log10_missed": 0.05,  # metres
-    "log10_seen_through": 0.1,
-    "log10_large": 0.2,
-}
+_FLOOR = 0.1  # metres, and mean square: what is added before a logarithm is taken
 _COLUMNS = (EXCESS, AGREEING, WEAKEST, MISFIT, MISSED, SEEN_THROUGH, LARGE)
-_LEAST = tuple(_FLOORS.values())
+_LEAST = (_FLOOR, _FLOOR, _FLOOR, _FLOOR, 0.5 * _FLOOR, _FLOOR, 2.0 * _FLOOR)
 _ROW = {name: k for k, name in enumerate(COEFFICIENTS)}
 _N_TERMS = len(COEFFICIENTS)
 _WEIGHTS, _RIVAL_WEIGHTS = tuple(COEFFICIENTS.values()), tuple(RIVAL_COEFFICIENTS.values())
@@ -195,7 +185,7 @@ class WeighedPoses:
         contradicted = best[SEEN_THROUGH] + best[MISSED]
         is_wrong_somewhere = best[EXCESS] < _BARE_EXCESS and contradicted > _BARE_CONTRADICTED * best[AGREEING]
         is_likely = is_wrong_somewhere or self.motions[0] > _BARE_MOTION
-        return bool(best[BEYOND] < BARE and is_likely and not self.is_guessed[0])
+        return bool(best[BEYOND] < ANY and is_likely and not self.is_guessed[0])
 
     @property
     def is_hopeless(self) -> bool:
@@ -209,7 +199,7 @@ class WeighedPoses:
         Besides, people are about, and no guess lies there.
         """
         best = self._rows[0]
-        is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > CROWDED
+        is_along_walls = best[WEAKEST] < _ONE_WAY * best[AGREEING] and best[SMALL] > ANY
         return bool(is_along_walls and not self.is_guessed[0])
 
     def is_as_likely(self, k: int) -> bool:
@@ -243,7 +233,7 @@ class WeighedPoses:
         share = min(1.0, (own[EXCESS] + _EXCESS_FLOOR) / (best[EXCESS] + _EXCESS_FLOOR))
         share *= min(1.0, (own[WEAKEST] + _WEAKEST_FLOOR) / (best[WEAKEST] + _WEAKEST_FLOOR))
         contradicted = sum(max(own[one] - best[one], 0.0) for one in (SEEN_THROUGH, SMALL))
-        allowed = _CONTRADICTED * max(own[AGREEING], _FLOORS["log10_agreeing"])
+        allowed = _CONTRADICTED * max(own[AGREEING], _FLOOR)
         share = math.sqrt(max(share, 0.0)) * max(0.0, 1.0 - contradicted / allowed)
         farther = float(self.motions[k] - self.motions[0])
         if own[EXCESS] < _TWO_WALLS:

@@ -40,7 +40,7 @@ _LINE_NOISE = 0.3
 
 _LEAST_LEVER = 1e-3  # metres, so that nothing is divided by zero
 _N_SWEEPS = 8  # of Jacobi rotations: four reach rounding, the rest is for matrices of any scale
-_SAGITTA2 = 0.25  # square of the half that a sagitta is of the arc's length times its turn
+_SAGITTA2 = 0.5 * 0.5  # square of the half that a sagitta is of the arc's length times its turn
 _ROUNDING = 1e-15  # of the diagonal: what is left of the other elements is nothing
 
 

@@ -16,6 +16,7 @@ from curvescan.matchers.curvescan.association import (
     project,
     projected,
 )
+from curvescan.matchers.curvescan.config import REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
 from curvescan.types import Bools, Codes, Floats, Ints
@@ -23,19 +24,9 @@ from curvescan.types import Bools, Codes, Floats, Ints
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 """Out of the other scan's sight; where the other scan saw the same surface; where the other scan saw through."""
 
-_AGREEING_SIGMAS = 3.0
-"""Standard deviations of the noise of both readings by which two of one surface may lie apart: 99.7 % of them do not
-more."""
-
-_REACH, _REACH_SLOPE = 0.1, 0.1
-"""How far along its line a reading may lie from the line's centre: metres, and metres for each metre of range."""
-
-_POINT_LIMIT = 0.05
-"""The same for a reading that has no line, across, metres: of a thing as small as that the far side may be seen."""
-
 IN_FRONT = 0.05
 """Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
-thing."""
+thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen."""
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
@@ -45,10 +36,10 @@ _MIN_PARTNERS = 4
 def agreeing_limits(surfels: Floats, i: int, surfels_other: Floats, j: int, margin: float) -> tuple[float, float]:
     """Return how far across and along the other's line a reading of the same surface may lie, metres."""
     if surfels[i, VARIANCE] < 0.0 or surfels_other[j, VARIANCE] < 0.0:
-        return _POINT_LIMIT + margin, _REACH
+        return IN_FRONT + margin, REACH
     variance = surfels[i, VARIANCE] + surfels_other[j, VARIANCE]
-    reach = _REACH + _REACH_SLOPE * surfels_other[j, RANGE]
-    return _AGREEING_SIGMAS * math.sqrt(variance) + margin, reach
+    reach = REACH + REACH * surfels_other[j, RANGE]
+    return SURE_SIGMAS * math.sqrt(variance) + margin, reach
 
 
 @kernel

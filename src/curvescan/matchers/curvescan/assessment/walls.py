@@ -13,8 +13,7 @@ from curvescan.matchers.curvescan.features.surfels import CX, CY, LENGTH, NX, NY
 from curvescan.types import Bools, Codes, Floats, Ints
 
 _ACROSS = 0.88  # cosine of the angle, 28 degrees, from which on two walls do not run alike
-_OPPOSITE = -0.98  # cosine of the angle, less than 11 degrees from half a turn, at which two walls face each other
-_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does
+_ALIKE = 0.98  # cosine of the angle, 11 degrees, within which a reading faces as its wall does, or against another
 _WALL = 0.12  # metres from its line within which a reading is of a wall
 _N_TAKEN = 48  # readings that stand for all
 _N_SEEDS = 16  # of these the ones through which walls are looked for
@@ -93,7 +92,7 @@ def longest_wall(lines: Floats, on_wall: Bools, taken: Bools, walls: Ints, turn:
             wall = walls[0 if turn == 1 else turn - 2] * step
             nx, ny = lines[LINE_NX, seed * step], lines[LINE_NY, seed * step]
             facing = nx * lines[LINE_NX, wall] + ny * lines[LINE_NY, wall]
-            if abs(facing) > _ACROSS if turn == 1 else facing > _OPPOSITE:
+            if abs(facing) > _ACROSS if turn == 1 else facing > -_ALIKE:
                 continue
         length = 0.0
         for k in range(count):

@@ -13,10 +13,20 @@ from curvescan.matchers.curvescan.features.keypoints import find_corners, with_e
 from curvescan.matchers.curvescan.features.objects import Objects, find_objects
 from curvescan.matchers.curvescan.features.range_image import SIGMA, RangeImage, azimuth_table, uneven_azimuth_table
 from curvescan.matchers.curvescan.features.sampling import choose_samples
-from curvescan.matchers.curvescan.features.segments import ordered_readings
+from curvescan.matchers.curvescan.features.segments import MAX_GAP, ordered_readings
 from curvescan.matchers.curvescan.features.surfels import fit_lines, fit_surfels
 from curvescan.scan import LaserScan
 from curvescan.types import Floats, Ints
+
+_N_WIDE = 192
+"""Readings of each scan where poses that are nearly as good as each other are compared."""
+
+_NOISY = 0.02
+"""Range noise, metres, from which on segments and lines are found anew with it."""
+
+_JUMP_GROWTH, _ARM_GROWTH = 8.0, 0.9
+"""Growth of `jump` for each metre of range noise above that; power of the noise with which `arm` grows: from two thirds
+on the directions of lines are known as well as with less noise."""
 
 
 class CurvescanFeatures(NamedTuple):
@@ -49,11 +59,12 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     is_even = scan.has_uniform_angles
     keypoints = config.keypoints
+    end_arm = keypoints.arms[len(keypoints.arms) // 2]
     beam_idx, bounds, surfels, sums, sigma = _lines(scan, config.segments)
     corners = find_corners(
         surfels, sums, bounds, keypoints.arm_lengths, sigma, keypoints.min_turn, keypoints.max_keypoints
     )
-    corners_and_ends = with_ends(corners, surfels, sums, bounds, keypoints.end_arm, is_closed, keypoints.max_keypoints)
+    corners_and_ends = with_ends(corners, surfels, sums, bounds, end_arm, is_closed, keypoints.max_keypoints)
     if is_even:
         angle_min = scan.angle_min + (scan.angle_increment * (n - 1) if is_clockwise else 0.0)
         n_slots = max(round(2.0 * math.pi / step), 1) if is_closed else n + 1
@@ -63,7 +74,7 @@ def extract_features(scan: LaserScan, config: CurvescanConfig) -> CurvescanFeatu
         table, density = uneven_azimuth_table(beam_idx, scan.angles, step, is_closed)
     azimuth = np.array([math.remainder(angle_min, 2.0 * math.pi), density, sigma, density * step])
     few = choose_samples(surfels, config.scoring.n_samples)
-    more = choose_samples(surfels, config.scoring.n_wide)
+    more = choose_samples(surfels, _N_WIDE)
     return CurvescanFeatures(
         n_beams=n,
         beam_idx=beam_idx,
@@ -88,14 +99,14 @@ def _lines(scan: LaserScan, config: SegmentsConfig) -> tuple[Ints, Ints, Floats,
     is_clockwise, is_closed = scan.angle_increment < 0.0, scan.is_full_circle
     angles = scan.angles[:0] if scan.has_uniform_angles else scan.angles
     ranges, directions, valid = scan.ranges, scan.directions, scan.valid
-    limits = config.incidence_limit, config.max_gap
+    limits = config.incidence_limit, MAX_GAP
     for is_last in (False, True):
         beam_idx, readings, bounds = ordered_readings(
             ranges, directions, valid, is_clockwise, is_closed, step, angles, *limits, jump
         )
         fits, sums, sigma = fit_lines(readings, bounds, arm, config.range_sigma_min)
-        if is_last or sigma <= config.noisy:
+        if is_last or sigma <= _NOISY:
             break
-        jump += config.jump_growth * (sigma - config.noisy)
-        arm *= (sigma / config.noisy) ** config.arm_growth
+        jump += _JUMP_GROWTH * (sigma - _NOISY)
+        arm *= (sigma / _NOISY) ** _ARM_GROWTH
     return beam_idx, bounds, fit_surfels(readings, fits, step, sigma), sums, sigma

@@ -13,13 +13,14 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.config import SURE_SIGMAS
 from curvescan.matchers.curvescan.features.surfels import RANGE, SUM_X, SUM_Y, X, Y, fit_line
 from curvescan.types import Floats, Ints
 
 FX, FY, DIRECTION, TURN, KIND = range(5)
 """Columns of a frame: position, direction of its frame, angle by which the surface turns there, kind."""
 
-BEGIN, END = 10.0, 20.0
+BEGIN, END = 10, 20
 """Kinds of the first and last reading of a surface; a corner's kind is the number of its arm."""
 
 _MIN_READINGS = 5
@@ -28,15 +29,12 @@ _MIN_READINGS = 5
 _ARM_REACHED2 = 0.49
 """Square of the share of an arm that its last reading must reach, 0.7: what is shorter is another arm's."""
 
-_MEETING2 = 0.25
+_MEETING2 = 0.5 * 0.5
 """Square of how far from its reading, in arms, two lines may meet for a corner to be taken there: half an arm."""
 
-_TILT2 = 12.0
+_TILT2 = 12
 """Variance of the tilt of a line through n readings, evenly spaced: 12 / n times that of a reading, for arms of one
 metre."""
-
-_TURN_SIGMAS = 3.0
-"""Standard deviations of the directions of both arms that a corner must turn by."""
 
 _END_REACHED2 = 0.36
 """Square of the share of its arm, 0.6, that the line to an end of a surface must have."""
@@ -176,7 +174,7 @@ def find_corners(
                 x, y, direction, turn = corner_between(surfels, sums, low, i, high, arms[a])
                 # a line through n readings over an arm tilts by sigma sqrt(12 / n) / arm
                 doubt = sigma * math.sqrt(_TILT2 / float(i - low) + _TILT2 / float(high - i)) / arms[a]
-                if abs(turn) < max(min_turn, _TURN_SIGMAS * doubt):
+                if abs(turn) < max(min_turn, SURE_SIGMAS * doubt):
                     continue
                 found[n_found, FX], found[n_found, FY] = x, y
                 found[n_found, DIRECTION], found[n_found, TURN] = direction, turn

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from curvescan._jit import kernel
+from curvescan.matchers.curvescan.config import LIKELY_SIGMAS
 from curvescan.types import Floats, Ints
 
 X, Y, RANGE, CX, CY, NX, NY, VARIANCE, TILT, LENGTH, SPACING = range(11)
@@ -32,7 +33,7 @@ OWN_SHARE = 0.4
 """The line runs at this share of the way from the fit to its reading: all of it would leave each residual the noise of
 two readings, none of it lose what the surface does within an arm."""
 
-_SPREAD = 2.0 / (9.0 * np.maximum(np.arange(65) - 2, 3))
+_SPREAD = 2.0 / (9 * np.maximum(np.arange(65) - 2, 3))
 _RAISED = 1.0 / (1.0 - _SPREAD - 0.2533 * np.sqrt(_SPREAD)) ** 3
 """Two fifths of the variances of n residuals about a line lie below the true one over this: the chi-square quantile by
 Wilson and Hilferty."""
@@ -51,10 +52,12 @@ for."""
 _BETTER = 1.3
 """A line is better when its variance is less by this factor: of two that are as good the reading's own is kept."""
 
-_MIN_INCIDENCE2, _MIN_INCIDENCE = 0.01, 0.1
-"""Least square of the cosine of incidence, and the cosine, that surfels are taken to have: a grazed wall is rough."""
+_MIN_INCIDENCE = 0.1
+"""Least cosine of incidence that surfels are taken to have: a grazed wall is rough."""
 
-_ROUGH = 4.0
+_MIN_INCIDENCE2 = _MIN_INCIDENCE * _MIN_INCIDENCE
+
+_ROUGH = LIKELY_SIGMAS * LIKELY_SIGMAS
 """Multiple of the variance that noise explains beyond which the rest is the surface's: below it it may be chance."""
 
 _LEAST_ALONG = 1e-12  # square metres: readings in one place have no line

@@ -13,6 +13,7 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import BACKWARD, FORWARD
+from curvescan.matchers.curvescan.config import QUICK_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, bearing
 from curvescan.matchers.curvescan.features.surfels import CX, CY, NX, NY
 from curvescan.matchers.curvescan.normal_equations import N_SUMS, XX, XY, YY
@@ -20,10 +21,10 @@ from curvescan.matchers.curvescan.refinement import TURN_SIGMA, accumulate
 from curvescan.se2.uncertain import wrap_angle
 from curvescan.types import Floats
 
-_RIGHT_ANGLES = 4.0  # directions a right angle apart are one axis
+_RIGHT_ANGLES = 4  # directions a right angle apart are one axis
 _FACING = 0.9  # cosine of the most that a wall may face away from an axis, 26 degrees
 
-_SIGMA = 0.02
+_SIGMA = QUICK_SIGMAS[-1]
 """Metres by which a residual may be wrong after a quick refinement, when the degenerate direction is looked for."""
 
 

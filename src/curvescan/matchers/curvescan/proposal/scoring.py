@@ -13,18 +13,20 @@ import numpy as np
 
 from curvescan._jit import kernel
 from curvescan.matchers.curvescan.association import FORWARD, Motion, associate, is_seen_through, project, turned
+from curvescan.matchers.curvescan.config import LIKELY_SIGMAS, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage, reading_beside
 from curvescan.matchers.curvescan.features.surfels import NX, NY, RANGE, SPACING, VARIANCE, X, Y
 from curvescan.types import Floats
-
-DEVIATIONS = 2.0
-"""Standard deviations, of the noise and roughness of both surfaces, by which two readings of one may lie apart."""
 
 ALONG = 0.6
 """Share of the spacing of two readings on a surface by which a point of it may lie from the nearest one: half, and some
 more where the surface is not straight."""
 
-_REACH2 = 9.0
+ROUGH, MOVED_ALONG, CLOSE, FINE = (0.08, 0.03), (0.06, 0.01), (0.04, 0.005), (0.03, 0.004)
+"""Tolerances of a pose not yet refined, moved along a corridor, quickly refined, and to be judged: metres, and metres
+for each metre of range."""
+
+_REACH2 = SURE_SIGMAS * SURE_SIGMAS
 """Square of how far along a surface a point may lie from the nearest reading, besides, in limits across it."""
 
 _PROSPECT = 0.6
@@ -52,7 +54,7 @@ def score_samples(
             continue
         limit = tolerance + slope * surfels[j, RANGE]
         noise2 = max(samples[k, VARIANCE], 0.0) + max(surfels[j, VARIANCE], 0.0)
-        limit2 = max(limit * limit, DEVIATIONS * DEVIATIONS * noise2)
+        limit2 = max(limit * limit, LIKELY_SIGMAS * LIKELY_SIGMAS * noise2)
         badness = across * across / limit2
         ux, uy = qx - surfels[j, X], qy - surfels[j, Y]
         along = ALONG * surfels[j, SPACING]

@@ -18,9 +18,25 @@ from curvescan.matchers.curvescan.proposal.rotation_hypotheses import (
     degenerate_hypotheses,
     rotation_hypotheses,
 )
-from curvescan.matchers.curvescan.proposal.scoring import select
+from curvescan.matchers.curvescan.proposal.scoring import CLOSE, MOVED_ALONG, ROUGH, select
 from curvescan.matchers.curvescan.refinement import refine
 from curvescan.types import Floats, Pose
+
+_MAX_PAIRS = 4000
+"""Pairs of keypoints taken, at most."""
+
+_ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED = 2.0, 0.1, 3
+"""Where no pose finds support, places up to so many metres along each axis are tried at which walls coincide within so
+many metres, and so many an axis."""
+
+_N_KEPT = 4
+"""Poses that are refined."""
+
+CONTESTED = 0.3
+"""A pose with this share of the best one's score competes with it, and is judged beside it."""
+
+_FEW_TRIED, _CERTAIN_SCORE = 24, 0.55
+"""With fewer poses than this to try, other ways are tried up to the next score."""
 
 _STAND_STILL = np.zeros(3)
 _OTHER = 0.3  # metres, and half of it in radians: candidates nearer to one another are one, and the better is kept
@@ -71,7 +87,7 @@ def refine_guess(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose, co
     """Return the guess refined, or nothing where no reading agrees."""
     images = (ref.image, cur.image)
     near = refine(guess[np.newaxis], *images, config.refinement.quick_schedule)
-    near, scores = select(near, *images, *config.scoring.close, 1, 64, _OTHER)
+    near, scores = select(near, *images, *CLOSE, 1, 64, _OTHER)
     return Candidates(poses=near, scores=scores, n_tried=1)
 
 
@@ -103,26 +119,26 @@ def search(ref: CurvescanFeatures, cur: CurvescanFeatures, guess: Pose | None, c
     rotated = rotation_hypotheses(ref.directions, cur.directions, steps.n_rotations, _STAND_STILL)
     if guess is not None:
         rotated = np.concatenate((guess[np.newaxis], rotated))
-    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, steps.turn_tolerance, steps.max_pairs)
+    pairs = pair_keypoints(ref.keypoints, cur.keypoints, ref.image, cur.image, config.keypoints.min_turn, _MAX_PAIRS)
     voted = most_voted(pairs, steps.cell, 0.5 * steps.cell, steps.max_tried)
     found = _best(ref, cur, np.concatenate((rotated, voted)), config)
     if not _is_doubtful(found, config) or _is_expected(found, guess, config):
         return found
     aligned = aligned_translations(
-        rotated, ref.image.samples, cur.image.samples, steps.alignment_reach, steps.alignment_bin, steps.n_alignments
+        rotated, ref.image.samples, cur.image.samples, _ALIGNED_REACH, _ALIGNED_BIN, _N_ALIGNED
     )
     return _best(ref, cur, np.concatenate((found.poses, aligned)), config)
 
 
 def _best(ref: CurvescanFeatures, cur: CurvescanFeatures, poses: Floats, config: CurvescanConfig) -> Candidates:
-    rules, steps = config.scoring, config.hypotheses
+    steps = config.hypotheses
     best, scores = explore(
         poses,
         ref.image,
         cur.image,
         config.refinement.quick_schedule,
-        (*rules.rough, *rules.moved_along, *rules.close),
-        (rules.n_kept, rules.n_kept + 1, 3),
+        (*ROUGH, *MOVED_ALONG, *CLOSE),
+        (_N_KEPT, _N_KEPT + 1, 3),
         (6, 12, 64),
         steps.along_step,
         round(steps.along_reach / steps.along_step),
@@ -187,7 +203,7 @@ def _is_doubtful(found: Candidates, config: CurvescanConfig) -> bool:
     scoring, scores = config.scoring, found.scores
     if not len(scores) or scores[0] < scoring.doubtful_score:
         return True
-    if found.n_tried < scoring.few_tried and scores[0] < scoring.certain_score:
+    if found.n_tried < _FEW_TRIED and scores[0] < _CERTAIN_SCORE:
         return True
-    is_contested = len(scores) > 1 and scores[1] > scoring.contested * scores[0]
+    is_contested = len(scores) > 1 and scores[1] > CONTESTED * scores[0]
     return bool(is_contested and scores[0] < scoring.guess_score)
