@@ -120,7 +120,7 @@ def test_the_page_is_an_instrument(running, tmp_path, log: cs.Log) -> None:
         to = f"(() => {{{{ {slider} }}}})()"
         for n_scans in (30, 40):
             page.run(to.format(n_scans))
-            page.wait(f"state.scan.index === {n_scans - 1}")
+            page.wait(f"state.scan.index === {n_scans - 1}", timeout=120.0)  # kernels may compile on the way
         assert thread.is_alive()
         # back: an earlier scan where it was tracked, while the replay waits
         page.run(to.format(29))
