@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import curvescan as cs
+from curvescan import se2
 from curvescan.errors import InvalidArgumentError
 from curvescan.live import LogSource, Tracker, Viewer, run_live
 from curvescan.live.server import PageServer
@@ -115,9 +116,28 @@ def test_the_page_is_an_instrument(running, tmp_path, log: cs.Log) -> None:
         (tmp_path / "saved.csmap").write_bytes(base64.b64decode(page.run(read)))
         assert 2 <= len(cs.load_map(tmp_path / "saved.csmap")) <= 25
         # on to a scan, then on to the end
-        page.run("const t = document.getElementById('time'); t.value = 40; t.dispatchEvent(new Event('change'))")
-        page.wait("state.scan.index === 39")
+        slider = "const t = document.getElementById('time'); t.value = {}; t.dispatchEvent(new Event('change'))"
+        to = f"(() => {{{{ {slider} }}}})()"
+        for n_scans in (30, 40):
+            page.run(to.format(n_scans))
+            page.wait(f"state.scan.index === {n_scans - 1}", timeout=120.0)  # kernels may compile on the way
         assert thread.is_alive()
+        # back: an earlier scan where it was tracked, while the replay waits
+        page.run(to.format(29))
+        page.wait("state.isBack && state.scan.index === 29")
+        assert page.run("document.getElementById('clock').textContent") == "30 / 60"
+        assert page.run("document.getElementById('message').textContent").startswith("Scan 30 as it was tracked.")
+        assert source.is_paused
+        then = np.array(page.run("state.scan.pose"))
+        np.testing.assert_allclose(then, se2.between(log.truth.poses[0], log.truth.poses[29]), atol=0.05)
+        picture = page.call("Page.captureScreenshot", format="png")["data"]
+        (tmp_path / "back.png").write_bytes(base64.b64decode(picture))
+        page.run(to.format(3))  # the page may not have seen so early a one: then the earliest that it has
+        page.wait("state.scan.index <= 24 && state.frames.includes(state.scan)")
+        # and on again from the newest
+        page.run(to.format(45))
+        page.wait("!state.isBack && state.scan.index === 44")
+        assert page.run("document.getElementById('message').hidden")
         page.run("const s = document.getElementById('speed'); s.value = '20'; s.dispatchEvent(new Event('change'))")
         page.wait("document.getElementById('message').hidden")
         assert source.speed == 20.0

@@ -13,6 +13,7 @@ from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam import SlamMap
 from curvescan.slam.localization.correlative import contour_length, likely_poses, thinned
 from curvescan.slam.localization.field import DistanceField, field_of
+from curvescan.slam.localization.prior import Prior
 from curvescan.slam.localization.search import MapSearch, Place, is_same, said
 from tests.slam.map_example import FILE, lap, scans
 
@@ -120,6 +121,30 @@ def test_a_view_that_agrees_with_one_place_far_better_than_with_any_other_is_eno
     ]
     search = _search(stored, field, *found)
     search._contour = contour
+    assert (search.winner is not None) is is_sure
+
+
+@pytest.mark.parametrize(("begins_at", "is_sure"), [(1.3, True), (60.0, False)])
+def test_what_the_views_decide_alone_stands_where_it_was_likely_before(
+    stored: SlamMap, field: DistanceField, begins_at: float, is_sure: bool
+) -> None:
+    # a corridor: 0.7 m on the view agrees less, and an initial pose beyond makes that place the likelier one
+    search = _search(stored, field, _place(0.0, 0.39), _place(0.7, 0.28))
+    assert search.winner is not None
+    search._prior = Prior.of((begins_at, 0.0, 0.0), np.diag([0.5, 0.5, 0.07]))
+    known = search._known(np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]]))
+    search._found = [replace(place, prior=float(k)) for place, k in zip(search._found, known, strict=True)]
+    assert (known[0] > 0.0) == is_sure
+    assert (search.winner is not None) is is_sure
+
+
+@pytest.mark.parametrize(("rival_view", "is_sure"), [(-0.15, False), (-0.4, True)])
+def test_what_was_known_before_does_not_choose_between_places_that_the_view_is_against(
+    stored: SlamMap, field: DistanceField, rival_view: float, is_sure: bool
+) -> None:
+    # a corridor without a mark: the odometry has the sensor at 0, and perhaps 1.2 m on; no place stands out by itself
+    here, there = _place(0.0, -0.15), _place(1.2, rival_view)
+    search = _search(stored, field, replace(here, prior=0.5), replace(there, prior=0.16))
     assert (search.winner is not None) is is_sure
 
 

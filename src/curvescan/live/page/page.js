@@ -1,6 +1,9 @@
 "use strict";
 // The page of `live`. What the server sends: about, status, path, map, closures, times, scan.
-const state = { path: [], map: null, closures: [], wheels: [], scan: null, times: [], isOver: false, newest: -1, isPaused: false, n: 0 };
+const state = { path: [], map: null, closures: [], wheels: [], scan: null, times: [], isOver: false, newest: -1, isPaused: false, n: 0,
+  // the newest scan, whether an earlier one is looked at, and what came, the older the sparser
+  now: null, isBack: false, frames: [] };
+const MOST_FRAMES = 4000;
 let mayAct = false;
 
 function listen() {
@@ -10,6 +13,7 @@ function listen() {
     $("name").textContent = a.name; $("mode").textContent = a.mode; document.title = `${a.name} – curvescan live`;
     document.body.classList.toggle("slam", a.mode === "SLAM");
     state.path = []; state.closures = []; state.wheels = []; state.n = a.n_scans;
+    state.frames = []; state.isBack = false;
     offer(a.replay);
     if (a.replay) showPace(a.pace);
   });
@@ -19,7 +23,11 @@ function listen() {
   on("map", loadMap);
   on("closures", (c) => { state.closures = c.lines; });
   on("times", (t) => { state.times = t.ms; });
-  on("scan", (s) => { state.scan = s; state.times.push(s.ms); if (state.times.length > 120) state.times.shift(); showFigures(s); });
+  on("scan", (s) => {
+    state.now = s; keep(s); state.times.push(s.ms);
+    if (state.times.length > 120) state.times.shift();
+    if (!state.isBack) { state.scan = s; showFigures(s); }
+  });
   events.onerror = () => { if (!state.isOver) showMessage("The connection is lost; trying again."); else events.close(); };
   events.onopen = () => { if (!state.isOver) showMessage(""); };
 }
@@ -53,6 +61,25 @@ function showFigures(s) {
   spark();
 }
 
+function keep(s) {
+  state.frames.push(s);
+  if (state.frames.length > MOST_FRAMES) state.frames = state.frames.filter((_, i) => i % 2 === 0);
+}
+
+// Scans to come are tracked as fast as they go; what was tracked is shown as it was then, and the replay waits.
+async function seek(to) {
+  if (!state.now || to > state.now.index) { lookBack(null); return pace({ to }); }
+  await pace({ is_paused: true });
+  lookBack(state.frames.findLast((frame) => frame.index <= to) || state.frames[0]);
+}
+function lookBack(frame) {
+  state.isBack = frame !== null;
+  state.scan = frame || state.now;
+  if (state.scan) showFigures(state.scan);
+  showMessage(frame ? `Scan ${(frame.index + 1).toLocaleString("en")} as it was tracked. ▶ goes on with the newest.` : "");
+  redraw();
+}
+
 async function offer(isReplay) {
   // others may look on, and change nothing: only a page of this machine is given the token
   const answer = await fetch("token").catch(() => null);
@@ -64,8 +91,8 @@ async function offer(isReplay) {
   showDock(true);
   if (mayAct) return;
   mayAct = true;
-  $("play").addEventListener("click", () => pace({ is_paused: !state.isPaused }));
-  $("time").addEventListener("change", (e) => pace({ to: Number(e.target.value) }));
+  $("play").addEventListener("click", () => { if (state.isBack) lookBack(null); pace({ is_paused: !state.isPaused }); });
+  $("time").addEventListener("change", (e) => seek(Number(e.target.value)));
   $("speed").addEventListener("change", (e) => pace({ speed: Number(e.target.value) }));
 }
 function showDock(isShown) { $("dock").hidden = !isShown; document.body.classList.toggle("docked", isShown); redraw(); }

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -179,15 +179,22 @@ class MapSearch:
     @property
     def winner(self) -> Place | None:
         """The place for which the last view, or all views together, speak clearly more than for any other."""
-        by_view = sorted(self._found, key=lambda place: -place.sums[0])
-        for best in (*by_view[:1], *self._found[:1]):
-            if self.is_clear(best):
-                return best
-        return None
+        best = self._decided(self._found)
+        if best is None and self._prior is not None:
+            # the views alone may decide for a place that was likely before, be another one somewhat likelier
+            alone = self._decided([replace(place, prior=0.0) for place in self._found])
+            if alone is not None and self._known(alone.pose[np.newaxis])[0] > 0.0:
+                best = alone
+        return best
 
-    def is_clear(self, best: Place) -> bool:
+    def _decided(self, found: list[Place]) -> Place | None:
+        by_view = sorted(found, key=lambda place: -place.sums[0])
+        by_all = sorted(found, key=lambda place: -place.sums[2])
+        return next((best for best in (*by_view[:1], *by_all[:1]) if self._is_clear(best, found)), None)
+
+    def _is_clear(self, best: Place, found: list[Place]) -> bool:
         """Return whether the last view, or all together, speak for a place clearly more than for any other."""
-        others = [place for place in self._found if not is_same(place.pose, best.pose)]
+        others = [place for place in found if not is_same(place.pose, best.pose)]
         rival = max((place.matched for place in others), default=0.0)
         is_alone = rival <= _RIVAL * best.matched
         # a view that agrees with a match needs to say less; nor may the views before speak against it
@@ -195,7 +202,9 @@ class MapSearch:
         view, walls, support = best.sums
         is_seen = _is_clear(view, [place.sums[0] for place in others], least)
         is_seen |= rival <= best.matched and self._stands_out(best, others)
-        if is_seen and best.walls >= best.view - _MARGIN:
+        # where the view is against all places that were expected, what was known before does not choose between them
+        is_vague = best.view < 0.0 and any(place.prior > 0.0 and place.view >= best.view for place in others)
+        if is_seen and best.walls >= best.view - _MARGIN and not is_vague:
             return True
         # where the sensor leaves the map, views before it did speak for places that the last one is against
         is_gathered = _is_clear(walls, [place.sums[1] for place in others], _SEVERAL_VIEWS)
