@@ -20,8 +20,8 @@ async function load() {
 
 async function begin() {
   const tree = await load();
+  await Promise.all(tree.runs.map(prepare)); // a page that is resized meanwhile draws nothing yet
   runs = tree.runs; stage.n = runs.length;
-  await Promise.all(runs.map(prepare));
   const [run] = runs, names = runs.map((r) => r.name);
   $("name").textContent = names.join(" | "); document.title = `${names.join(" | ")} – curvescan view`;
   $("mode").textContent = runs.map((r) => `${r.mode}, ${r.stamps.length.toLocaleString("en")} scans`).join(" | ");
