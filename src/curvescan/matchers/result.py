@@ -121,19 +121,12 @@ class Candidate:
     information : (3, 3) float64
         Of the scans alone at this pose, order x, y, theta: 1/m^2, 1/(m rad), 1/rad^2. Zero along what they leave open;
         where they agree nearly as well all along it, and yet best at one place, that place has a standard deviation
-        of 0.1 m. That place is a hypothesis: it is now and then wrong, and other scans must confirm it. Without a
-        prior one of several such places counts by how far they lie apart.
-    degenerate_direction : (3,) float64 or None
-        Of the first candidate, the direction that the scans leave open there; as in MatchResult.
-    n_matched : int
-        Of the first candidate, pairs of readings that agree there.
+        of 0.1 m. That place is a hypothesis: it is now and then wrong, and other scans must confirm it.
     """
 
     pose: Pose
     log_odds: float
     information: Cov
-    degenerate_direction: Floats | None = None
-    n_matched: int = 0
 
     def __repr__(self) -> str:
         x, y, theta = (float(value) for value in self.pose)

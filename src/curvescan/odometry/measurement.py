@@ -1,7 +1,7 @@
-"""What a match measures where the scans leave a doubt: along a flat direction, or between poses.
+"""What a match of the default matcher measures where the scans leave a doubt: along a flat direction, or between poses.
 
-The odometry knows the covariance of what it expects. What the scans alone say stands in the candidates of a match, and
-is weighed here.
+A matcher knows one guess and not how good it is. The odometry does: it knows the covariance of what it expects. So what
+the scans alone say is taken from the trace of the match, and weighed here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from curvescan.matchers import Candidate, MatchResult
+from curvescan.matchers import MatchResult
+from curvescan.matchers.curvescan.config import InformationConfig
+from curvescan.matchers.curvescan.disambiguation import AssessedPose
+from curvescan.matchers.curvescan.matcher import CurvescanTrace
 from curvescan.matchers.result import Outcome
 from curvescan.odometry.config import MotionConfig
 from curvescan.se2.uncertain import UncertainPose, fuse
@@ -19,16 +22,22 @@ from curvescan.se2.uncertain import UncertainPose, fuse
 _OPEN = 100.0
 """Standard deviation of what is not measured, metres: more than any prediction errs."""
 
-_NEAR = 0.3
-"""The same where a pose is only compared with the expectation, metres: one far along an open direction was compared
-where the sensor is not."""
+_FLAT_SIGMA = 0.1
+"""Standard deviation of the best place along a direction in which the agreement of the scans is flat, but has one best
+place, metres: of keyframes a metre apart in eight logs the median error is 0.04 m and 97 in 100 are below 0.2 m."""
+
+_FLAT = InformationConfig(degenerate_sigma=_FLAT_SIGMA)
+_NEAR = InformationConfig(degenerate_sigma=0.3)
 
 _VAGUE_SIGMA = 0.08
 """Standard deviation of what is expected along a degenerate direction from which on the scans are matched without a
 guess, metres: below it they say nothing new, and what they say again and again of one keyframe errs alike."""
 
-_NOTHING = 1e-9  # information, and share of it, that is rounding
-_MAX_LOG_ODDS = 60  # beyond it a probability is 0 or 1
+_LEAST_SHIFT = 0.5
+"""Metres of translation in a degenerate direction, which moves a typical reading by one: less is a turn."""
+
+_MOVED = 0.15
+"""Best places along a corridor that reach so near to standing still may be none, metres."""
 
 
 def as_measurement(result: MatchResult) -> UncertainPose:
@@ -44,20 +53,37 @@ def is_vague_along(expected: UncertainPose, result: MatchResult) -> bool:
     """Return whether a match is degenerate along a direction in which the expectation is vague, too."""
     if result.degenerate_direction is None:
         return False
-    along = result.degenerate_direction[:2]
-    return bool(along @ expected.cov[:2, :2] @ along > _VAGUE_SIGMA**2 * (along @ along))
+    x, y = result.degenerate_direction[:2]
+    variance = np.array([x, y]) @ expected.cov[:2, :2] @ np.array([x, y])
+    return bool(variance > _VAGUE_SIGMA**2 * (x * x + y * y))
 
 
 def has_unguided_pose(result: MatchResult) -> bool:
     """Return whether a degenerate match shows by itself where the scans agree best along its degenerate direction."""
-    return bool(result.candidates) and not result.is_guess_decisive and _is_placed(result.candidates[0])
+    assessed = _assessed(result)
+    return assessed is not None and not result.is_guess_decisive and _has_one_best(assessed)
 
 
 def unguided_measurement(result: MatchResult) -> UncertainPose | None:
     """Return what a match says along its degenerate direction too, None where it does not."""
-    if result.ok and result.degenerate_direction is None:
+    assessed = _assessed(result)
+    if not result.ok or assessed is None or assessed.assessment is None:
+        return None
+    if result.degenerate_direction is None:
         return UncertainPose(result.pose, result.covariance)
-    return _measured(result.candidates[0]) if result.ok and _is_placed(result.candidates[0]) else None
+    if _has_one_best(assessed):
+        return _unguided(assessed)
+    direction = result.degenerate_direction
+    is_shift = bool(np.hypot(*direction[:2]) > _LEAST_SHIFT)
+    if assessed.is_degenerate[1:].any() or not is_shift or assessed.assessment.information[0] < 0.0:
+        return None
+    # a bare corridor fits best where it is laid over itself, as if the sensor stood still
+    places = assessed.poses[[0, *assessed.ties], :2] @ direction[:2]
+    if places.min() < _MOVED and places.max() > -_MOVED:
+        return None
+    # one of several places: their mean square distance from the best
+    spread = float(np.mean((places - places[0]) ** 2))
+    return _unguided(assessed, replace(_FLAT, degenerate_sigma=math.sqrt(_FLAT_SIGMA**2 + spread)))
 
 
 def decided_by_expectation(result: MatchResult, expected: UncertainPose, config: MotionConfig) -> MatchResult:
@@ -65,38 +91,43 @@ def decided_by_expectation(result: MatchResult, expected: UncertainPose, config:
 
     Without a guess such a pose would be one of several, or chance. Of scans of one place in a row it is right.
     """
-    if result.ok or not result.candidates or not result.score >= config.expected_score:
+    assessed = _assessed(result)
+    if result.ok or assessed is None or assessed.assessment is None or assessed.support is None:
         return result
-    best, *others = result.candidates
-    known = np.linalg.eigvalsh(best.information) > _NOTHING * np.trace(best.information)
-    if known.sum() < (3 if best.degenerate_direction is None else 2):
+    if not assessed.scores[0] >= config.expected_score or assessed.is_degenerate[1:].any():
         return result
-    if fuse(expected, _measured(best, _NEAR))[1] > config.motion_gate_chi2:
-        return result
-    decided = _measured(best)
-    odds = [-best.log_odds, *(other.log_odds - best.log_odds for other in others)]
-    return replace(
+    is_open = bool(assessed.is_degenerate[0])
+    is_known = not is_open or _has_one_best(assessed)
+    pose, cov = _unguided(assessed, _FLAT if is_known else InformationConfig())
+    decided = replace(
         result,
         outcome=Outcome.MATCHED,
-        pose=decided.pose,
-        covariance=decided.cov,
-        n_matched=best.n_matched,
-        degenerate_direction=best.degenerate_direction,
-        confidence=1.0 / (1.0 + sum(math.exp(min(value, _MAX_LOG_ODDS)) for value in odds)),
+        pose=pose,
+        covariance=cov,
+        n_matched=assessed.assessment.n_inliers,
+        degenerate_direction=assessed.assessment.weakest if is_open else None,
+        confidence=assessed.support.confidence,
     )
+    # one far along an open direction was compared where the sensor is not
+    distance = fuse(expected, _unguided(assessed, _FLAT if is_known else _NEAR))[1]
+    return decided if distance <= config.motion_gate_chi2 else result
 
 
-def _is_placed(best: Candidate) -> bool:
-    """Return whether a candidate is known along all directions, along a degenerate one by its best place."""
-    direction = best.degenerate_direction
-    return direction is None or bool(direction @ best.information @ direction > _NOTHING)
+def _assessed(result: MatchResult) -> AssessedPose | None:
+    return result.trace.assessed if isinstance(result.trace, CurvescanTrace) else None
 
 
-def _measured(best: Candidate, sigma: float = 1.0) -> UncertainPose:
-    """Return the pose that the scans agree on best, with so many metres along a direction that they leave open."""
-    information, direction = best.information, best.degenerate_direction
-    if direction is not None and not _is_placed(best):
-        along = direction / (sigma * (direction @ direction))
-        information = information + np.outer(along, along)
-    cov = np.linalg.inv(information)
-    return UncertainPose(best.pose, 0.5 * (cov + cov.T))
+def _has_one_best(assessed: AssessedPose) -> bool:
+    """Return whether the readings fix the pose, if only just along one direction, and no other along it is as good."""
+    assessment = assessed.assessment
+    if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
+        return False
+    information, spurious = assessment.information[0], assessment.spurious[0]
+    return bool(information > 2.0 * spurious and information > _FLAT.max_sigma**-2)
+
+
+def _unguided(assessed: AssessedPose, config: InformationConfig = _FLAT) -> UncertainPose:
+    """Return the pose that the scans agree on best, wherever a guess is."""
+    assert assessed.assessment is not None
+    cov = assessed.assessment.covariance(assessed.is_degenerate, config)
+    return UncertainPose(assessed.poses[0], cov)
