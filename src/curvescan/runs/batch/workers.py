@@ -18,7 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import BinaryIO, Protocol, TypeAlias
 
-from curvescan._interrupts import cleaned_up_by
+from curvescan._interrupts import cleaned_up_by, held_back
 from curvescan._processes import n_usable_cores, python_command
 from curvescan._version import __version__
 from curvescan.errors import InvalidArgumentError, WorkerError
@@ -225,8 +225,9 @@ def _supervise(
             if not n_busy and not n_left:
                 return
             while len(assigned) < min(pool.n_workers, n_left + n_busy):
-                worker = pool.start(job, events)
-                assigned[worker] = _Assignment(worker)
+                with held_back():  # a signal kills those assigned: none may start unseen
+                    worker = pool.start(job, events)
+                    assigned[worker] = _Assignment(worker)
             for one in assigned.values():
                 if one.is_ready and one.task is None:
                     waiting = waiting or queue.take()
