@@ -312,7 +312,5 @@ def _pickled(job: Job) -> bytes:
 
 
 def _last_line(log: Path) -> str:
-    if not log.exists():
-        return ""
-    lines = log.read_text("utf-8", "replace").split("\n")
+    lines = log.read_text("utf-8", "replace").split("\n") if log.exists() else []
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
