@@ -178,7 +178,6 @@ class Placement:
     match: MatchResult | None = None  # the match behind it
     is_prior_rejected: bool = False  # whether another odometry was left out because the match contradicts it
     reference: int | None = None  # number of the scan it was matched with
-    first_keyframe_scan: PreparedScan | None = None  # the first scan, deskewed now that its velocity is known
     is_reference: bool = True  # whether the next scan may be matched with this one
 
 
