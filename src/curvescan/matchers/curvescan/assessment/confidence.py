@@ -274,16 +274,7 @@ def weigh(problem: Problem, poses: Floats, scores: Floats) -> WeighedPoses:
     weighed = WeighedPoses(
         poses=poses,
         scores=scores,
-        evidence=gather_evidence(
-            ref.image,
-            ref.bounds,
-            ref.objects.is_small,
-            cur.image,
-            cur.bounds,
-            cur.objects.is_small,
-            poses,
-            config.scoring.margin,
-        ),
+        evidence=gather_evidence(ref.surfaces, cur.surfaces, poses, config.scoring.margin),
         motions=motions,
         is_guessed=(motions < _NEAR_GUESS) & np.bool_(guess is not None),
     )

@@ -255,6 +255,19 @@ def count_free(parts: Floats, is_free_cur: Bools, is_free_ref: Bools) -> int:
 
 
 @kernel
+def information_matrix(information: Floats, axes: Floats, units: Floats, is_open: Bools) -> Floats:
+    """Return the (3, 3) information on a pose, zero along the principal directions that are open."""
+    matrix = np.zeros((3, 3))
+    for k in range(3):
+        if is_open[k] or information[k] <= 0.0:
+            continue
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] += information[k] * (axes[i, k] / units[i]) * (axes[j, k] / units[j])
+    return matrix
+
+
+@kernel
 def covariance(
     information: Floats, axes: Floats, units: Floats, is_degenerate: Bools, degenerate_sigma: float
 ) -> Floats:

@@ -19,6 +19,7 @@ from curvescan.matchers.curvescan.association import (
 from curvescan.matchers.curvescan.config import REACH, SURE_SIGMAS
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import RANGE, VARIANCE
+from curvescan.matchers.result import Label
 from curvescan.types import Bools, Codes, Floats, Ints
 
 OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
@@ -27,6 +28,9 @@ OCCLUDED, INLIER, DYNAMIC = 0, 1, 2
 IN_FRONT = 0.05
 """Metres, besides twice what may lie apart, by which a reading stands before the other scan's surface to be another
 thing. A reading without a line agrees so far across: of a thing as small as that the far side may be seen."""
+
+_LABELS = (int(Label.NEW), int(Label.MATCHED), int(Label.DYNAMIC))  # of each code
+_UNMATCHED = int(Label.UNMATCHED)
 
 _MIN_PARTNERS = 4
 """Readings of a segment from which on its mean says whether it moved."""
@@ -67,6 +71,15 @@ def compare_readings(surfels: Floats, other: RangeImage, pose: Floats, margin: f
         if is_seen_through(x, y, front):
             codes[i] = DYNAMIC
     return codes, partner
+
+
+@kernel
+def beam_labels(n_beams: int, beam_idx: Ints, codes: Codes) -> Codes:
+    """Return (n_beams,) a Label for each beam, of the (m,) codes of the readings; UNMATCHED where there are no codes."""
+    labels = np.zeros(n_beams, dtype=np.uint8)
+    for i in range(beam_idx.size):
+        labels[beam_idx[i]] = _LABELS[codes[i]] if codes.size else _UNMATCHED
+    return labels
 
 
 @kernel
