@@ -118,8 +118,9 @@ def extract(
         beam_idx, readings, bounds = ordered_readings(sweep, incidence_limit, jump)
         fits, sums, sigma = fit_lines(readings, bounds, arm, sigma_min)
     surfels = fit_surfels(readings, fits, sweep.step, sigma)
-    corners = find_corners(surfels, sums, bounds, arms, sigma, min_turn, max_keypoints)
-    keypoints = with_ends(corners, surfels, sums, bounds, arms[arms.size // 2], sweep.is_closed, max_keypoints)
+    # of the readings, whose rows are short and stay in the cache, and not of the surfels
+    corners = find_corners(readings, sums, bounds, arms, sigma, min_turn, max_keypoints)
+    keypoints = with_ends(corners, readings, sums, bounds, arms[arms.size // 2], sweep.is_closed, max_keypoints)
     samples, wide = choose_samples(surfels, n_samples), choose_samples(surfels, _N_WIDE)
     table = azimuth_table(beam_idx, sweep.ranges.size, n_slots, sweep.is_clockwise, sweep.is_closed)
     label, is_free, is_small = find_objects(surfels, bounds)
