@@ -7,7 +7,7 @@ the best score.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,8 +37,7 @@ _OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one a
 _FINISH = (*FINE, _N_TOP, 4096, _OTHER)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RefinedCandidates:
+class RefinedCandidates(NamedTuple):
     """The candidates that come near the best, refined on all readings."""
 
     weighed: WeighedPoses  # poses of the current scan in the reference and what speaks for each, the most likely first
@@ -103,7 +102,9 @@ def top_candidates(
     """Return the best pose and those that come near it, refined on all readings, best first, and their scores."""
     if not len(found.scores):
         return found.poses, found.scores
-    near = found.poses[found.scores > CONTESTED * found.scores[0]]
+    scores = found.scores.tolist()
+    rows = [k for k, score in enumerate(scores) if score > CONTESTED * scores[0]]
+    near = found.poses[: len(rows)] if rows == list(range(len(rows))) else found.poses[rows]
     return _finish(ref, cur, near, config)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -84,8 +85,7 @@ class AssessedPose:
         return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Verdict:
+class Verdict(NamedTuple):
     """What comes of a match."""
 
     outcome: Outcome  # MATCHED, or why not

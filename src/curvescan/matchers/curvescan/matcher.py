@@ -23,18 +23,14 @@ from curvescan.matchers.curvescan.proposal.search import Candidates, Problem, pr
 from curvescan.matchers.result import NO_COVARIANCE, NO_POSE, MatchResult, Outcome
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
-from curvescan.types import Cov, Floats
+from curvescan.types import Cov
 
 _NO_CODES = np.empty(0, dtype=np.uint8)
 _MIN_PROBES = 6
 _NOTHING = Candidates(poses=np.empty((0, 3)), scores=np.empty(0), n_tried=0)
 _NOT_ASSESSED = AssessedPose(
     weighed=WeighedPoses(
-        poses=_NOTHING.poses,
-        scores=_NOTHING.scores,
-        evidence=np.empty((0, N_EVIDENCE)),
-        motions=np.empty(0),
-        is_guessed=np.empty(0, dtype=np.bool_),
+        _NOTHING.poses, _NOTHING.scores, np.empty((0, N_EVIDENCE)), np.empty(0), np.empty(0, dtype=np.bool_)
     ),
     is_degenerate=np.ones(3, dtype=np.bool_),
     ties=[],
@@ -86,6 +82,7 @@ class CurvescanMatcher:
 def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict: Verdict) -> MatchResult:
     """Return the result for users: the pose with its covariance and labels, or the outcome without one."""
     ref, cur, assessment = problem.reference, problem.current, verdict.assessment
+    scores: list[float] = assessed.weighed.scores.tolist()
     return MatchResult(
         method="curvescan",
         outcome=verdict.outcome,
@@ -96,8 +93,8 @@ def report(problem: Problem, found: Candidates, assessed: AssessedPose, verdict:
         labels_reference=beam_labels(ref.n_beams, ref.beam_idx, assessment.codes_ref if assessment else _NO_CODES),
         labels_current=beam_labels(cur.n_beams, cur.beam_idx, assessment.codes_cur if assessment else _NO_CODES),
         degenerate_direction=assessment.weakest if assessment and verdict.is_degenerate else None,
-        score=_score(assessed.weighed.scores[:1]),
-        runner_up=_score(assessed.weighed.scores[1:]),
+        score=_score(scores[:1]),
+        runner_up=_score(scores[1:]),
         confidence=verdict.confidence,
         candidates=competing_poses(problem, assessed),
         information=_information(verdict, assessed),
@@ -112,5 +109,5 @@ def _information(verdict: Verdict, assessed: AssessedPose) -> Cov:
     return verdict.assessment.information_matrix(assessed.is_degenerate)
 
 
-def _score(scores: Floats) -> float:
-    return float(scores.max()) if len(scores) else math.nan
+def _score(scores: list[float]) -> float:
+    return max(scores, default=math.nan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ _FLAT_SCORE = 0.92
 """A weak direction is open when the scans agree there by this share of their score."""
 
 
-@dataclass(frozen=True, eq=False)
-class Assessment:
+class Assessment(NamedTuple):
     """What two scans say of a pose."""
 
     # codes_ref, codes_cur: (m,), (k,): what each reading is to the other scan; codes of labels.py

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -86,8 +85,7 @@ class Effort(NamedTuple):
     n_first: tuple[int, int, int]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Candidates:
+class Candidates(NamedTuple):
     """The best poses found."""
 
     # (k, 3): poses that differ from one another, refined on the samples, best first; of the current scan in the
