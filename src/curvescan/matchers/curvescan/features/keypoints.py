@@ -61,14 +61,8 @@ def measure_bends(
 ) -> None:
     """Write how much the surface turns at each reading (1 - cosine), and the ends of its arms.
 
-    Parameters
-    ----------
-    arm : float
-        Length of the arms on both sides, metres.
-    straight : float
-        Square, its sign kept, of the cosine of the least turn that is looked at.
-    bend, lows, highs : (m,) float64, int64, int64
-        What is written; `bend` is 0, and the others are not touched, where a surface is straight or an arm too short.
+    straight: square, its sign kept, of the cosine of the least turn that is looked at. `bend` is 0, and the ends are
+    not touched, where a surface is straight or an arm too short.
     """
     arm2 = arm * arm
     least2 = _ARM_REACHED2 * arm2

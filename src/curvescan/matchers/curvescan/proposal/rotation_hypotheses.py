@@ -125,18 +125,7 @@ def aligned_translations(
 ) -> Floats:
     """Return each pose moved to where walls of both scans coincide, n_peaks places a axis at most.
 
-    Parameters
-    ----------
-    poses : (h, 3) float64
-        Of the current scan in the reference.
-    ref, cur : (p, 10) float64
-        Surfels of both scans, a few that stand for all.
-    reach : float
-        How far a pose is moved along each axis at most, metres.
-    bin_width : float
-        Width of a vote, metres.
-    n_peaks : int
-        Distances taken along each of the two axes.
+    It is moved by `reach` metres along each axis at most; walls coincide within bins of `bin_width` metres.
     """
     moved = np.empty((poses.shape[0] * n_peaks * n_peaks, 3))
     count = 0
