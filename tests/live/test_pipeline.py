@@ -272,7 +272,7 @@ def test_a_long_path_is_thinned(log, monkeypatch):
     assert live_map.path_version > 0
     assert 10 <= live_map.n_path <= 20
     assert np.allclose(live_map.path()[0], [0.0, 0.0])
-    gap = np.hypot(*(live_map.path()[-1] - tracked[-1].pose[:2]))
+    gap = np.hypot(*(live_map.path()[-1] - tracked[-1].step.pose[:2]))
     assert gap <= 2.0 * live_map._path_step + 0.05
 
 
