@@ -29,7 +29,7 @@ from curvescan.simulation.sensing.sensors import SENSORS
 from curvescan.slam.run import Engine
 from curvescan.types import Floats, Pose
 
-_MOVED_M, _MOVED_RAD = 0.05, 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
+_MOVED = 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
 _PATH_STEP_M = 0.03  # points of the path are this far apart at least, metres: memory follows the way and not the time
 _MAX_PATH = 50_000  # points of the path at most; beyond them every second one is forgotten
 
@@ -89,7 +89,7 @@ class LiveMap:
                 self._thin_path()
         if not tracked.step.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
-        if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
+        if self._mapped is None or _is_far(pose, self._mapped, _MOVED, _MOVED):
             scan = tracked.scan
             if tracked.is_deskewed:
                 scan = self._deskewer.deskewed(scan, moved)
