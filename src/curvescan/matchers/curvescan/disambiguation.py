@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from curvescan.matchers.curvescan.assessment.assessment import (
     Assessment,
     assess_pose,
     degenerate_directions,
-    is_uninformed,
     without_dynamic,
 )
 from curvescan.matchers.curvescan.assessment.bare_box import is_in_box
@@ -90,8 +90,7 @@ class AssessedPose:
         return np.zeros((3, 3)) if self.assessment is None else self.assessment.information_matrix(self.is_degenerate)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Verdict:
+class Verdict(NamedTuple):
     """What comes of a match."""
 
     outcome: Outcome  # MATCHED, or why not
@@ -249,7 +248,7 @@ def sigma_along(problem: Problem, assessed: AssessedPose, first: Assessment, dir
 
 def _rival(problem: Problem, pose: Pose, log_odds: float) -> Candidate:
     found = assess_pose(problem.reference, problem.current, pose, problem.config)
-    return _candidate(problem, pose, log_odds, found, is_uninformed(found, problem.config.information), None)
+    return _candidate(problem, pose, log_odds, found, found.is_open, None)
 
 
 def _candidate(
