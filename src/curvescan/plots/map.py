@@ -9,9 +9,11 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from curvescan import se2
@@ -48,12 +50,24 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
     # given as a file it would cost a quarter of a second: Matplotlib reads its thirty styles first
     style: Any = {name: value for name, value in mpl.rc_params_from_file(_STYLE).items() if name != "backend"}
     with mpl.rc_context(style):
-        figure = Figure(figsize=(width, height))
+        figure = FigureCanvasAgg(Figure(figsize=(width, height), layout="constrained")).figure
         yield figure
         with warnings.catch_warnings():
             # names of files may be in any script; a box stands for what the font does not have
             warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
-            figure.savefig(path, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+            figure.savefig(path, dpi=_DPI, bbox_inches=_laid_out(figure), pil_kwargs={"compress_level": 3})
+
+
+def _laid_out(figure: Figure) -> Bbox:
+    """Lay a figure out once and for all, and return its box in inches.
+
+    To save it with ``bbox_inches="tight"`` takes twice as long: Matplotlib draws it once to see how large it is.
+    """
+    figure.set_dpi(_DPI)
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    return figure.get_tightbbox().padded(0.1)
 
 
 @contextmanager
