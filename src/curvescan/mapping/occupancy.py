@@ -189,8 +189,7 @@ class OccupancyBuilder:
             first, beyond = np.minimum(first, self._first), np.maximum(beyond, self._beyond)
         else:
             corner = end = first
-        # as places are rounded once more, a cell on each side
-        low, high = first - 1.0, beyond + 1.0
+        low, high = first - 1.0, beyond + 1.0  # places are rounded once more
         if not ((low >= corner) & (high <= end)).all():
             self._grow(low, high, corner, end)
         self._first, self._beyond = first.astype(np.int64), beyond.astype(np.int64)
