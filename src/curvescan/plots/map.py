@@ -37,7 +37,7 @@ FAILED = "#7b1fa2"
 PAIRED = "#00796b"
 FIRST, SECOND = "#0072b2", "#d55e00"
 """Of two scans: blue and vermilion of Okabe and Ito, which the colour-blind tell apart (Wong, Nat. Methods 8, 2011)."""
-SEGMENT_COLOURS: tuple[tuple[float, float, float], ...] = tuple(mpl.colormaps["tab10"].colors)  # type: ignore[attr-defined]
+SEGMENT_COLOURS: list[Any] = mpl.color_sequences["tab10"]
 _STYLE = Path(__file__).with_name("curvescan.mplstyle")
 _DPI = 150
 _MAX_TITLE = 160
@@ -100,7 +100,7 @@ def mark_ends(axes: Axes, poses: Pose, colour: str = PATH) -> None:
         axes.plot(*end[:, :2].T, mark, color="white", mec=colour, mew=1.4, ms=6, label=label)
 
 
-def segment_colour(k: int) -> tuple[float, float, float]:
+def segment_colour(k: int) -> Any:
     """Return the colour of segment k; ten colours in turn."""
     return SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)]
 
