@@ -216,7 +216,7 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     if support is None or first is None:
         return ()
     information = assessed.information
-    if assessed.is_degenerate[0] and has_one_best(assessed, problem.config.information):
+    if assessed.is_degenerate[0] and has_one_best(assessed):
         along = first.axes[:, 0] / first.units
         information = information + np.outer(along, along) / problem.config.information.max_sigma**2
     best = Candidate(pose=assessed.poses[0], log_odds=support.log_odds, information=information.copy())
@@ -224,13 +224,12 @@ def competing_poses(problem: Problem, assessed: AssessedPose) -> tuple[Candidate
     return (best, *(_candidate(problem, assessed, row, support.log_odds + support.rivals[row]) for row in rows))
 
 
-def has_one_best(assessed: AssessedPose, config: InformationConfig) -> bool:
+def has_one_best(assessed: AssessedPose) -> bool:
     """Return whether the readings fix the pose, one direction only just, and no other pose along it is as good."""
     assessment = assessed.assessment
     if assessment is None or assessed.ties or assessed.is_degenerate[1:].any():
         return False
-    information, spurious = assessment.information[0], assessment.spurious[0]
-    return bool(information > 2.0 * spurious and information > config.max_sigma**-2)
+    return not assessment.is_open[0]
 
 
 def _candidate(problem: Problem, assessed: AssessedPose, row: int, log_odds: float) -> Candidate:
