@@ -16,7 +16,7 @@ from curvescan.matchers.curvescan.assessment.assessment import AS_GOOD, Assessme
 from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
 from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION
-from curvescan.matchers.curvescan.config import CurvescanConfig
+from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
 from curvescan.matchers.curvescan.features.surfels import LENGTH, NX, NY
@@ -29,8 +29,7 @@ from curvescan.types import Floats, Pose
 _N_TOP = 5  # poses that are judged beside one another, at most
 _FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
-_OTHER = 0.1  # metres, and half of it in radians: refined poses nearer to one another are one
-_FINISH = (*FINE, _N_TOP, 4096, _OTHER)
+_FINISH = (*FINE, _N_TOP, 4096, SAME)
 
 
 class RefinedCandidates(NamedTuple):
@@ -113,7 +112,7 @@ def search_degenerate_direction(
     moved_along = poses[0] + offsets[:, np.newaxis] * weakest
     moved_along = moved_along[np.abs(offsets * weakest[2]) < _MAX_TURN]
     images = ref.wide_image, cur.wide_image
-    best, _ = select(moved_along, *images, *CLOSE, 4, 24, _OTHER)
+    best, _ = select(moved_along, *images, *CLOSE, 4, 24, SAME)
     return _finish(ref, cur, np.concatenate((poses, best)), config)
 
 

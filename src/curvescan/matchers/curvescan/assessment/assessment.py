@@ -71,7 +71,7 @@ def assess_pose(ref: CurvescanFeatures, cur: CurvescanFeatures, pose: Pose, conf
 
 @kernel
 def remove_dynamic(codes: Codes, partner: Ints, is_static: Bools) -> int:
-    """Mark the readings of surfaces that moved away, and take their partners, in place; return how many have one left."""
+    """Mark readings of surfaces that moved away, and take their partners, in place; return how many have one left."""
     n_left = 0
     for i in range(codes.size):
         if not is_static[i]:
