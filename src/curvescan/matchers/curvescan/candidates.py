@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from curvescan._jit import kernel
-from curvescan.matchers.curvescan.assessment.assessment import AS_GOOD, Assessment, assess_pose
-from curvescan.matchers.curvescan.assessment.confidence import WeighedPoses, weigh
+from curvescan.matchers.curvescan.assessment.assessment import Assessment, assess_pose
+from curvescan.matchers.curvescan.assessment.confidence import GUESSED_REPETITION, WeighedPoses, weigh
 from curvescan.matchers.curvescan.assessment.labels import INLIER
-from curvescan.matchers.curvescan.assessment.support import MAX_REPETITION
 from curvescan.matchers.curvescan.config import SAME, CurvescanConfig
 from curvescan.matchers.curvescan.features.features import CurvescanFeatures
 from curvescan.matchers.curvescan.features.range_image import RangeImage
@@ -26,7 +25,9 @@ from curvescan.matchers.curvescan.proposal.search import CONTESTED, Candidates, 
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine_fully
 from curvescan.types import Floats, Pose
 
+_MIN_SCORE = 0.02  # least score of a pose that is looked at any further
 _N_TOP = 5  # poses that are judged beside one another, at most
+_AS_GOOD, _AS_GOOD_MARGIN = 0.93, 0.04  # a pose with this share of the best score, or less below it, is as good
 _FINE_STEP = 0.05  # metres at the typical reading: steps in which the best place along a direction is looked for
 _MAX_TURN = 0.5  # radians: turns along it are tried up to this angle
 _FINISH = (*FINE, _N_TOP, 4096, SAME)
@@ -48,7 +49,7 @@ def refine_candidates(problem: Problem, found: Candidates) -> RefinedCandidates:
     ref, cur, _, config = problem
     poses, scores = top_candidates(ref, cur, found, config)
     weighed = weigh(problem, poses, scores)
-    if not len(poses) or weighed.is_hopeless:
+    if not len(poses) or scores[0] < _MIN_SCORE or weighed.is_hopeless:
         return RefinedCandidates(weighed=weighed, assessment=None)
     best = weighed.poses[0]
     assessment = assess_pose(ref, cur, best, config)
@@ -144,7 +145,8 @@ def finish(
 
 def competing_hypotheses(scores: Floats) -> list[int]:
     """Return the rows of the poses that are as good as the first."""
-    return [k for k in range(1, len(scores)) if scores[k] > AS_GOOD * scores[0]]
+    least = min(_AS_GOOD * scores[0], scores[0] - _AS_GOOD_MARGIN)
+    return [k for k in range(1, len(scores)) if scores[k] > least]
 
 
 def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
@@ -153,7 +155,7 @@ def prefer(problem: Problem, weighed: WeighedPoses) -> int | None:
     if problem.guess is None or len(poses) == 1:
         return None
     competing = competing_hypotheses(weighed.scores)
-    rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > MAX_REPETITION]
+    rows = [k for k in range(1, len(poses)) if k in competing or weighed.repetition(k) > GUESSED_REPETITION]
     if not rows:
         return None
     rows = [0, *rows]

@@ -17,11 +17,11 @@ from curvescan.matchers.curvescan.proposal.scoring import FINE, best_beside
 from curvescan.matchers.curvescan.refinement import EXACTLY, refine
 from curvescan.types import Bools, Codes, Cov, Floats, Ints, Pose
 
-_DOUBLED: Floats = np.array([1.0, 4.0])
+_DOUBLED: Floats = np.array([1.0, 2.0, 4])
 """How far along a weak direction the scans are compared, in what it is known to where it just counts as known."""
 
-AS_GOOD = 0.93
-"""Share of a pose's score from which on another explains the scans as well."""
+_FLAT_SCORE = 0.92
+"""A weak direction is open when the scans agree there by this share of their score."""
 
 
 class Assessment(NamedTuple):
@@ -128,7 +128,7 @@ def degenerate_directions(
         offsets = rules.max_sigma * _DOUBLED
         here = best_beside(pose, assessment.weakest, np.zeros(1), *images, *FINE)
         beside = best_beside(pose, assessment.weakest, offsets, *images, *FINE)
-        is_degenerate[0] = beside > AS_GOOD * here
+        is_degenerate[0] = beside > _FLAT_SCORE * here
     return is_degenerate
 
 

@@ -38,6 +38,9 @@ ANY = 0.2
 """Metres of surface that are more than chance: a room is bare where less agrees beyond its four walls; people, who hide
 things and agree by chance, are about where small things of more contradict a pose."""
 
+GUESSED_REPETITION = 0.3
+"""Least share of what supports a pose that another explains for a guess to decide between the two."""
+
 COEFFICIENTS = {
     "constant": -1.15,
     "log10_excess": 1.96,
