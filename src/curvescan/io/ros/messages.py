@@ -28,10 +28,9 @@ _IDL_RULE = "=" * 80 + "\n"
 
 
 class Decoder:
-    """Decodes the messages of one bag.
+    """Decodes the messages of one bag, by the bag's own definition of a type where it has one that can be understood.
 
-    A definition that the bag carries is used where it differs from the bundled one, and the bundled one (ROS 1
-    Noetic, ROS 2 Humble) where the bag carries none, or none that can be understood.
+    Else by the bundled one: ROS 1 Noetic, ROS 2 Humble.
     """
 
     def __init__(self, connections: Sequence[Connection], *, is_ros1: bool) -> None:
