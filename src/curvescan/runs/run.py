@@ -190,7 +190,7 @@ def localize(
     display: RunDisplay | None = None,
     keeps_steps: bool = True,
 ) -> Run:
-    """Return where the sensor of a log is in a saved map, and write it into a folder.
+    """Localize the sensor of a log in a saved map, and write its poses into a folder.
 
     Parameters
     ----------

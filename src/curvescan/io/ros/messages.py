@@ -168,7 +168,7 @@ def scan_of(message: Any, *, stamp: float | None = None, range_max: float | None
 
 
 def has_bad_times(message: Any) -> bool:
-    """Return whether a message gives a time of beams or sweeps that is none: negative, infinite, not a number."""
+    """Return whether time_increment or scan_time of a message is negative, infinite or not a number."""
     return not all(0.0 <= t < math.inf for t in _times(message))
 
 
