@@ -9,7 +9,6 @@ from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize
 from curvescan.slam.pose_graph.removal import carry_over, heir_of, remove_poses
-from curvescan.slam.pose_graph.sparse import block_pattern
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
 _N = 40
@@ -32,9 +31,8 @@ def _graph(seed: int) -> tuple[PoseGraph, np.ndarray]:
 def _optimize(graph: PoseGraph) -> np.ndarray:
     edges = Edges.of(graph.ends, graph.measured, graph.covariances)
     graph.poses[:] = optimize(graph.poses, edges, graph.weights, np.array([0])).poses
-    pattern = block_pattern(graph.n_poses, graph.ends, 3)
-    data, _, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]), pattern)
-    return marginal_covariances(pattern, data, np.array([0]))
+    information, _, _ = normal_equations(graph.poses, edges, graph.weights, np.array([0]))
+    return marginal_covariances(information, np.array([0]))
 
 
 def test_the_heir_is_one_of_the_place_that_a_closure_ties_best() -> None:

@@ -26,7 +26,6 @@ from curvescan.slam.pose_graph.posterior import (
     without_floor,
 )
 from curvescan.slam.pose_graph.robust import optimize_robustly
-from curvescan.slam.pose_graph.sparse import block_pattern
 from curvescan.types import Cov, Floats, Ints, Pose
 
 _FROM_AFAR, _NEARBY = 0.05, 6.0
@@ -174,8 +173,7 @@ def _marginals(poses: Pose, edges: Edges, weights: Floats, labels: Ints, k: int)
     edges, weights = edges.chosen(used), weights[used]
     anchors = anchors_of(labels)
     anchors[labels[k]] = k
-    pattern = block_pattern(len(poses), edges.ends, 3)
-    data, _, _ = normal_equations(poses, edges, weights, anchors, pattern)
-    found = marginal_covariances(pattern, data, anchors)
+    information, _, _ = normal_equations(poses, edges, weights, anchors)
+    found = marginal_covariances(information, anchors)
     found[labels != labels[k]] = UNKNOWN
     return found
