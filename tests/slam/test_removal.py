@@ -8,7 +8,7 @@ from curvescan import se2
 from curvescan.slam.pose_graph.graph import EdgeKind, PoseGraph
 from curvescan.slam.pose_graph.marginals import marginal_covariances
 from curvescan.slam.pose_graph.optimization import Edges, normal_equations, optimize
-from curvescan.slam.pose_graph.removal import carry_over, heir_of, remove_poses
+from curvescan.slam.pose_graph.removal import carry_over, heir_of
 from tests.slam.graphs import dead_reckoning, ladder, loop, measured_edges
 
 _N = 40
@@ -51,7 +51,7 @@ def test_the_poses_that_stay_move_by_less_than_they_are_uncertain() -> None:
         # the heir's closure errs by two or three hundredths
         assert np.hypot(*(by_heir - graph.poses[v])[:2]) < 0.15
         is_kept[v] = False
-    remove_poses(graph, is_kept)
+    graph.keep_poses(is_kept)
     assert graph.n_poses == _N - 4
     assert graph.ends.max() == _N - 5
     covariances = _optimize(graph)
@@ -68,7 +68,7 @@ def test_what_is_left_is_known_no_better_than_before() -> None:
     is_kept = np.ones(_N, dtype=np.bool_)
     carry_over(graph, 9, 9 + _N // 2)
     is_kept[9] = False
-    remove_poses(graph, is_kept)
+    graph.keep_poses(is_kept)
     after = _optimize(graph)
     grown = np.trace(after, axis1=1, axis2=2)[1:] / np.trace(before[is_kept], axis1=1, axis2=2)[1:]
     assert grown.min() > 0.98
