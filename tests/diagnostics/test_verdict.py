@@ -229,7 +229,7 @@ def test_faults_that_spoil_readings_are_reasons_and_others_are_not():
     log = cs.simulate("office", n_scans=5, seed=1)
     run = cs.run(log)
     assert run.verdict.is_trusted
-    spoilt = replace(run.prepared, mended=replace(run.prepared.mended, issues=(STALE, FIXED)))
+    spoilt = replace(run.prepared, issues=(STALE, FIXED))
     verdict = judge(run.record, run.engine, spoilt)
     assert verdict.reasons == (f"{STALE.what}; what helps: drop_stale=True",)
 

@@ -83,7 +83,7 @@ def test_none_of_600_turns_is_lost_and_poses_are_right(ld19, record_property):
     # metres, radians: rounded to mm, angles moved by up to 0.7 deg, and taken for a sweep that takes its time
     motions = np.array([t.step.motion - s.motion for t, s in zip(read, sent, strict=True)])
     assert np.abs(motions).max() < 0.05
-    end = read[-1].pose - sent[-1].pose
+    end = read[-1].step.pose - sent[-1].pose
     assert np.hypot(*end[:2]) < 0.6  # after 25 m
     stamps = np.array([tracked.scan.stamp for tracked in read])
     assert np.all(np.diff(stamps) > 0.0)

@@ -45,7 +45,7 @@ def test_a_steady_motion_is_expected_ever_more_surely_and_a_jerky_one_less():
     config = MotionConfig()
     cov = steady(n=100).predict(10.0, None).motion.cov
     assert math.sqrt(cov[0, 0]) == pytest.approx(config.least_sigma_m, rel=0.01)
-    assert math.sqrt(cov[2, 2]) == pytest.approx(config.least_sigma_rad, rel=0.01)
+    assert math.sqrt(cov[2, 2]) == pytest.approx(config.least_sigma_m, rel=0.01)
     jerky = MotionModel.at_start(config)
     for k in range(100):
         jerky = updated(jerky, 0.1 * k, UncertainPose((-1) ** k * SEEN.pose, SEEN.cov))
@@ -118,7 +118,7 @@ def test_wheels_are_taken_as_far_as_they_are_known():
     np.testing.assert_allclose(expected.pose, [0.2 * math.sin(0.5), 0.2 * math.cos(0.5), 0.0], atol=1e-12)
     config = MotionConfig()
     assert expected.cov[0, 0] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
-    assert expected.cov[2, 2] == pytest.approx(0.003**2 + (config.wheel_drift * 0.2) ** 2)
+    assert expected.cov[2, 2] == pytest.approx(0.003**2 + (config.wheel_share * 0.2) ** 2)
     # wheels go on measuring where matches fail: the sensor is not taken to stand
     for _ in range(20):
         model = model.updated_without_match(prediction, expected)
@@ -157,14 +157,14 @@ def test_the_covariance_by_wheels_is_that_of_the_configuration():
     model = updated(steady(), 0.1, odometry_pose=np.zeros(3))
     prediction = model.predict(0.2, np.array([0.3, 0.4, 0.2]))
     config = MotionConfig()
-    along = config.wheel_floor_m**2 + (config.wheel_share * 0.5) ** 2
-    drift, share = config.wheel_drift * 0.5, config.wheel_turn_share * 0.2
-    turn = config.wheel_floor_rad**2 + share**2 + drift**2
+    along = 0.003**2 + (config.wheel_share * 0.5) ** 2
+    drift, share = config.wheel_share * 0.5, config.wheel_turn_share * 0.2
+    turn = 0.003**2 + share**2 + drift**2
     np.testing.assert_allclose(prediction.motion.cov, np.diag([along, along, turn]), rtol=1e-12)
     # of a gyro alone: no path, no drift
     model = updated(steady(), 0.1, odometry_pose=np.array([np.nan, np.nan, 0.0]))
     cov = model.predict(0.2, np.array([np.nan, np.nan, 0.2])).motion.cov
-    assert cov[2, 2] == pytest.approx(config.wheel_floor_rad**2 + share**2, rel=1e-12)
+    assert cov[2, 2] == pytest.approx(0.003**2 + share**2, rel=1e-12)
 
 
 def test_after_a_failure_what_was_measured_still_is():
@@ -206,7 +206,7 @@ def test_turns_come_back_to_what_was_expected_of_them_before_any_was_seen():
     for step in range(3):
         before = model.variance_turn
         model = updated(model, 10.0 + 0.1 * step, is_fully_observed=False)
-        wide = config.sigma_rad**2
+        wide = config.sigma_m**2
         assert model.variance_turn == pytest.approx(before + (wide - before) / config.memory)
 
 

@@ -28,12 +28,12 @@ class Diagnosis:
     def add(self, tracked: object, now: float) -> None:
         """Count a tracked scan."""
         self.n_scans += 1
-        self.outcomes[tracked.outcome.name.lower()] += 1
+        self.outcomes[tracked.step.outcome.name.lower()] += 1
         self._milliseconds.append(1e3 * tracked.seconds)
-        self._recent_unmatched.append(not tracked.is_matched and tracked.index > 0)
+        self._recent_unmatched.append(not tracked.step.is_matched and tracked.index > 0)
         self.n_unmatched += self._recent_unmatched[-1]
         self.n_closures += len(tracked.closures)
-        self.direction = getattr(tracked.match, "degenerate_direction", None)
+        self.direction = getattr(tracked.step.match, "degenerate_direction", None)
         self.last_scan_at = now
 
     def refuse(self, why: str) -> None:

@@ -8,7 +8,7 @@ other scan, as noisy as the first, so that each beam that both scans can compare
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,9 +121,8 @@ def score_open(
     world: str, methods: Sequence[str], *, n_pairs: int = 300, seed: int = 1, on_pair: Callable[[], None] | None = None
 ) -> list[OpenScore]:
     """Return how each method does on small motions (0.1 m, 5 degrees) in a world that leaves one open."""
-    pairs = simulate_pairs(
-        world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), sight_share=0.3, seed=seed
-    )
+    pairs = simulate_pairs(world, n_pairs=n_pairs, translation_max=0.1, rotation_max=np.radians(5.0), seed=seed)
+    pairs = replace(pairs, sight_share=0.3)
     tried = _tried(pairs, methods, on_pair)
     return [_score_open(method, world, tried[method]) for method in methods]
 

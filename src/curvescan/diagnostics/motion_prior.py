@@ -5,6 +5,7 @@ next: on the turn such sweeps are bent, and match the better the more of the ben
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -198,7 +199,7 @@ _N_STEPS, _N_TURNS = 150, 60  # steps that the bias is found from, and turns in 
 _MIN_STEPS, _MIN_TURNS = 20, 15
 _SHARP = math.radians(4.0)  # turns of so much within a sweep bend it by more than a beam
 _BIASED = math.radians(1.0)  # bias from which on a gyroscope is worse than the motion model, radians a second
-_CERTAIN = 4.0  # standard errors that the gain must be from zero
+CERTAIN = 4.0  # standard errors that a mean gain must be from zero
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +219,7 @@ class Gyroscope:
     @property
     def straightens(self) -> bool:
         """Whether sweeps are bent on the turn, and straight once its turn is taken out."""
-        return self.n_turns >= _MIN_TURNS and self.gain > _CERTAIN * self.standard_error
+        return self.n_turns >= _MIN_TURNS and self.gain > CERTAIN * self.standard_error
 
 
 def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
@@ -235,10 +236,14 @@ def judge_gyroscope(log: Log, turned: Floats) -> Gyroscope:
     ]
     bias = float(np.median(biases)) if len(biases) >= _MIN_STEPS else 0.0
     gains = _gains(log, rates - bias, float(np.median(seconds)) if seconds.size else 0.0)
-    error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
-    return Gyroscope(
-        bias=bias, n_turns=len(gains), gain=float(np.mean(gains)) if gains else math.nan, standard_error=error
-    )
+    gain, error = mean_and_error(gains)
+    return Gyroscope(bias=bias, n_turns=len(gains), gain=gain, standard_error=error)
+
+
+def mean_and_error(gains: Sequence[float]) -> tuple[float, float]:
+    """Return the mean of some gains and its standard error; NaN where there are too few."""
+    mean = float(np.mean(gains)) if gains else math.nan
+    return mean, float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
 
 
 def straightened(scan: LaserScan, rate: float, seconds: float) -> LaserScan:

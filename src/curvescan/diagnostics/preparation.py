@@ -22,33 +22,45 @@ _ROUNDS = 4  # most inspections: what is mended first can hide what is mended ne
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Mended:
-    """A log after :func:`mend`."""
+class PreparedLog:
+    """A log as a run takes it."""
 
-    log: Log  # the log without the faults; the log itself where nothing was mended
+    log: Log  # the log without what is wrong with it beyond doubt; the log itself where nothing was mended
     done: tuple[Issue, ...]  # what was mended; ``mending`` of each says how
     issues: tuple[Issue, ...]  # what is still wrong or odd with it
     report: LogReport  # what is in it now
+    prior: Prior = Prior()  # noqa: RUF009 - frozen; the motion by wheels or gyroscope, and why it is used or left out
+
+    @property
+    def odometry_poses(self) -> Pose | None:
+        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None if unused."""
+        return self.prior.poses
+
+    @property
+    def sensor(self) -> SensorJudgement:
+        """What the scans say of the sensor."""
+        return SensorJudgement(beam_order=self.report.beam_order, rotation=self.report.sense)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was mended, a sentence each."""
-        return tuple(
-            f"{issue.mending}; as_is=True {'keeps' if issue.kind in _DROPS else 'leaves'} them" for issue in self.done
+        """What was mended, whether wheels or gyroscope are used, and why: a sentence each."""
+        kept = ((issue.mending, "keeps" if issue.kind in _DROPS else "leaves") for issue in self.done)
+        return (
+            *(f"{mending}; as_is=True {does} them" for mending, does in kept),
+            *filter(None, (self.prior.sentence,)),
         )
 
+    def as_plain(self) -> dict[str, object]:
+        """Return what run.json holds of it."""
+        done = [{"kind": i.kind, "what": i.mending, "argument": i.argument or None} for i in self.done]
+        return {"mended": done, "motion_prior": self.prior.sentence}
 
-def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mended:
+
+def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> PreparedLog:
     """Return a log mended where it is wrong beyond doubt: no-return codes, stale, turned or mirrored beams.
 
-    Parameters
-    ----------
-    log : Log
-        Any log.
-    as_is : bool
-        Whether to mend nothing, and only say what is wrong.
-    is_order_needed : bool
-        Whether to find out in which order the beams were swept, which takes a second: sweeps are deskewed by it.
+    as_is: mend nothing, and only say what is wrong; is_order_needed: find out in which order the beams were swept,
+    which takes a second and is needed to deskew them.
     """
     done: tuple[Issue, ...] = ()
     given = setup_of(log)
@@ -59,7 +71,7 @@ def mend(log: Log, *, as_is: bool = False, is_order_needed: bool = True) -> Mend
         if as_is or not faults:
             break
         log, done = HeldLog(_without(log, faults, report)), (*done, *faults)
-    return Mended(log=log, done=done, issues=issues, report=report)
+    return PreparedLog(log=log, done=done, issues=issues, report=report)
 
 
 def _is_set(given: SensorSetup, fault: Issue) -> bool:
@@ -188,67 +200,15 @@ class _Corrected(LogView):
         return straightened(scan, float(self._rates[k]), self._seconds) if self._seconds > 0.0 else scan
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PreparedLog:
-    """A log as a run takes it."""
-
-    mended: Mended  # the log without what is wrong with it beyond doubt, what that was, and what is still wrong
-    prior: Prior  # the motion by wheels or gyroscope, and why it is used or left out
-
-    @property
-    def log(self) -> Log:
-        """The log to run."""
-        return self.mended.log
-
-    @property
-    def odometry_poses(self) -> Pose | None:
-        """(n, 3) pose at each scan by wheels or gyroscope, for ``add(scan, odometry_pose)``; None if unused."""
-        return self.prior.poses
-
-    @property
-    def issues(self) -> tuple[Issue, ...]:
-        """What is still wrong or odd with the log."""
-        return self.mended.issues
-
-    @property
-    def sensor(self) -> SensorJudgement:
-        """What the scans say of the sensor."""
-        return SensorJudgement(beam_order=self.mended.report.beam_order, rotation=self.mended.report.sense)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was mended, whether wheels or gyroscope are used, and why: a sentence each."""
-        return (*self.mended.remarks, *((self.prior.sentence,) if self.prior.sentence else ()))
-
-    def as_plain(self) -> dict[str, object]:
-        """Return what run.json holds of it."""
-        done = [{"kind": i.kind, "what": i.mending, "argument": i.argument or None} for i in self.mended.done]
-        return {"mended": done, "motion_prior": self.prior.sentence}
-
-
 def prepare_log(
     log: Log, *, odometry_prior: bool | None = None, as_is: bool = False, is_order_needed: bool = True
 ) -> PreparedLog:
-    """Return a log as a run takes it: what every run, command and live replay begins with.
+    """Return a log as every run, command and live replay takes it: mended, and with its motion prior.
 
-    Parameters
-    ----------
-    log : Log
-        Any log; a HeldLog is read once.
-    odometry_prior : bool or None
-        Whether to use its wheels or gyroscope: None where they agree with the scans, True in any case, False never.
-    as_is : bool
-        Whether to leave it as it is, and only say what is wrong.
-    is_order_needed : bool
-        Whether to find out in which order the beams were swept, by which sweeps are deskewed.
-
-    Raises
-    ------
-    InvalidArgumentError
-        When `odometry_prior` is True and the log has none, one that turns against the scans, or the output of a SLAM.
+    odometry_prior: whether to use wheels or gyroscope, None where they agree with the scans; the rest as of
+    :func:`mend`. Raises InvalidArgumentError as :func:`choose_prior` does.
     """
     mended = mend(log, as_is=as_is, is_order_needed=is_order_needed)
     report = mended.report
     lag = report.odometry.lag if report.odometry else 0.0
-    prior = choose_prior(mended.log, sense=report.sense, lag=lag, wanted=odometry_prior)
-    return PreparedLog(mended=mended, prior=prior)
+    return replace(mended, prior=choose_prior(mended.log, sense=report.sense, lag=lag, wanted=odometry_prior))

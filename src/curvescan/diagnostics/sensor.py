@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 
 from curvescan.deskew import deskew, sweep_shift
+from curvescan.diagnostics.motion_prior import CERTAIN, mean_and_error
 from curvescan.diagnostics.rotation_direction import RotationDirection, rotation_of_log
 from curvescan.io.log import Log
 from curvescan.matchers import match, prepare
@@ -22,7 +23,6 @@ from curvescan.scan import LaserScan
 from curvescan.types import Floats
 
 _LEAST_SHIFT = 0.03  # pairs count whose sweeps move readings by this much, metres
-_CERTAIN = 4.0  # standard errors that the mean gain must be from zero
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +36,12 @@ class BeamOrder:
     @property
     def is_reversed_order(self) -> bool:
         """Whether the log certainly has the beams in the reverse order: ``read_log(..., backwards=True)``."""
-        return self.gain < -_CERTAIN * self.standard_error
+        return self.gain < -CERTAIN * self.standard_error
 
     @property
     def is_forwards(self) -> bool:
         """Whether the log certainly has the beams in the order in which they were swept."""
-        return self.gain > _CERTAIN * self.standard_error
+        return self.gain > CERTAIN * self.standard_error
 
 
 def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
@@ -62,10 +62,8 @@ def judge_beam_order(scans: Iterable[LaserScan]) -> BeamOrder:
         held.append((scan, velocity))
         if len(held) == 3:
             gains += _gain(held)
-    if not gains:
-        return BeamOrder(n_pairs=0, gain=math.nan, standard_error=math.nan)
-    error = float(np.std(gains, ddof=1)) / math.sqrt(len(gains)) if len(gains) > 1 else math.nan
-    return BeamOrder(n_pairs=len(gains), gain=float(np.mean(gains)), standard_error=error)
+    gain, error = mean_and_error(gains)
+    return BeamOrder(n_pairs=len(gains), gain=gain, standard_error=error)
 
 
 def _gain(held: deque[tuple[LaserScan, Floats]]) -> list[float]:

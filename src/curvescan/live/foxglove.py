@@ -3,15 +3,14 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Unpack
 
 from curvescan.errors import CurvescanError, MissingPackageError, OutputError
 from curvescan.io.ros.writing.message_building import MessageBuilder
 from curvescan.live.recorder import MAP_TOPIC, TOPICS, LiveMessages
 from curvescan.live.server import local_url
-from curvescan.live.sinks import MapSink, SavedMap
+from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.tracker import TrackedScan
-from curvescan.mapping.config import OccupancyConfig
 
 DEFAULT_PORT = 8766  # default port; Foxglove's own, 8765, is the page's
 
@@ -25,20 +24,12 @@ class FoxgloveSink(MapSink):
     A client that is slower than the run loses the oldest messages, and holds up nobody. One that comes late is sent the
     map at once.
 
-    `name` is the source's; port 0 is one that is free; the others are those of
-    :class:`curvescan.live.sinks.MapSink`. /map begins with the saved map.
+    `name` is the source's; port 0 is one that is free; the options are those of
+    :class:`curvescan.live.sinks.MapOptions`. /map begins with the saved map.
     """
 
     def __init__(
-        self,
-        name: str,
-        *,
-        host: str = "127.0.0.1",
-        port: int = DEFAULT_PORT,
-        mode: str = "odometry",
-        occupancy: OccupancyConfig | None = None,
-        is_lossless: bool = False,
-        saved_map: SavedMap | None = None,
+        self, name: str, *, host: str = "127.0.0.1", port: int = DEFAULT_PORT, **options: Unpack[MapOptions]
     ) -> None:
         try:
             import foxglove
@@ -48,7 +39,7 @@ class FoxgloveSink(MapSink):
             ) from error
         self._host = host
         self._builder = MessageBuilder(where="websocket")
-        self._messages = LiveMessages(self._builder, is_mapped=mode != "odometry")
+        self._messages = LiveMessages(self._builder, is_mapped=options.get("mode", "odometry") != "odometry")
         # held: what goes on in a context ends with it
         self._context = context = foxglove.Context()
         self._channels = {
@@ -76,7 +67,7 @@ class FoxgloveSink(MapSink):
             raise OutputError(
                 f"cannot serve Foxglove at {host}:{port}: {error}; choose another --foxglove-port or --host"
             ) from error
-        super().__init__("foxglove", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless)
+        super().__init__("foxglove", **options)
 
     @property
     def url(self) -> str:

@@ -23,12 +23,13 @@ from curvescan.mapping.occupancy import OccupancyBuilder, OccupancyGrid
 from curvescan.matchers import DEFAULT_METHOD
 from curvescan.odometry.deskewing import Deskewer
 from curvescan.scan import LaserScan
+from curvescan.simulation.driving.pursuit import Drive
 from curvescan.simulation.recording import simulate
 from curvescan.simulation.sensing.sensors import SENSORS
 from curvescan.slam.run import Engine
 from curvescan.types import Floats, Pose
 
-_MOVED_M, _MOVED_RAD = 0.05, 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
+_MOVED = 0.05  # a scan enters the map when the sensor has moved by this much, metres or radians
 _PATH_STEP_M = 0.03  # points of the path are this far apart at least, metres: memory follows the way and not the time
 _MAX_PATH = 50_000  # points of the path at most; beyond them every second one is forgotten
 
@@ -75,7 +76,7 @@ class LiveMap:
             self.revise(tracked.revised.poses)
         if self._revised is not None and time.monotonic() >= self._next_redraw:
             self.redraw()
-        pose = tracked.pose
+        pose = tracked.step.pose
         if np.isnan(pose).any():
             return
         self._deskewer = self._deskewer.ticked(tracked.scan)
@@ -86,9 +87,9 @@ class LiveMap:
             self._path_indices.append(tracked.index)
             if self.n_path > _MAX_PATH:
                 self._thin_path()
-        if not tracked.is_matched and tracked.index > 0:
+        if not tracked.step.is_matched and tracked.index > 0:
             return  # a guessed pose must not smear the map
-        if self._mapped is None or _is_far(pose, self._mapped, _MOVED_M, _MOVED_RAD):
+        if self._mapped is None or _is_far(pose, self._mapped, _MOVED, _MOVED):
             scan = tracked.scan
             if tracked.is_deskewed:
                 scan = self._deskewer.deskewed(scan, moved)
@@ -228,7 +229,7 @@ def warm_up(new_engine: Callable[[], Engine], method: str = DEFAULT_METHOD) -> f
     with watch.held():
         curvescan.warm_up(method)
         # what is no kernel takes its time too when it is called first: a short drive with a leap
-        scans = list(simulate("office", sensor=_SENSOR, n_scans=_N_SCANS, path="home", radius=2.0))
+        scans = list(simulate("office", sensor=_SENSOR, n_scans=_N_SCANS, drive=Drive(path="home")))
         tracker, picture = Tracker(new_engine()), LiveMap(is_revisable=True)
         for scan in (*scans, *scans[:3]):
             picture.add(tracker.add(scan))

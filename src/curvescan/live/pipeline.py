@@ -5,19 +5,20 @@ from __future__ import annotations
 import threading
 import time
 from array import array
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from curvescan._interrupts import stoppable
 from curvescan.errors import CurvescanError
-from curvescan.live.sinks import BoundedQueue, LiveSink
+from curvescan.live.sinks import BoundedQueue, LiveSink, MapSink
 from curvescan.live.sources import ScanSource
 from curvescan.live.tracker import TrackedScan, Tracker
+from curvescan.odometry.run import Recorder, RunRecord
 from curvescan.scan import LaserScan
+from curvescan.slam import Slam
+from curvescan.slam.run import finished
 from curvescan.types import Floats
 
 _CAPACITY = 4  # scans that may wait for the tracker: at 10 Hz a hiccup of 0.4 s
@@ -28,14 +29,17 @@ _POLL = 0.2  # seconds between two looks at the keyboard's interrupt while no sc
 class LiveReport:
     """How a live run went."""
 
-    n_scans: int  # scans tracked
+    record: RunRecord  # the steps in columns: outcomes, poses, and the time that tracking each scan took
     n_dropped: int  # scans of the source that were dropped because tracking was too slow
-    outcomes: Counter[Enum]  # how often each outcome
     n_closures: int  # loop closures
-    seconds: Floats  # (n,): time that tracking each scan took
     latencies: Floats  # (n,): from the scan's arrival to its pose, seconds
     is_interrupted: bool  # whether Ctrl-C ended the run
     error: CurvescanError | None  # what ended the source before its time
+
+    @property
+    def n_scans(self) -> int:
+        """Scans tracked."""
+        return len(self.record.outcomes)
 
 
 def run_live(
@@ -57,7 +61,7 @@ def run_live(
     """
     lossless = not source.is_live if is_lossless is None else is_lossless
     queue: BoundedQueue[tuple[LaserScan, float]] = BoundedQueue(_CAPACITY, is_lossless=lossless)
-    statistics = _Statistics()
+    recorder, latencies, n_closures = Recorder(), array("f"), 0
     with source, stoppable() as stop:
         reader = _Reader(source, queue)
         try:
@@ -68,14 +72,34 @@ def run_live(
                     continue
                 scan, received = item
                 tracked = tracker.add(scan, received=received, n_dropped=queue.n_dropped)
-                statistics.add(tracked)
+                recorder.add(tracked.step, tracked.seconds)
+                latencies.append(time.monotonic() - received)
+                n_closures += len(tracked.closures)
                 for sink in sinks:
                     sink.put(tracked)
                 if on_scan:
                     on_scan(tracked)
         finally:
             queue.close()
-    return statistics.report(queue.n_dropped, stop.is_asked, reader.error)
+    return LiveReport(
+        record=recorder.record(tracker.engine.method, is_partial=False, has_prior=tracker.has_prior),
+        n_dropped=queue.n_dropped,
+        n_closures=n_closures,
+        latencies=np.asarray(latencies),
+        is_interrupted=stop.is_asked,
+        error=reader.error,
+    )
+
+
+def finish(report: LiveReport, tracker: Tracker, sinks: Sequence[MapSink]) -> LiveReport:
+    """Return the report of a run of SLAM after its graph is optimized once more; the sinks get the final poses."""
+    if not report.n_scans or not isinstance(tracker.engine, Slam):
+        return report
+    with tracker.lock:
+        record = finished(report.record, tracker.engine)
+    for sink in sinks:
+        sink.finish_with(record.trajectory.poses)
+    return replace(report, record=record)
 
 
 class _Reader:
@@ -95,28 +119,3 @@ class _Reader:
             self.error = error
         finally:
             self._queue.close()
-
-
-class _Statistics:
-    def __init__(self) -> None:
-        self._seconds, self._latencies = array("f"), array("f")
-        self._outcomes: Counter[Enum] = Counter()
-        self._n_closures = 0
-
-    def add(self, tracked: TrackedScan) -> None:
-        self._seconds.append(tracked.seconds)
-        self._latencies.append(time.monotonic() - tracked.received)
-        self._outcomes[tracked.outcome] += 1
-        self._n_closures += len(tracked.closures)
-
-    def report(self, n_dropped: int, is_interrupted: bool, error: CurvescanError | None) -> LiveReport:
-        return LiveReport(
-            n_scans=len(self._seconds),
-            n_dropped=n_dropped,
-            outcomes=self._outcomes,
-            n_closures=self._n_closures,
-            seconds=np.asarray(self._seconds),
-            latencies=np.asarray(self._latencies),
-            is_interrupted=is_interrupted,
-            error=error,
-        )

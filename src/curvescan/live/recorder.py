@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from curvescan.io.ros.messages import LASER_SCAN, OCCUPANCY_GRID, ODOMETRY, TRAN
 from curvescan.io.ros.writing.bags import ODOM_TOPIC, SCAN_TOPIC, TF_TOPIC, BagWriter, mcap_in_file
 from curvescan.io.ros.writing.message_building import LASER_FRAME, MAP_FRAME, ODOM_FRAME, MessageBuilder
 from curvescan.live.base_motion import BaseMotion
-from curvescan.live.sinks import MapSink, SavedMap
+from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.tracker import TrackedScan
-from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyGrid
 
 MAP_TOPIC = "/map"
@@ -66,18 +65,10 @@ class McapRecorder(MapSink):
     The file appears, whole, when the recorder is closed. Ranges are written as float32, what a LaserScan message has;
     beams that are not evenly spaced are not written, and that is reported at the end.
 
-    The other arguments are those of :class:`curvescan.live.sinks.MapSink`; /map begins with the saved map.
+    The options are those of :class:`curvescan.live.sinks.MapOptions`; /map begins with the saved map.
     """
 
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        mode: str = "odometry",
-        occupancy: OccupancyConfig | None = None,
-        is_lossless: bool = False,
-        saved_map: SavedMap | None = None,
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], **options: Unpack[MapOptions]) -> None:
         self.path = Path(path)
         self._files = ExitStack()
         try:
@@ -87,13 +78,11 @@ class McapRecorder(MapSink):
         except OSError as error:
             self._files.close()
             raise OutputError(f"cannot write {self.path}: {error}") from error
-        self._messages = LiveMessages(self._bag.builder, is_mapped=mode != "odometry")
+        self._messages = LiveMessages(self._bag.builder, is_mapped=options.get("mode", "odometry") != "odometry")
         self._next_map, self._written_map = time.monotonic() + MAP_PERIOD, 0
         self._stamp = 0.0
         self.n_scans = 0
-        super().__init__(
-            "recorder", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless, capacity=1000
-        )
+        super().__init__("recorder", capacity=1000, **options)
 
     def _take(self, tracked: TrackedScan) -> None:
         self._stamp = tracked.scan.stamp

@@ -1,9 +1,10 @@
 """ResultsSink: the results folder of a live run, the same as of an offline one."""
 
-import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
@@ -13,15 +14,14 @@ from curvescan.io.files.lines import ReadError
 from curvescan.io.log import ScanAccess
 from curvescan.io.trajectories.trajectory import Trajectory
 from curvescan.live.pipeline import LiveReport
-from curvescan.live.sinks import MapSink
+from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.tracker import TrackedScan
 from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.run_maps import RunMaps, build_maps
-from curvescan.odometry.run import Recorder
 from curvescan.runs.result import Run
 from curvescan.runs.results import percentiles, save_run
 from curvescan.scan import LaserScan
-from curvescan.slam import Localizer, Slam
+from curvescan.slam import Localizer
 from curvescan.slam.run import Engine
 from curvescan.types import Pose
 
@@ -29,23 +29,12 @@ _LONGEST_STEP_S = 2.0  # what moved is looked for between scans that are kept at
 
 
 class ResultsSink(MapSink):
-    """Keeps the trajectory (about 200 bytes a scan) and scans for the map, in a thread of its own."""
+    """Keeps scans for the map, in a thread of its own."""
 
-    def __init__(
-        self, *, occupancy: OccupancyConfig | None = None, mode: str = "odometry", is_lossless: bool = False
-    ) -> None:
-        self._occupancy, self._mode = occupancy or OccupancyConfig(), mode
-        self._recorder = Recorder()
+    def __init__(self, **options: Unpack[MapOptions]) -> None:
+        self._occupancy = options.get("occupancy") or OccupancyConfig()
         # scans are kept without SLAM too: the maps are made of them at the end
-        is_kept = mode != "localization"
-        super().__init__(
-            "results", mode=mode, occupancy=occupancy, is_lossless=is_lossless, is_revisable=is_kept, capacity=2000
-        )
-
-    def put(self, tracked: TrackedScan) -> None:
-        """Take in a scan; its pose at once, so that none is missing in the trajectory."""
-        self._recorder.add(tracked.step, tracked.seconds)
-        super().put(tracked)
+        super().__init__("results", is_revisable=options.get("mode") != "localization", capacity=2000, **options)
 
     def _take(self, tracked: TrackedScan) -> None:
         self._map.add(tracked)
@@ -60,14 +49,10 @@ class ResultsSink(MapSink):
         log: PreparedLog | None = None,
         command: Sequence[str] = (),
     ) -> tuple[str, ...]:
-        """Write the results into a folder once the sink is closed; a laser's maps are drawn from the scans kept."""
+        """Write the results once SLAM is finished and the sink closed; a laser's maps are drawn from the scans kept."""
         scans = _Passed(name, report.n_scans) if log is None else log.log
         is_partial = report.error is not None or len(scans) > report.n_scans
-        has_prior = log is not None and log.odometry_poses is not None
-        record = self._recorder.record(engine.method, is_partial=is_partial, has_prior=has_prior)
-        if isinstance(engine, Slam):
-            revised = replace(self._finished(engine), stamps=record.online.stamps)
-            record = replace(record, trajectory=revised, seconds_to_finish=self._seconds_to_finish)
+        record = replace(report.record, is_partial=is_partial)
         is_drawn = log is None or isinstance(engine, Localizer)
         maps = self._maps(engine, record.trajectory.poses) if is_drawn else None
         run = Run(
@@ -80,19 +65,10 @@ class ResultsSink(MapSink):
             occupancy=self._occupancy,
             maps=maps,
             command=tuple(command),
-            details={"live": {"mode": self._mode, **record_of(report)}},
+            details={"live": {"mode": self.mode, **record_of(report)}},
         )
         save_run(folder, run)
         return tuple(sorted(path.name for path in folder.iterdir()))
-
-    def _finished(self, engine: Slam) -> Trajectory:
-        """Return every pose of the finished graph; it is finished once only, as a second time would move its poses."""
-        if self._final is not None:
-            return engine.trajectory()
-        started = time.perf_counter()
-        trajectory = engine.finish()
-        self._seconds_to_finish = time.perf_counter() - started
-        return trajectory
 
     def _maps(self, engine: Engine, poses: Pose) -> RunMaps:
         """Return the maps of the scans that were kept, under the poses of all scans; of localization the live view."""
@@ -136,7 +112,7 @@ def record_of(report: LiveReport) -> dict[str, object]:
         "loop_closures": report.n_closures,
         "is_interrupted": report.is_interrupted,
         "error": None if report.error is None else str(report.error),
-        "outcomes": {kind.name.lower(): count for kind, count in report.outcomes.items()},
-        "milliseconds_per_scan": percentiles(report.seconds),
+        "outcomes": {kind.name.lower(): count for kind, count in Counter(report.record.outcomes).items()},
+        "milliseconds_per_scan": percentiles(report.record.seconds),
         "milliseconds_scan_to_pose": percentiles(report.latencies),
     }

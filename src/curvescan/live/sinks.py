@@ -3,7 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Sequence
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Generic, Literal, Protocol, TypedDict, TypeVar, Unpack, runtime_checkable
 
 from curvescan.errors import CurvescanError, require
 from curvescan.live.live_map import LiveMap
@@ -131,36 +131,32 @@ class WorkerSink:
         """Finish, in the caller's thread, after the last scan."""
 
 
-class MapSink(WorkerSink):
-    """A sink that draws a map.
+class MapOptions(TypedDict, total=False):
+    """What sinks that draw a map have in common."""
 
-    mode: "odometry", "SLAM" or "localization"; occupancy: how the map is made; saved_map: what is localized in, drawn
-    from the beginning; is_lossless: whether the tracker waits, so that no scan is missing; is_revisable: whether poses
-    of the past may change, None for those of SLAM.
-    """
+    mode: Literal["odometry", "SLAM", "localization"]
+    occupancy: OccupancyConfig | None  # how the map is made
+    saved_map: SavedMap | None  # what is localized in, drawn from the beginning
+    is_lossless: bool  # whether the tracker waits, so that no scan is missing
+
+
+class MapSink(WorkerSink):
+    """A sink that draws a map; is_revisable: whether poses of the past may change, None for those of SLAM."""
 
     def __init__(
-        self,
-        name: str,
-        *,
-        mode: str = "odometry",
-        occupancy: OccupancyConfig | None = None,
-        saved_map: SavedMap | None = None,
-        is_lossless: bool = False,
-        is_revisable: bool | None = None,
-        capacity: int = 200,
+        self, name: str, *, is_revisable: bool | None = None, capacity: int = 200, **options: Unpack[MapOptions]
     ) -> None:
-        is_revisable = mode == "SLAM" if is_revisable is None else is_revisable
-        self._map = LiveMap(occupancy, is_revisable=is_revisable)
-        if saved_map is not None:
+        self.mode = options.get("mode", "odometry")
+        is_revisable = self.mode == "SLAM" if is_revisable is None else is_revisable
+        self._map = LiveMap(options.get("occupancy"), is_revisable=is_revisable)
+        if (saved_map := options.get("saved_map")) is not None:
             self._map.begin_with(saved_map.scans, saved_map.poses)
         self._final: Pose | None = None
-        self._seconds_to_finish = 0.0
-        super().__init__(name, capacity=capacity, is_lossless=is_lossless)
+        super().__init__(name, capacity=capacity, is_lossless=options.get("is_lossless", False))
 
-    def finish_with(self, poses: Pose, seconds: float = 0.0) -> None:
-        """Tell the final poses of all scans, and how long the graph took to finish, before the sink is closed."""
-        self._final, self._seconds_to_finish = poses, seconds
+    def finish_with(self, poses: Pose) -> None:
+        """Tell the final poses of all scans, before the sink is closed."""
+        self._final = poses
 
     def _finish(self) -> None:
         if self._final is not None:

@@ -134,15 +134,7 @@ class MendedSource:
 
 
 class LogSource(Paced):
-    """A log, replayed.
-
-    Parameters
-    ----------
-    log : Log
-        Any log.
-    speed : float
-        1: at the pace of its stamps; 10: ten times as fast; 0: as fast as the scans are taken.
-    """
+    """A log, replayed; speed 1 is the pace of its stamps, 10 ten times as fast, 0 as fast as the scans are taken."""
 
     def __init__(self, log: Log, *, speed: float = 1.0) -> None:
         super().__init__(speed)
@@ -165,20 +157,8 @@ class LogSource(Paced):
 class SimulatedSource(Paced):
     """A simulated robot that drives round a building, lap after lap; each scan is made when it is due.
 
-    Parameters
-    ----------
-    world : str
-        Name of a world with a route, as in :data:`curvescan.simulation.WORLDS`.
-    sensor : Sensor or str
-        A sensor, or the name of one in :data:`curvescan.simulation.SENSORS`.
-    n_scans : int or None
-        How many scans; None: until closed.
-    n_people : int
-        How many people walk around the robot.
-    seed : int
-        Random seed; selects the building, the people and the noise.
-    speed : float
-        1: as fast as the robot drives; 0: as fast as the scans are taken.
+    `world` is the name of one with a route; `n_scans` None: until closed; the others are those of
+    :func:`curvescan.simulate` and :class:`LogSource`.
     """
 
     def __init__(

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 from curvescan.deskew import middle_of_sweep
 from curvescan.io.trajectories.trajectory import Trajectory
-from curvescan.matchers import MatchResult
-from curvescan.odometry import Step, StepOutcome
+from curvescan.odometry import Step
 from curvescan.odometry.run import pose_at
 from curvescan.scan import LaserScan
 from curvescan.slam import Closure, Slam
 from curvescan.slam.run import Engine, is_deskewed
-from curvescan.types import Cov, Pose
+from curvescan.types import Pose
 
 _REVISION_PERIOD, _REVISION_SHARE = 1.0, 0.05
 """Revised poses are handed on at most every so many seconds, and in at most this share of the time."""
@@ -37,36 +36,6 @@ class TrackedScan:
     wheels: Pose | None = None  # pose of the sensor by its wheels, in a frame of their own
 
     @property
-    def pose(self) -> Pose:
-        """(3,) pose of the sensor; see :class:`curvescan.Step`."""
-        return self.step.pose
-
-    @property
-    def pose_odom(self) -> Pose:
-        """(3,) pose of the sensor by odometry alone."""
-        return self.step.pose_odom
-
-    @property
-    def covariance(self) -> Cov:
-        """(3, 3) covariance of the pose."""
-        return self.step.covariance
-
-    @property
-    def outcome(self) -> StepOutcome:
-        """How the pose came about."""
-        return self.step.outcome
-
-    @property
-    def is_matched(self) -> bool:
-        """Whether the pose stands on a match."""
-        return self.step.is_matched
-
-    @property
-    def match(self) -> MatchResult | None:
-        """The match behind the pose."""
-        return self.step.match
-
-    @property
     def half_sweep(self) -> float:
         """Time from the scan's stamp to the moment of its pose, seconds: half the sweep where it is deskewed."""
         return middle_of_sweep(self.scan) if self.is_deskewed else 0.0
@@ -83,6 +52,11 @@ class Tracker:
         self._is_deskewed = is_deskewed(engine)
         self._scan_of_keyframe: dict[int, int] = {}
         self._is_revised, self._next_revision = False, 0.0
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether the wheels of a replayed log are used."""
+        return self._odometry_poses is not None
 
     def add(
         self, scan: LaserScan, *, received: float | None = None, n_dropped: int = 0, odometry_pose: Pose | None = None

@@ -17,7 +17,7 @@ from array import array
 from collections import deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -25,10 +25,9 @@ from curvescan import se2
 from curvescan.errors import InvalidArgumentError, MapTooLargeError, require
 from curvescan.live.live_map import MapPicture, picture_of, status_of
 from curvescan.live.server import Content, Event
-from curvescan.live.sinks import MapSink, SavedMap
+from curvescan.live.sinks import MapOptions, MapSink
 from curvescan.live.sources import Paced
 from curvescan.live.tracker import TrackedScan, Tracker
-from curvescan.mapping.config import OccupancyConfig
 from curvescan.mapping.occupancy import OccupancyBuilder
 from curvescan.scan import LaserScan
 from curvescan.slam import Slam
@@ -50,16 +49,8 @@ _N_POINTS = 1500  # readings of a scan that are sent at most
 class Viewer(MapSink):
     """What the page shows; `replay` is a source that it may pause and hurry on, the rest as of a MapSink."""
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        mode: str = "odometry",
-        occupancy: OccupancyConfig | None = None,
-        saved_map: SavedMap | None = None,
-        is_lossless: bool = False,
-        replay: Paced | None = None,
-    ) -> None:
+    def __init__(self, name: str, *, replay: Paced | None = None, **options: Unpack[MapOptions]) -> None:
+        mode = options.get("mode", "odometry")
         self._about = {"name": name, "mode": mode, "replay": replay is not None}
         self._replay = replay
         self._tracker: Tracker | None = None
@@ -67,7 +58,7 @@ class Viewer(MapSink):
         self._wheels = array("d")  # x, y of each scan by the wheels, one after the other, metres
         self._wheels_from: Pose | None = None
         self._status = {"kind": "loading", "text": "loading"}
-        self._occupancy = occupancy
+        self._occupancy = options.get("occupancy")
         self._picture: MapPicture | None = None
         self._next_picture = 0.0
         self._closures: deque[tuple[int, int]] = deque(maxlen=_MAX_CLOSURES)
@@ -82,8 +73,8 @@ class Viewer(MapSink):
         self._n_events = 0
         self._changed = threading.Condition()
         self._is_over = False
-        super().__init__("viewer", mode=mode, occupancy=occupancy, saved_map=saved_map, is_lossless=is_lossless)
-        if saved_map is not None:
+        super().__init__("viewer", **options)
+        if options.get("saved_map") is not None:
             self._draw()  # no scan has come yet: the thread has nothing to draw
 
     page = "page"
@@ -207,10 +198,10 @@ class Viewer(MapSink):
 
     def _add_wheels(self, tracked: TrackedScan) -> None:
         """Take up where the wheels alone have the sensor, laid on its path at the first scan that is known."""
-        if tracked.wheels is None or not np.isfinite(tracked.pose).all():
+        if tracked.wheels is None or not np.isfinite(tracked.step.pose).all():
             return
         if self._wheels_from is None:
-            self._wheels_from = se2.compose(tracked.pose, se2.inverse(tracked.wheels))
+            self._wheels_from = se2.compose(tracked.step.pose, se2.inverse(tracked.wheels))
         self._wheels.extend(np.round(se2.compose(self._wheels_from, tracked.wheels)[:2], 3))
 
     def _finish(self) -> None:
@@ -249,28 +240,28 @@ class Viewer(MapSink):
 
     def _scan_event_of(self, tracked: TrackedScan) -> dict[str, Any]:
         """Return what is sent of a scan."""
-        is_known = bool(np.isfinite(tracked.pose).all())
-        x, y, _ = tracked.pose_odom.tolist()
+        is_known = bool(np.isfinite(tracked.step.pose).all())
+        x, y, _ = tracked.step.pose_odom.tolist()
         if self._last_pose is not None:
             self._length_m += math.dist(self._last_pose, (x, y))
         self._last_pose = (x, y)
         self._recent.append(1e3 * tracked.seconds)
         self._stamps.append(tracked.scan.stamp)
-        self._n_lost += not tracked.is_matched and tracked.index > 0
-        match, c = tracked.match, tracked.covariance
+        self._n_lost += not tracked.step.is_matched and tracked.index > 0
+        match, c = tracked.step.match, tracked.step.covariance
         degenerate = is_degenerate(match)
-        tone, word = status_of(tracked.outcome.name.lower(), is_degenerate=degenerate)
+        tone, word = status_of(tracked.step.outcome.name.lower(), is_degenerate=degenerate)
         recent: Floats = np.array(self._recent)
         return {
             "index": tracked.index,
             "stamp": tracked.scan.stamp,
-            "pose": [round(v, 5) for v in tracked.pose.tolist()] if is_known else None,
+            "pose": [round(v, 5) for v in tracked.step.pose.tolist()] if is_known else None,
             "covariance": [c[0, 0], c[0, 1], c[1, 1], c[2, 2]] if is_known else None,
-            "outcome": tracked.outcome.name,
+            "outcome": tracked.step.outcome.name,
             "tone": tone,
             "word": word,
-            "sentence": tracked.outcome.value,
-            "is_matched": tracked.is_matched or (tracked.index == 0 and is_known),
+            "sentence": tracked.step.outcome.value,
+            "is_matched": tracked.step.is_matched or (tracked.index == 0 and is_known),
             "score": None if match is None or not match.ok else round(float(match.score), 3),
             "degenerate": degenerate,
             "ms": round(1e3 * tracked.seconds, 3),

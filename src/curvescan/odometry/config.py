@@ -45,13 +45,11 @@ class MotionConfig:
     """Motion: what is expected of the next scan before it is matched, and how well that is known."""
 
     sigma_m: float = 0.1
-    """How much the motion is taken to change from a step to the next before any has been seen, metres and axis."""
-    sigma_rad: float = 0.1
-    """The same of its turn, radians."""
+    """How much the motion is taken to change from a step to the next before any has been seen: metres an axis, and as
+    many radians."""
     least_sigma_m: float = 0.02
-    """What is seen of such changes replaces the two above, but never goes below this, metres."""
-    least_sigma_rad: float = 0.02
-    """The same of its turn, radians."""
+    """What is seen of such changes replaces `sigma_m`, but never goes below this: metres an axis, and as many
+    radians."""
     memory: float = 20.0
     """Changes are averaged over about this many steps."""
     is_fused: bool = True
@@ -63,15 +61,9 @@ class MotionConfig:
     max_repeats: int = 5
     """Failures in a row after which the last motion is no longer repeated and the pose is held."""
     wheel_share: float = 0.1
-    """Wheel odometry errs by this share of the distance driven."""
+    """Wheel odometry errs by this share of the distance driven, and turns by itself by as many radians a metre."""
     wheel_turn_share: float = 0.25
     """Wheel odometry errs by this share of the angle turned: mostly for want of a common clock with the laser."""
-    wheel_drift: float = 0.1
-    """Wheel odometry turns by this much by itself, radians for each metre driven."""
-    wheel_floor_m: float = 0.003
-    """Wheel odometry errs by this much at the least, metres a step."""
-    wheel_floor_rad: float = 0.003
-    """Wheel odometry errs by this much at the least, radians a step."""
     motion_gate_chi2: float = 20.0
     """A match this far from the prediction is not accepted alone: squared Mahalanobis distance."""
     expected_score: float = 0.3
@@ -79,16 +71,11 @@ class MotionConfig:
     scans of places that share nothing less than 1 in 1,000 reach it there, of scans a metre apart nearly all."""
 
     def __post_init__(self) -> None:
-        sigmas = ("least_sigma_m", "least_sigma_rad", "recovery_sigma_m", "recovery_sigma_rad")
-        for name in (*sigmas, "wheel_floor_m", "wheel_floor_rad", "motion_gate_chi2"):
+        for name in ("least_sigma_m", "recovery_sigma_m", "recovery_sigma_rad", "motion_gate_chi2"):
             require(getattr(self, name) > 0.0, f"{name} must be > 0", getattr(self, name))
-        for name in ("wheel_share", "wheel_turn_share", "wheel_drift"):
+        for name in ("wheel_share", "wheel_turn_share"):
             require(getattr(self, name) >= 0.0, f"{name} must be >= 0", getattr(self, name))
-        require(
-            self.sigma_m >= self.least_sigma_m and self.sigma_rad >= self.least_sigma_rad,
-            "sigma_m and sigma_rad must not be less than least_sigma_m and least_sigma_rad",
-            (self.sigma_m, self.sigma_rad),
-        )
+        require(self.sigma_m >= self.least_sigma_m, "sigma_m must not be less than least_sigma_m", self.sigma_m)
         require(self.memory >= 1.0, "memory must be at least 1 step", self.memory)
         require(self.max_repeats >= 0, "max_repeats must be >= 0", self.max_repeats)
 

@@ -13,14 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from curvescan.matchers import MatchResult
-from curvescan.odometry.gating import GatedMatch, gate
+from curvescan.odometry.gating import SURE, GatedMatch, gate
 from curvescan.odometry.keyframes import Keyframe, Localization
+from curvescan.odometry.motion_model import LONGEST_STEP
 from curvescan.odometry.observation import Gap, Observation, Placement
 from curvescan.odometry.step import StepOutcome
 from curvescan.se2.uncertain import UncertainPose, identity
-
-MIN_CONFIDENCE = 0.8
-"""Least confidence of a match that bridges a gap: it also lies where it is expected."""
 
 _SHARE = 0.65
 """Share of the scores on either side below which a doubtful match is questioned. A sensor carried to another room
@@ -30,7 +28,7 @@ there; but it scores no more."""
 _NEAR_M, _NEAR_RAD = 0.5, 0.5
 """Expected motion, metres and radians, from which on a view may change so much by itself."""
 
-LOST_COVARIANCE = np.diag([1e3**2, 1e3**2, math.pi**2])
+LOST_COVARIANCE = np.diag([LONGEST_STEP**2, LONGEST_STEP**2, math.pi**2])
 """Covariance of a motion of which nothing is known: a kilometre, half a turn."""
 LOST_COVARIANCE.setflags(write=False)
 
@@ -116,7 +114,7 @@ def question_link(o: Observation, placement: Placement, last: Localization) -> P
         return None
     x, y, theta = o.expected.pose.tolist()
     is_near = math.hypot(x, y) < _NEAR_M and abs(theta) < _NEAR_RAD
-    is_doubtful = result.confidence < MIN_CONFIDENCE or result.score < config.least_score
+    is_doubtful = result.confidence < SURE or result.score < config.least_score
     if not (is_near and is_doubtful and result.score < _SHARE * o.state.score):
         return None
     gap = open_gap(o, last)
@@ -140,4 +138,4 @@ def _joins(gated: GatedMatch, least_score: float, tracked: MatchResult | None) -
         return False
     if tracked is not None:
         return not result.score < _SHARE * tracked.score
-    return math.isnan(result.confidence) or result.confidence >= MIN_CONFIDENCE
+    return math.isnan(result.confidence) or result.confidence >= SURE

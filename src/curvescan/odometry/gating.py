@@ -9,36 +9,22 @@ from curvescan.odometry.config import MotionConfig
 from curvescan.odometry.measurement import as_measurement
 from curvescan.se2.uncertain import UncertainPose, fuse
 
-_SURE = 0.8
-"""Least confidence of a match that explains little of the scans: in an unseen room such ones come about by chance."""
+SURE = 0.8
+"""Least confidence of a match that explains little of the scans, or bridges a gap: in an unseen room such ones come
+about by chance."""
 
 
 class GatedMatch(NamedTuple):
-    """A match of the current scan with one reference.
+    """A match of the current scan with one reference."""
 
-    Attributes
-    ----------
-    result : MatchResult
-        How it went.
-    pose_keyframe_scan : UncertainPose
-        The scan seen from the reference: the match fused with what was expected; what was expected where the match
-        failed.
-    is_plausible : bool
-        Whether the match is about where it was expected.
-    is_prior_rejected : bool
-        Whether the match is about where the last motion leads, and another odometry, which says otherwise, was left
-        out.
-    measured : UncertainPose or None
-        What was fused with what was expected; None where the match failed.
-    is_by_last_motion : bool
-        Whether it was fused with the last motion repeated, although another odometry expected something.
-    """
-
-    result: MatchResult
+    result: MatchResult  # how it went
+    # the scan seen from the reference: the match fused with what was expected; what was expected where the match failed
     pose_keyframe_scan: UncertainPose
-    is_plausible: bool
+    is_plausible: bool  # whether the match is about where it was expected
+    # whether the match is about where the last motion leads, and another odometry, which says otherwise, was left out
     is_prior_rejected: bool = False
-    measured: UncertainPose | None = None
+    measured: UncertainPose | None = None  # what was fused with what was expected; None where the match failed
+    # whether it was fused with the last motion repeated, although another odometry expected something
     is_by_last_motion: bool = False
 
     def made_without(self, expected: UncertainPose, config: MotionConfig) -> GatedMatch:
@@ -61,7 +47,7 @@ class GatedMatch(NamedTuple):
         result = self.result
         if not result.ok or not result.score < least_score:
             return result.ok
-        return self.is_plausible and not result.confidence < _SURE
+        return self.is_plausible and not result.confidence < SURE
 
     def is_better_than(self, other: GatedMatch, min_score: float) -> bool:
         """Return whether this attempt is to be preferred to one with a reference that would rather be kept."""

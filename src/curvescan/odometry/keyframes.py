@@ -10,40 +10,20 @@ from curvescan.se2.uncertain import UncertainPose, between, compose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Keyframe:
-    """One keyframe.
+    """One keyframe."""
 
-    Attributes
-    ----------
-    scan : PreparedScan
-        The scan, ready to be matched with.
-    index : int
-        Number of the scan in the stream.
-    pose_map_keyframe : UncertainPose
-        Its sensor in the frame of the first scan.
-    """
-
-    scan: PreparedScan
-    index: int
-    pose_map_keyframe: UncertainPose
+    scan: PreparedScan  # the scan, ready to be matched with
+    index: int  # number of the scan in the stream
+    pose_map_keyframe: UncertainPose  # its sensor in the frame of the first scan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Localization:
-    """Where a scan is, relative to a keyframe.
+    """Where a scan is, relative to a keyframe."""
 
-    Attributes
-    ----------
-    keyframe : Keyframe
-        The keyframe.
-    pose_keyframe_scan : UncertainPose
-        The scan seen from it.
-    is_measured : bool
-        Whether a match measured all of it, with no direction left to what was expected.
-    """
-
-    keyframe: Keyframe
-    pose_keyframe_scan: UncertainPose
-    is_measured: bool = False
+    keyframe: Keyframe  # the keyframe
+    pose_keyframe_scan: UncertainPose  # the scan seen from it
+    is_measured: bool = False  # whether a match measured all of it, with no direction left to what was expected
 
     @property
     def pose_map_scan(self) -> UncertainPose:

@@ -16,18 +16,21 @@ from curvescan.odometry.config import MotionConfig
 from curvescan.se2.uncertain import UncertainPose, identity, wrap_angle
 from curvescan.types import Pose
 
-_LONGEST_STEP = 1_000.0
+LONGEST_STEP = 1_000.0
 """Metres from a scan to the next that an odometry can measure; beyond, it is no measurement."""
 
-_MAX_STRETCH = 20.0
+_WHEEL_FLOOR = 0.003
+"""Wheel odometry errs by this much at the least, metres and radians a step."""
+
+_MAX_STRETCH = 20
 """A pause longer than this many scans counts as this many."""
 
 _LEAST_NOISE, _MOST_NOISE = 0.1, 100.0
 """Limits of the variance of another odometry, in those of the configuration."""
 
-_MOVING_M, _MOVING_RAD = 0.06, 0.06
-"""Wheels that report the very pose of the scan before, after a motion longer than this, were not updated: three times
-the least change of a motion that is expected, metres and radians."""
+_MOVING = 3
+"""Wheels that report the very pose of the scan before, after a motion longer than this many times the least change
+that is expected, were not updated."""
 
 _MOST_MISSED = 1
 """Scans in a row without a match after which wheels that report the same pose are believed: the sensor stands still."""
@@ -60,30 +63,14 @@ class Clock(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prediction:
-    """What is expected of a scan before it is matched.
+    """What is expected of a scan before it is matched."""
 
-    Attributes
-    ----------
-    motion : UncertainPose
-        The sensor seen from where it was at the last scan.
-    repeated : UncertainPose
-        The last motion repeated: the same as `motion` without another odometry.
-    is_measured : bool
-        Whether the translation of `motion` is that of another odometry.
-    clock : Clock
-        The clock of the stream at this scan.
-    odometry_pose : (3,) float64 or None
-        Pose of the sensor at this scan by another odometry.
-    is_missed : bool
-        Whether that is taken not to have been updated since the last scan.
-    """
-
-    motion: UncertainPose
-    repeated: UncertainPose
-    is_measured: bool
-    clock: Clock
-    odometry_pose: Pose | None
-    is_missed: bool = False
+    motion: UncertainPose  # the sensor seen from where it was at the last scan
+    repeated: UncertainPose  # the last motion repeated: the same as `motion` without another odometry
+    is_measured: bool  # whether the translation of `motion` is that of another odometry
+    clock: Clock  # the clock of the stream at this scan
+    odometry_pose: Pose | None  # (3,): pose of the sensor at this scan by another odometry
+    is_missed: bool = False  # whether that is taken not to have been updated since the last scan
 
     def inflated(self, config: MotionConfig) -> UncertainPose:
         """Return the motion as it is known after a failed match: what was measured still is."""
@@ -97,43 +84,27 @@ class MotionModel:
     """The motion from a scan to the next: expected from the last one, or from another sensor's odometry.
 
     Immutable: each scan makes a new one.
-
-    Attributes
-    ----------
-    config : MotionConfig
-        How well each is known.
-    last : UncertainPose
-        The last motion.
-    variance_translation, variance_turn : float
-        Of the change from a motion to the next, m^2 an axis and rad^2.
-    odometry_pose : (3,) float64 or None
-        Pose at the last scan by another odometry, or at the scan before where it was not updated since.
-    moved : (3,) float64 or None
-        The sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan.
-    clock : Clock
-        The clock of the stream.
-    n_failures : int
-        Scans without a match in a row.
-    odometry_noise : tuple of float
-        Variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean
-        over the last steps that a match measured.
     """
 
-    config: MotionConfig
-    last: UncertainPose
-    variance_translation: float
-    variance_turn: float
+    config: MotionConfig  # how well each is known
+    last: UncertainPose  # the last motion
+    variance_translation: float  # of the change from a motion to the next, m^2 an axis and rad^2
+    variance_turn: float  # of the change from a motion to the next, m^2 an axis and rad^2
+    # (3,): pose at the last scan by another odometry, or at the scan before where it was not updated since
     odometry_pose: Pose | None = None
+    # (3,): the sensor at the last scan seen from where it was at that pose; None where that pose is of the last scan
     moved: Pose | None = None
-    clock: Clock = field(default_factory=Clock)
-    n_failures: int = 0
+    clock: Clock = field(default_factory=Clock)  # the clock of the stream
+    n_failures: int = 0  # scans without a match in a row
+    # variance of the other odometry's translation and turn, as multiples of what the configuration says: the mean over
+    # the last steps that a match measured
     odometry_noise: tuple[float, float] = (1.0, 1.0)
 
     @classmethod
     def at_start(cls, config: MotionConfig) -> MotionModel:
         """Return the model before the first scan."""
         return cls(
-            config=config, last=identity(), variance_translation=config.sigma_m**2, variance_turn=config.sigma_rad**2
+            config=config, last=identity(), variance_translation=config.sigma_m**2, variance_turn=config.sigma_m**2
         )
 
     def predict(self, stamp: float, odometry_pose: Pose | None) -> Prediction:
@@ -192,7 +163,7 @@ class MotionModel:
         if odometry_pose is None or before is None or self.n_failures > _MOST_MISSED:
             return False
         x, y, theta = self.last.pose.tolist()
-        is_moving = math.hypot(x, y) > _MOVING_M or abs(theta) > _MOVING_RAD
+        is_moving = max(math.hypot(x, y), abs(theta)) > _MOVING * self.config.least_sigma_m
         return is_moving and bool((odometry_pose == before).all())
 
     def _moved(self, prediction: Prediction, motion: UncertainPose) -> Pose | None:
@@ -213,17 +184,17 @@ class MotionModel:
         if self.moved is not None:  # several steps at once; the others were found, or repeated
             by_wheels = se2.between(self.moved, by_wheels)
             turn = float(se2.wrap(turn - self.moved[2]))
-        is_measured = path < _LONGEST_STEP  # not where it is NaN
+        is_measured = path < LONGEST_STEP  # not where it is NaN
         if is_measured:
             pose[:2] = by_wheels[:2]
             cov[:2, :] = cov[:, :2] = 0.0
-            variance = config.wheel_floor_m**2 + (config.wheel_share * path) ** 2
+            variance = _WHEEL_FLOOR**2 + (config.wheel_share * path) ** 2
             cov[0, 0] = cov[1, 1] = self.odometry_noise[0] * variance
         if math.isfinite(turn):
             pose[2] = turn
-            drift = config.wheel_drift * path if is_measured else 0.0
+            drift = config.wheel_share * path if is_measured else 0.0
             cov[2, :] = cov[:, 2] = 0.0
-            variance = config.wheel_floor_rad**2 + share**2 + drift**2
+            variance = _WHEEL_FLOOR**2 + share**2 + drift**2
             cov[2, 2] = self.odometry_noise[1] * variance
         return is_measured
 
@@ -266,12 +237,12 @@ class MotionModel:
         square = 0.5 * (x * x + y * y)
         return (
             self._averaged(self.variance_translation, square, config.least_sigma_m),
-            self._averaged(self.variance_turn, theta * theta, config.least_sigma_rad),
+            self._averaged(self.variance_turn, theta * theta, config.least_sigma_m),
         )
 
     def _inflated_variances(self) -> tuple[float, float]:
         """Expect again, bit by bit, such turns as before any was seen: a robot starts to turn at once, not to drive."""
-        wide = max(self.config.sigma_rad**2, self.variance_turn)
+        wide = max(self.config.sigma_m**2, self.variance_turn)
         return (self.variance_translation, self.variance_turn + (wide - self.variance_turn) / self.config.memory)
 
     def _averaged(self, variance: float, square: float, least: float) -> float:

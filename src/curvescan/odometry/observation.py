@@ -27,24 +27,12 @@ from curvescan.types import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Matching:
-    """A matcher with its configuration, as the odometry uses it.
+    """A matcher with its configuration, as the odometry uses it."""
 
-    Attributes
-    ----------
-    method : str
-        Name of the matcher.
-    matcher_config : dataclass, mapping or None
-        The matcher's configuration as it was given; None for its defaults.
-    matcher : Matcher
-        The matcher.
-    config : OdometryConfig
-        The odometry's configuration.
-    """
-
-    method: str
-    matcher_config: MatcherConfig | None
-    matcher: Matcher
-    config: OdometryConfig
+    method: str  # name of the matcher
+    matcher_config: MatcherConfig | None  # the matcher's configuration as it was given; None for its defaults
+    matcher: Matcher  # the matcher
+    config: OdometryConfig  # the odometry's configuration
 
     def prepare(self, scan: LaserScan) -> PreparedScan:
         """Return a scan ready to be matched."""
@@ -105,108 +93,51 @@ class Matching:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Gap:
-    """Scans since the last one that was placed by a match with what was known before.
+    """Scans since the last one that was placed by a match with what was known before."""
 
-    Attributes
-    ----------
-    before : tuple of Keyframe
-        The references from before the gap: the last scan, where it can be one, and the keyframe that was in use.
-    n_scans : int
-        Scans in the gap that have readings enough to be matched.
-    first : int
-        Number of the first scan in the gap.
-    is_questioned : bool
-        Whether a match leads over it that is not sure enough: see :func:`~curvescan.odometry.gaps.question_link`.
-    """
-
+    # the references from before the gap: the last scan, where it can be one, and the keyframe that was in use
     before: tuple[Keyframe, ...]
-    n_scans: int
-    first: int
+    n_scans: int  # scans in the gap that have readings enough to be matched
+    first: int  # number of the first scan in the gap
+    # whether a match leads over it that is not sure enough: see :func:`~curvescan.odometry.gaps.question_link`
     is_questioned: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """All that an odometry remembers from scan to scan.
+    """All that an odometry remembers from scan to scan."""
 
-    Attributes
-    ----------
-    motion : MotionModel
-        What is expected of the next scan.
-    n_scans : int
-        Scans so far.
-    localization : Localization or None
-        Where the last scan is; None before the first.
-    previous : PreparedScan or None
-        The last scan, if it can be a reference.
-    deskewer : Deskewer
-        The clock of the sweeps.
-    first : LaserScan or None
-        The first scan, until the second shows the velocity with which its sweep is deskewed.
-    gap : Gap or None
-        A failure that no match has bridged yet.
-    score : float
-        Of the match that placed the last scan; NaN where none did.
-    """
-
-    motion: MotionModel
-    n_scans: int = 0
-    localization: Localization | None = None
-    previous: PreparedScan | None = None
-    deskewer: Deskewer = field(default_factory=Deskewer)
+    motion: MotionModel  # what is expected of the next scan
+    n_scans: int = 0  # scans so far
+    localization: Localization | None = None  # where the last scan is; None before the first
+    previous: PreparedScan | None = None  # the last scan, if it can be a reference
+    deskewer: Deskewer = field(default_factory=Deskewer)  # the clock of the sweeps
+    # the first scan, until the second shows the velocity with which its sweep is deskewed
     first: LaserScan | None = None
-    gap: Gap | None = None
-    score: float = math.nan
+    gap: Gap | None = None  # a failure that no match has bridged yet
+    score: float = math.nan  # of the match that placed the last scan; NaN where none did
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Attempt:
-    """The better of the matches with the keyframe in use and with the previous scan.
+    """The better of the matches with the keyframe in use and with the previous scan."""
 
-    Attributes
-    ----------
-    last : Localization
-        Where the previous scan is.
-    gated : GatedMatch
-        The match.
-    outcome : StepOutcome
-        MATCHED with the keyframe, CHAINED with the previous scan.
-    reference : PreparedScan
-        The one it was matched with.
-    origin : UncertainPose
-        The last scan seen from it.
-    """
-
-    last: Localization
-    gated: GatedMatch
-    outcome: StepOutcome
-    reference: PreparedScan
-    origin: UncertainPose
+    last: Localization  # where the previous scan is
+    gated: GatedMatch  # the match
+    outcome: StepOutcome  # MATCHED with the keyframe, CHAINED with the previous scan
+    reference: PreparedScan  # the one it was matched with
+    origin: UncertainPose  # the last scan seen from it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Observation:
-    """A scan with all that is known before it is placed.
+    """A scan with all that is known before it is placed."""
 
-    Attributes
-    ----------
-    scan : LaserScan
-        As it came.
-    prediction : Prediction
-        What is expected of it.
-    deskewer : Deskewer
-        At the time of the scan.
-    state : State
-        After the last scan.
-    matching : Matching
-        The matcher.
-    """
-
-    scan: LaserScan
-    prediction: Prediction
-    deskewer: Deskewer
-    state: State
-    matching: Matching
+    scan: LaserScan  # as it came
+    prediction: Prediction  # what is expected of it
+    deskewer: Deskewer  # at the time of the scan
+    state: State  # after the last scan
+    matching: Matching  # the matcher
 
     @property
     def config(self) -> OdometryConfig:
@@ -236,45 +167,18 @@ class Observation:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Placement:
-    """Where a scan is, how that was found, and what is to be remembered of it.
+    """Where a scan is, how that was found, and what is to be remembered of it."""
 
-    Attributes
-    ----------
-    outcome : StepOutcome
-        How it was found.
-    localization : Localization
-        Where it is.
-    current : PreparedScan
-        The scan as it was matched last.
-    motion : MotionModel
-        The motion model after it.
-    step_motion : UncertainPose
-        The scan seen from the previous one, without any leap.
-    gap : Gap or None
-        A failure that is not bridged yet.
-    match : MatchResult or None
-        The match behind it.
-    is_prior_rejected : bool
-        Whether another odometry was left out because the match contradicts it.
-    reference : int or None
-        Number of the scan it was matched with.
-    first_keyframe_scan : PreparedScan or None
-        The first scan, deskewed now that its velocity is known.
-    is_reference : bool
-        Whether the next scan may be matched with this one.
-    """
-
-    outcome: StepOutcome
-    localization: Localization
-    current: PreparedScan
-    motion: MotionModel
-    step_motion: UncertainPose
-    gap: Gap | None = None
-    match: MatchResult | None = None
-    is_prior_rejected: bool = False
-    reference: int | None = None
-    first_keyframe_scan: PreparedScan | None = None
-    is_reference: bool = True
+    outcome: StepOutcome  # how it was found
+    localization: Localization  # where it is
+    current: PreparedScan  # the scan as it was matched last
+    motion: MotionModel  # the motion model after it
+    step_motion: UncertainPose  # the scan seen from the previous one, without any leap
+    gap: Gap | None = None  # a failure that is not bridged yet
+    match: MatchResult | None = None  # the match behind it
+    is_prior_rejected: bool = False  # whether another odometry was left out because the match contradicts it
+    reference: int | None = None  # number of the scan it was matched with
+    is_reference: bool = True  # whether the next scan may be matched with this one
 
 
 def try_references(observation: Observation, last: Localization) -> Attempt:

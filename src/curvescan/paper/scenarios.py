@@ -52,8 +52,6 @@ class DriveExperiment:
     drive: Drive  # how the robot drives
     condition: Condition  # under which conditions
     sensor: str  # name of the simulated sensor
-    # "route", once along a building's corridors, or "home", small moves about the start and back
-    path: Literal["route", "home"]
 
     @property
     def name(self) -> str:
@@ -67,7 +65,6 @@ class DriveExperiment:
             sensor=self.sensor,
             n_scans=max(int(self.n_scans * share), 2),
             n_people=self.n_people,
-            path=self.path,
             drive=self.drive,
             seed=seed,
         )
@@ -78,8 +75,8 @@ _TITLES = {2: ("return home", 1100), 3: ("static comparison", 325), 4: ("dynamic
 _SENSORS: dict[Condition, str] = {"paper": "sick-lms200-5mm", "hard": "sick-lms200"}
 
 _DRIVES: tuple[tuple[int, Condition, Drive, int], ...] = (  # experiment, condition, how the robot drives, people
-    (2, "paper", Drive(speed=0.3, turn_rate=_GENTLE), 0),
-    (2, "hard", Drive(speed=0.3), 0),
+    (2, "paper", Drive(path="home", speed=0.3, turn_rate=_GENTLE), 0),
+    (2, "hard", Drive(path="home", speed=0.3), 0),
     (3, "paper", Drive(speed=1.25, turn_rate=_GENTLE, acceleration=2.0), 0),
     (3, "hard", Drive(speed=1.25, turn_rate=1.5, acceleration=2.0), 0),
     (4, "paper", Drive(speed=1.1, turn_rate=_GENTLE, acceleration=1.5), 3),
@@ -95,7 +92,6 @@ DRIVES = tuple(
         drive=drive,
         condition=condition,
         sensor=_SENSORS[condition],
-        path="home" if number == 2 else "route",
     )
     for number, condition, drive, n_people in _DRIVES
 )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
-from curvescan.errors import InvalidArgumentError
+from curvescan.errors import InvalidArgumentError, require
 from curvescan.scan import LaserScan
 from curvescan.simulation.buildings.catalogue import build_world
 from curvescan.simulation.buildings.world import World
@@ -45,14 +45,17 @@ class ScanPairs(Sequence[ScanPair]):
 
     world: World | str  # where all pairs are; a name: built anew for each pair
     sensor: Sensor  # what measures
-    # (n, 3): the pose of each current scan in its reference scan. people_share, clearance, sight_share, people, seed As
-    # :func:`simulate_pairs` takes them
-    motions: Pose
-    people_share: float
-    clearance: float
-    sight_share: float
-    people: People
+    motions: Pose  # (n, 3): the pose of each current scan in its reference scan
+    people_share: float  # share of the beams that people block
     seed: int
+    people: People = People()  # noqa: RUF009 - frozen; what they look like
+    clearance: float = 0.4  # least distance of both places to anything, metres
+    sight_share: float = 0.6  # least share of the beams that meet the world within range at both places
+
+    def __post_init__(self) -> None:
+        require(0.0 <= self.people_share <= 0.9, "people_share must lie in [0, 0.9]", self.people_share)
+        require(self.clearance >= 0.0, "clearance must be >= 0", self.clearance)
+        require(0.0 <= self.sight_share <= 1.0, "sight_share must lie in [0, 1]", self.sight_share)
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -115,22 +118,18 @@ def simulate_pairs(
     n_pairs: int = 100,
     translation_max: float = 0.3,
     rotation_max: float = np.radians(15.0),
-    translation_std: float | None = None,
-    rotation_std: float | None = None,
     motions: ArrayLike | None = None,
     people_share: float = 0.0,
-    people: People | None = None,
-    clearance: float = 0.4,
-    sight_share: float = 0.6,
-    fresh_world: bool = True,
     seed: int = 0,
 ) -> ScanPairs:
     """Return scan pairs at random places with random, known motions between the two scans.
 
+    The result keeps further settings as fields: ``dataclasses.replace(pairs, clearance=0.2)``, `sight_share`, `people`.
+
     Parameters
     ----------
     world : World or str
-        A world, or the name of one in :data:`curvescan.simulation.WORLDS`.
+        A world, or the name of one in :data:`curvescan.simulation.WORLDS`, which is built anew for each pair.
     sensor : Sensor or str
         A sensor, or the name of one in :data:`curvescan.simulation.SENSORS`.
     n_pairs : int
@@ -138,21 +137,10 @@ def simulate_pairs(
     translation_max, rotation_max : float
         The translation is uniform in the disc of this radius, metres; the rotation uniform in plus or minus
         this angle, radians.
-    translation_std, rotation_std : float or None
-        In place of the maximum: x and y, and the rotation, are normal around zero with this standard deviation; metres,
-        radians.
     motions : (n_pairs, 3) array_like or None
         In place of random motions: the pose of each current scan in its reference scan.
     people_share : float
         Share of the beams that people block, in [0, 0.9]. Each of the two scans has people of its own.
-    people : People or None
-        What they look like; None: two legs.
-    clearance : float
-        Least distance of both places to anything, metres.
-    sight_share : float
-        Least share of the beams, in [0, 1], that meet the world within range at both places.
-    fresh_world : bool
-        Whether each pair has a world of its own, built with its own seed. If not, one world is built with `seed`.
     seed : int
         The same seed, the same bits; >= 0.
 
@@ -161,60 +149,22 @@ def simulate_pairs(
     InvalidArgumentError
         When a name is unknown or a number out of range; on access to a pair, when no place for it is found.
     """
-    if not 0.0 <= people_share <= 0.9:
-        raise InvalidArgumentError(f"people_share must lie in [0, 0.9], got {people_share}")
-    if not (clearance >= 0.0 and 0.0 <= sight_share <= 1.0):
-        raise InvalidArgumentError(
-            f"clearance must be >= 0 and sight_share in [0, 1], got {clearance} and {sight_share}"
-        )
-    for size in (translation_max, rotation_max, translation_std, rotation_std):
-        if size is not None and not 0.0 <= size < np.inf:
-            raise InvalidArgumentError(f"translations and rotations, max or std, must be >= 0 and finite, got {size}")
     if motions is None:
-        if n_pairs < 1:
-            raise InvalidArgumentError(f"n_pairs must be >= 1, got {n_pairs}")
-        drawn = [
-            _motion(
-                np.random.default_rng(child(seed, PAIR, i)),
-                translation_max,
-                rotation_max,
-                translation_std,
-                rotation_std,
-            )
-            for i in range(n_pairs)
-        ]
-        motions = np.array(drawn)
+        require(n_pairs >= 1, "n_pairs must be >= 1", n_pairs)
+        for size in (translation_max, rotation_max):
+            require(0.0 <= size < np.inf, "translation_max and rotation_max must be >= 0 and finite", size)
+        motions = [_motion(translation_max, rotation_max, child(seed, PAIR, i)) for i in range(n_pairs)]
     motions = np.array(motions, dtype=np.float64)
     if motions.ndim != 2 or motions.shape[1] != 3 or not np.isfinite(motions).all():
         raise InvalidArgumentError(f"motions must be finite, of shape (n_pairs, 3), got shape {motions.shape}")
-    built = build_world(world, child(seed, WORLD))  # also refuses a wrong name at once
-    return ScanPairs(
-        world=world if fresh_world else built,
-        sensor=choose_sensor(sensor),
-        motions=motions,
-        people_share=people_share,
-        clearance=clearance,
-        sight_share=sight_share,
-        people=people or People(),
-        seed=seed,
-    )
+    build_world(world, child(seed, WORLD))  # refuses a wrong name at once
+    return ScanPairs(world=world, sensor=choose_sensor(sensor), motions=motions, people_share=people_share, seed=seed)
 
 
-def _motion(
-    rng: np.random.Generator,
-    translation_max: float,
-    rotation_max: float,
-    translation_std: float | None,
-    rotation_std: float | None,
-) -> Floats:
-    uniform, normal = rng.random(3), rng.standard_normal(3)
-    radius, bearing = translation_max * np.sqrt(uniform[0]), 2.0 * np.pi * uniform[1]
-    motion = np.array([radius * np.cos(bearing), radius * np.sin(bearing), rotation_max * (2.0 * uniform[2] - 1.0)])
-    if translation_std is not None:
-        motion[:2] = translation_std * normal[:2]
-    if rotation_std is not None:
-        motion[2] = se2.wrap(rotation_std * normal[2])
-    return motion
+def _motion(translation_max: float, rotation_max: float, seed: np.random.SeedSequence) -> Floats:
+    share, turn, along = np.random.default_rng(seed).random(3)
+    radius, bearing = translation_max * np.sqrt(share), 2.0 * np.pi * turn
+    return np.array([radius * np.cos(bearing), radius * np.sin(bearing), rotation_max * (2.0 * along - 1.0)])
 
 
 def _padded(circles: Floats, n_circles: int) -> Floats:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,17 +67,14 @@ def simulate(
     n_people: int = 0,
     seed: int = 0,
     poses: ArrayLike | None = None,
-    path: Literal["route", "home"] = "route",
-    radius: float = 1.0,
     drive: Drive | None = None,
-    people: People | None = None,
     odometry_noise: OdometryNoise | None = OdometryNoise(),  # noqa: B008 - frozen
 ) -> Simulation:
     """Return the scans of a drive through a world, with the truth about them.
 
     The world, the path, the noise of each scan, the people and the odometry each have their own seed: adding people
     changes neither the path nor the noise, and a shorter log is the start of a longer one
-    (but for ``path="home"``, which must get home in time).
+    (but for ``Drive(path="home")``, which must get home in time).
 
     Parameters
     ----------
@@ -93,16 +89,9 @@ def simulate(
     seed : int
         The same seed, the same bits; >= 0.
     poses : (n, 3) array_like or None
-        True poses of the sensor, world frame, instead of a path.
-    path : {"route", "home"}
-        Round the world's route (or to random places in a world without one), or small moves about a start
-        and back to it.
-    radius : float
-        How far the moves of ``path="home"`` lead, metres.
+        True poses of the sensor, world frame, instead of a drive.
     drive : Drive or None
-        Speeds and clearance of the robot; None: the defaults.
-    people : People or None
-        What walkers look like; None: two legs.
+        Path, speeds and clearance of the robot; None: the defaults.
     odometry_noise : OdometryNoise or None
         None: a log without odometry.
 
@@ -117,13 +106,12 @@ def simulate(
     if n_people < 0:
         raise InvalidArgumentError(f"n_people must be >= 0, got {n_people}")
     world = build_world(world, child(seed, WORLD))
-    truth = (
-        _given(poses, n_scans)
-        if poses is not None
-        else _driven(world, path, drive or Drive(), sensor.period, n_scans, radius, seed)
-    )
+    if poses is not None:
+        truth = _given(poses, n_scans)
+    else:
+        truth = _driven(world, drive or Drive(), sensor.period, n_scans, np.random.default_rng(child(seed, PATH)))
     stamps: Floats = sensor.period * np.arange(len(truth), dtype=np.float64)
-    circles = walk(world, truth, n_people, people or People(), sensor.period, child(seed, PEOPLE))
+    circles = walk(world, truth, n_people, People(), sensor.period, child(seed, PEOPLE))
     velocities = _velocities(truth, sensor.period) if sensor.time_increment else None
     ranges, exact, is_person = observe(world, truth, sensor, circles, seed, velocities=velocities)
     odometry = None
@@ -211,14 +199,9 @@ def _given(poses: ArrayLike, n_scans: int | None) -> Pose:
     return truth[:n_scans]
 
 
-def _driven(
-    world: World, path: str, drive: Drive, period: float, n_scans: int | None, radius: float, seed: int
-) -> Pose:
-    rng = np.random.default_rng(child(seed, PATH))
-    if n_scans is None and (path == "home" or len(world.route) < 2):
+def _driven(world: World, drive: Drive, period: float, n_scans: int | None, rng: np.random.Generator) -> Pose:
+    if n_scans is None and (drive.path == "home" or len(world.route) < 2):
         n_scans = _DEFAULT_SCANS
-    if path == "route":
-        return drive_route(world, drive, period, rng, n_scans)
-    if path == "home" and n_scans is not None:
-        return drive_home(world, drive, period, rng, n_scans, radius)
-    raise InvalidArgumentError(f"path must be 'route' or 'home', got {path!r}")
+    if drive.path == "home" and n_scans is not None:
+        return drive_home(world, drive, period, rng, n_scans)
+    return drive_route(world, drive, period, rng, n_scans)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from curvescan.matchers import MatchResult, PreparedScan, prepare
-from curvescan.matchers.curvescan.features.features import CurvescanFeatures
+from curvescan.matchers import DEFAULT_METHOD, MatchResult, PreparedScan, find_matcher, prepare
 from curvescan.matchers.registry import MatcherConfig
 from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
@@ -77,10 +76,8 @@ class Keyframes:
 
     def signature(self, scan: PreparedScan) -> Signature:
         """Return the signature of a scan for the place index, from the default matcher's keypoints."""
-        features = scan.features
-        if not isinstance(features, CurvescanFeatures):
-            features = prepare(scan.scan).features
-        return signature(features.keypoints)
+        is_default = isinstance(scan.matcher, type(find_matcher(DEFAULT_METHOD)))
+        return signature((scan if is_default else prepare(scan.scan)).features.keypoints)
 
     @property
     def profiles(self) -> Floats:

@@ -70,9 +70,14 @@ def run_engine(
         return record
     if ahead is not None:
         engine.odometry = ahead.odometry
+    return finished(record, engine)
+
+
+def finished(record: RunRecord, slam: Slam) -> RunRecord:
+    """Return the record of a run of SLAM with the poses of its graph, which is optimized once more."""
     started = time.perf_counter()
     n = len(record.outcomes)
-    revised = (engine.finish() if n else engine.trajectory())[:n]
+    revised = (slam.finish() if n else slam.trajectory())[:n]
     seconds = time.perf_counter() - started
     revised = replace(revised, stamps=record.online.stamps)
     return replace(record, trajectory=revised, seconds_to_finish=seconds)

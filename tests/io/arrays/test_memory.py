@@ -58,3 +58,5 @@ def test_what_is_no_reading_is_told() -> None:
         cs.log_from_arrays([5], **GRID)  # type: ignore[list-item]
     with pytest.raises(InvalidArgumentError, match=r"scan 0: .*directions of the beams are missing"):
         cs.log_from_arrays([(0, [1.0])])
+    with pytest.raises(InvalidArgumentError, match="unknown key 'angle_inc': did you mean"):
+        cs.log_from_arrays([(0, [1.0])], angle_inc=0.1)  # type: ignore[call-arg]

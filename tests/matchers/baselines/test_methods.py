@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,7 +96,8 @@ def test_a_single_wall_leaves_a_motion_free(method, sigma):
 @every_method
 @pytest.mark.parametrize("world", ["bare-corridor", "round-room"])
 def test_corridors_and_round_rooms_are_not_matched(method, world):
-    found = simulate_pairs(world, n_pairs=10, translation_max=0.2, rotation_max=0.15, clearance=0.2, sight_share=0.3)
+    found = simulate_pairs(world, n_pairs=10, translation_max=0.2, rotation_max=0.15)
+    found = replace(found, clearance=0.2, sight_share=0.3)
     outcomes = {cs.match(p.reference, p.current, method=method).outcome for p in found}
     assert outcomes <= {cs.Outcome.UNCONSTRAINED, cs.Outcome.NO_AGREEMENT}
 

@@ -49,14 +49,14 @@ def test_a_lap_of_a_building_is_clear_of_everything_and_closes(seed):
 
 def test_the_way_home():
     world = build_world("clutter", 1)
-    poses = drive_home(world, Drive(), PERIOD, rng(2), 250, 1.0)
+    poses = drive_home(world, Drive(), PERIOD, rng(2), 250)
     offsets = np.hypot(*(poses[:, :2] - poses[0, :2]).T)
     assert poses.shape == (250, 3)
     assert offsets[-1] < 0.2  # half a grid cell each at start and end, and the stopping distance
     assert 0.4 < offsets.max() < 1.5
     assert np.array_equal(poses[-1], poses[-2])  # it stands still
     assert world.is_free(poses[:, :2], 0.25).all()
-    assert len(drive_home(world, Drive(), PERIOD, rng(2), 3, 1.0)) == 3
+    assert len(drive_home(world, Drive(), PERIOD, rng(2), 3)) == 3
 
 
 def test_without_a_route_places_are_random_and_few_poses_begin_many():
@@ -118,3 +118,8 @@ def test_odometry_noise_has_the_variances_of_its_model():
     ends = np.array([wheel_odometry(turn, noise, rng(i))[1] for i in range(n)])
     assert abs(ends[:, 2].std() / (np.sqrt(noise.turn_from_turn) * 0.3) - 1.0) < limit
     assert abs(ends[:, 2].mean() - 0.3) < 5.0 * ends[:, 2].std() / np.sqrt(n)
+
+
+def test_an_unknown_path_is_refused():
+    with pytest.raises(InvalidArgumentError, match="path must be 'route' or 'home', got 'nowhere'"):
+        Drive(path="nowhere")

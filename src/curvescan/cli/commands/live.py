@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
@@ -240,11 +240,11 @@ def summary(report: LiveReport, name: str, engine: Engine) -> str:
     if not report.n_scans:
         return f"{name}: no scan"
     lines = [f"{name}: {report.n_scans:,} scans" + (", interrupted" * report.is_interrupted)]
-    lines += [f"  {n:,}  {kind.value}" for kind, n in report.outcomes.most_common()]
+    lines += [f"  {n:,}  {kind.value}" for kind, n in Counter(report.record.outcomes).most_common()]
     if isinstance(engine, curvescan.Slam):
         lines.append(f"  {engine!r}")  # as `slam` counts them
     lines.append(f"  {report.n_dropped:,} scans dropped because tracking was too slow")
-    for what, values in (("time a scan", report.seconds), ("from scan to pose", report.latencies)):
+    for what, values in (("time a scan", report.record.seconds), ("from scan to pose", report.latencies)):
         median, p99, worst = np.percentile(1e3 * values, [50.0, 99.0, 100.0])
         lines.append(f"  {what}: {median:.2f} ms median, {p99:.2f} ms p99, {worst:.1f} ms worst")
     return "\n".join(lines)
@@ -302,31 +302,20 @@ def _track(
     from curvescan.cli.console import ERR
     from curvescan.diagnostics.verdict import judge
     from curvescan.live import run_live
-    from curvescan.odometry.run import Recorder
+    from curvescan.live.pipeline import finish
 
     if viewer is not None:
         viewer.offer(tracker)
         viewer.set_status("running", "running")
-    recorder, verdict = Recorder(), None
-    engine = tracker.engine
+    verdict, engine = None, tracker.engine
     try:
-        report = run_live(source, tracker, sinks, on_scan=lambda one: recorder.add(one.step, one.seconds))
+        report = run_live(source, tracker, sinks)
         if report.is_interrupted:
             text = f"stopped; finishing {engine!r} and writing what was asked for; Ctrl-C again ends at once"
             ERR.print(text, soft_wrap=True)
-        has_prior = prepared is not None and prepared.odometry_poses is not None
-        record = recorder.record(engine.method, is_partial=report.is_interrupted, has_prior=has_prior)
-        if report.n_scans and isinstance(engine, curvescan.Slam):
-            started = time.perf_counter()
-            with tracker.lock:
-                revised = engine.finish()
-            record = replace(record, trajectory=replace(revised, stamps=record.online.stamps))
-            poses = revised.poses
-            seconds = time.perf_counter() - started
-            for sink in sinks:
-                sink.finish_with(poses, seconds)
+        report = finish(report, tracker, sinks)
         if report.n_scans:
-            verdict = judge(record, engine, prepared)
+            verdict = judge(report.record, engine, prepared)
     finally:
         for sink in sinks:
             sink.close()

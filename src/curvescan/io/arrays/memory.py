@@ -1,14 +1,14 @@
 """Logs of scans that are in memory already: from a driver, a simulator, another library's reader."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from curvescan import se2
+from curvescan.configs import check_names
 from curvescan.errors import InvalidArgumentError
 from curvescan.io.files.lines import ReadError
 from curvescan.io.log import Log, ScanAccess
@@ -59,18 +59,24 @@ def as_log(scans: Log | Iterable[LaserScan]) -> Log:
     return MemoryLog(scans=found, odometry=_trajectory(found, poses), name="scans")
 
 
+class ScanLayout(TypedDict, total=False):
+    """What the scans of one sensor share; see :class:`curvescan.LaserScan`."""
+
+    angle_min: float
+    angle_increment: float
+    angles: ArrayLike
+    range_min: float
+    range_max: float
+    time_increment: float
+    scan_time: float
+
+
 def log_from_arrays(
     readings: Iterable[tuple[float, ArrayLike]],
     *,
-    angle_min: float | None = None,
-    angle_increment: float | None = None,
-    angles: ArrayLike | None = None,
-    range_min: float = 0.0,
-    range_max: float = math.inf,
-    time_increment: float = 0.0,
-    scan_time: float = 0.0,
     odometry: ArrayLike | None = None,
     name: str = "arrays",
+    **layout: Unpack[ScanLayout],
 ) -> MemoryLog:
     """Return a log of stamped ranges of one sensor, for all that takes a log.
 
@@ -80,31 +86,20 @@ def log_from_arrays(
     ----------
     readings : iterable of (float, (n,) array_like)
         Stamp in seconds, and ranges in metres; gone through once and kept. n may change, but with `angles`.
-    angle_min, angle_increment, angles : float, float, (n,) array_like
-        Direction of the first beam and angle from a beam to the next, or the direction of each beam, radians.
-    range_min, range_max : float
-        Limits of a valid reading, metres.
-    time_increment, scan_time : float
-        From a beam to the next, and from a sweep to the next, seconds; 0: not known.
     odometry : (n_scans, 3) array_like or None
         Pose of the sensor at each scan by the wheels, [x, y, theta]; a row of NaN where there is none.
     name : str
         For titles and messages.
+    **layout
+        What all scans share, as :class:`curvescan.LaserScan` takes it: `angle_min` and `angle_increment`, or `angles`;
+        `range_min`, `range_max`, `time_increment`, `scan_time`.
 
     Raises
     ------
     InvalidArgumentError
         When a pair is none, a scan breaks the rules of LaserScan, or `odometry` has another length.
     """
-    layout: dict[str, Any] = {
-        "angle_min": angle_min,
-        "angle_increment": angle_increment,
-        "angles": angles,
-        "range_min": range_min,
-        "range_max": range_max,
-        "time_increment": time_increment,
-        "scan_time": scan_time,
-    }
+    check_names(layout, ScanLayout.__annotations__, "layout")
     scans: list[LaserScan] = []
     for i, reading in enumerate(readings):
         try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pkgutil
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from curvescan.errors import InvalidArgumentError
@@ -10,26 +12,22 @@ if TYPE_CHECKING:
     from curvescan.live.sources import ScanSource
 
 
-DRIVERS = ("lds2d", "rplidar", "hokuyo")  # names of the drivers
+DRIVERS = {
+    "lds2d": "curvescan.live.drivers.lds2d_source:Lds2dSource",
+    "rplidar": "curvescan.live.drivers.rplidar_source:RplidarSource",
+    "hokuyo": "curvescan.live.drivers.hokuyo_source:HokuyoSource",
+}
+"""Name of each driver -> its source, as ``module:class``."""
 
 
 def open_driver(
     driver: str, port: str, *, is_mirrored: bool = False, ignore_beams: tuple[int, int] = (0, 0)
 ) -> ScanSource:
     """Return the source of a laser; it is opened when its context is entered. ignore_beams (int, int)."""
-    name, _, model = driver.partition(":")
-    if name == "lds2d" and model:
-        from curvescan.live.drivers.lds2d_source import Lds2dSource
-
-        return Lds2dSource(model, port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
-    if name == "rplidar" and not model:
-        from curvescan.live.drivers.rplidar_source import RplidarSource
-
-        return RplidarSource(port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
-    if name == "hokuyo" and not model:
-        from curvescan.live.drivers.hokuyo_source import HokuyoSource
-
-        return HokuyoSource(port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)
-    raise InvalidArgumentError(
-        f"there is no driver {driver!r}: the drivers are lds2d:MODEL (lds2d:LDROBOT-LD19, say), rplidar and hokuyo"
-    )
+    name, *model = driver.split(":", 1)
+    if name not in DRIVERS or bool(model) != (name == "lds2d"):
+        raise InvalidArgumentError(
+            f"there is no driver {driver!r}: the drivers are lds2d:MODEL (lds2d:LDROBOT-LD19, say), rplidar and hokuyo"
+        )
+    new: Callable[..., ScanSource] = pkgutil.resolve_name(DRIVERS[name])
+    return new(*model, port, is_mirrored=is_mirrored, ignore_beams=ignore_beams)

@@ -49,9 +49,6 @@ def _plain(value: Any, blocks: list[bytes]) -> Any:
     return value
 
 
-_MAX_RUNS = 2
-
-
 class FinishedView:
     """Finished runs on one page; shown by a notebook, or saved as one HTML file."""
 

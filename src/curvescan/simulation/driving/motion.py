@@ -104,6 +104,7 @@ def _trace(parent: dict[int, int], here: int, n_columns: int) -> list[tuple[int,
 
 
 _STEP = 0.05  # seconds between two control steps, at most
+_HOME_RADIUS = 1.0  # metres: how far the small moves about a start lead
 _NEAR_ROUTE = 2.0  # metres: by so much a drive about a start may lie beside the corners of the route
 
 
@@ -138,22 +139,17 @@ def drive_route(
     return _as_poses(poses)
 
 
-def drive_home(
-    world: World, drive: Drive, period: float, rng: np.random.Generator, n_poses: int, radius: float
-) -> Pose:
-    """Return the poses of small moves about a start that end near it, where the robot stops.
+def drive_home(world: World, drive: Drive, period: float, rng: np.random.Generator, n_poses: int) -> Pose:
+    """Return the (n_poses, 3) poses of small moves about a start (the paper's second experiment).
 
-    The paper's second experiment. The robot comes to rest within some centimetres of the first pose, with any
-    heading; with too few poses for the way home it ends on the way.
-
-    result (n_poses, 3).
+    The robot comes to rest within some centimetres of the start, with any heading, unless the poses are too few.
     """
     n_steps, step = _steps(period)
     start = _roomiest(world, rng)
     states: list[Floats] = []
-    wander = _wander(world, drive, rng, start, radius)
+    wander = _wander(world, drive, rng, start, _HOME_RADIUS)
     # twice the time for a straight way home and a turn on the spot
-    margin = int(2.0 * (2.0 * radius / drive.speed + np.pi / drive.turn_rate + 2.0) / step)
+    margin = int(2.0 * (2.0 * _HOME_RADIUS / drive.speed + np.pi / drive.turn_rate + 2.0) / step)
     n_states = (n_poses - 1) * n_steps + 1
     for leg in wander:
         state = states[-1] if states else at_start(leg)

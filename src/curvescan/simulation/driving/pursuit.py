@@ -7,6 +7,7 @@ along the line is planned ahead: slow where it bends, at rest at its end.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,8 @@ _TURN_ON_SPOT = math.radians(50.0)  # off by more than this, the robot stops and
 class Drive:
     """How a robot drives."""
 
+    # round the world's route (to random places in a world without one), or small moves about a start and back to it
+    path: Literal["route", "home"] = "route"
     speed: float = 0.6  # top speed, m/s
     turn_rate: float = 0.9  # top turn rate, rad/s
     acceleration: float = 0.6  # m/s^2; the turn rate changes by four times this number, rad/s^2
@@ -34,7 +37,9 @@ class Drive:
     clearance: float = 0.4
 
     def __post_init__(self) -> None:
-        for one in fields(self):
+        if self.path not in ("route", "home"):
+            raise InvalidArgumentError(f"path must be 'route' or 'home', got {self.path!r}")
+        for one in fields(self)[1:]:
             if not getattr(self, one.name) > 0.0:
                 raise InvalidArgumentError(f"{one.name} must be > 0, got {getattr(self, one.name)}")
 

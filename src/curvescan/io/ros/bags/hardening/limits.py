@@ -8,7 +8,7 @@ reserves n bytes before it reads: CheckedPath does not.
 import io
 import os
 from collections.abc import Callable, Collection, Generator
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from rosbags.interfaces import Connection
@@ -52,7 +52,7 @@ class CheckedRos1Reader(Ros1Reader):
     """rosbags' reader of ROS 1 bags, which unpacks chunks and takes in an index only within limits."""
 
     def __init__(self, file: Path, n_given: int) -> None:
-        super().__init__(CheckedPath(file))
+        super().__init__(cast(Any, CheckedPath(file)))
         self._unpacker = Unpacker()
         self._n_left = max(MIN_INDEX_LIMIT, n_given // BYTES_A_MESSAGE)
 
@@ -96,7 +96,7 @@ class CheckedMcapReader(McapReader):
     """rosbags' reader of MCAP, whose chunks unpack within limits."""
 
     def __init__(self, file: Path, n_given: int) -> None:
-        super().__init__(CheckedPath(file, self._look, as_ros2))
+        super().__init__(cast(Any, CheckedPath(file, self._look, as_ros2)))
         self._file, self._n_given = file, n_given
         self._unpacker = Unpacker()
         self._n_bytes = file.stat().st_size
@@ -208,7 +208,7 @@ _RECORD_READ = 2
 
 
 class CheckedPath:
-    """A path as rosbags takes them (its protocol RPath), whose file never reads beyond its end."""
+    """A path, whose file never reads beyond its end."""
 
     def __init__(
         self,
@@ -223,34 +223,8 @@ class CheckedPath:
     def __str__(self) -> str:
         return str(self._path)
 
-    def __truediv__(self, key: "CheckedPath | PurePath | str") -> "CheckedPath":
-        return CheckedPath(self._path / str(key), self._look, self._rewrite)
-
-    @property
-    def stem(self) -> str:
-        """Name without its ending."""
-        return self._path.stem
-
-    @property
-    def suffix(self) -> str:
-        """Ending of the name."""
-        return self._path.suffix
-
-    def exists(self) -> bool:
-        """Return whether the file is there."""
-        return self._path.exists()
-
-    def is_dir(self) -> bool:
-        """Return whether it is a folder."""
-        return self._path.is_dir()
-
-    def stat(self, *, follow_symlinks: bool = True) -> os.stat_result:
-        """Return what the system says of the file."""
-        return self._path.stat(follow_symlinks=follow_symlinks)
-
-    def read_text(self, encoding: str | None = None) -> str:
-        """Return the whole file as text."""
-        return self._path.read_text(encoding)
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._path, name)
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:
         """Open the file for reading bytes, whatever mode is given."""
