@@ -14,7 +14,7 @@ from curvescan.scan import LaserScan
 from curvescan.se2.uncertain import UncertainPose
 from curvescan.slam.loops.overlap import N_SECTORS, range_profile
 from curvescan.slam.loops.place_index import PlaceIndex, Signature, signature
-from curvescan.slam.rows import Rows
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Floats, Ints
 
 

@@ -164,7 +164,7 @@ class Slam:
         return self._hang_on(self.backend.start(scan, step.index, pose, self._session), step, None)
 
     def _hang_on(self, k: int, step: Step, way: UncertainPose | None) -> UncertainPose:
-        """Take keyframe k, made of the scan of a step, as the one that scans hang on, and return the step seen from it."""
+        """Let scans hang on keyframe k, made of the scan of a step, and return the step seen from it."""
         self._records.begin(self.backend.keyframes[k].number, way)
         self._origin, self._n_most_lost = step, 0
         self._open_drive = self._open_drive.begun()

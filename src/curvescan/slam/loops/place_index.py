@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvescan._jit import kernel
-from curvescan.slam.rows import Rows
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Floats, Ints
 
 N_DISTANCES, N_BEARINGS, N_KINDS = 16, 12, 3

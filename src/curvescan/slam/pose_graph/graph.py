@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 
 from curvescan.errors import InvalidArgumentError
-from curvescan.slam.rows import Rows
+from curvescan.slam.pose_graph.rows import Rows
 from curvescan.types import Bools, Cov, Floats, Ints, Pose
 
 
